@@ -10,10 +10,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from airrace.optimal_control.constraint_rows import Indices, OutputSample
 from airrace.optimal_control.kernels import Callee, Kernel, Kernels, observation_kernel
-from airrace.optimal_control.layout import Indices, Layout, OutputSample
+from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly, unique_rows
 from airrace.records import record
 from airrace.trajectory import Array
@@ -49,12 +49,15 @@ class Calls:
         return -(-len(self.inputs) // self.kernel.lanes)
 
     @cached_property
-    def filled(self) -> Indices:
-        """The call that each lane of all batches takes.
-
-        Lanes that are left over repeat the last call, so that they hold nothing that could not be evaluated.
-        """
+    def of_lane(self) -> Indices:
+        """The call that each lane of all batches takes; lanes that are left over repeat the last one."""
         return np.minimum(np.arange(self.batches * self.kernel.lanes), len(self.inputs) - 1)
+
+    def first_of_stage(self, stages: int) -> Indices:
+        """Return the first call at each of so many stages, 0 where there is none."""
+        first = np.zeros(stages, dtype=np.int64)
+        first[self.stages[::-1]] = np.arange(len(self.stages))[::-1]
+        return first
 
 
 @record
@@ -104,12 +107,25 @@ class Assembly:
 
     def __init__(self, layout: Layout, kernels: Kernels) -> None:
         self.layout = layout
-        self._system_parameters = np.arange(len(layout.problem.parameters))
-        self._fractions = len(layout.problem.parameters) + np.arange(layout.intervals)
+        problem, objective = layout.problem, layout.problem.objective
+        self._stages = layout.intervals + 1
+        self._system_parameters = np.arange(len(problem.parameters))
+        self._fractions = len(problem.parameters) + np.arange(layout.intervals)
         self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._output_samples()]
-        self.linear = self._linear()
-        self.final = self._final()
-        self.penalty = self._penalty()
+        self.linear = np.zeros(layout.unknowns)
+        self.linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
+        for component, quantity in enumerate(problem.system.states):
+            self.linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
+        self.linear *= layout.scale
+        self.final: FinalCost | None = None
+        if (seen := objective.observation) is not None:
+            terminal = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
+            end = len(layout.parameter_values())
+            own = np.arange(end - len(objective.values), end)
+            self.final = FinalCost(observation_kernel(seen, layout.n_x), terminal, layout.state_index[-1], own)
+        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in problem.system.controls])
+        penalty = Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
+        self.penalty = penalty if weights.any() else None
 
     # the kernel calls
 
@@ -117,15 +133,14 @@ class Assembly:
         layout = self.layout
         rows = layout.gap_index[:, :-1]
         scale = np.array([quantity.scale for quantity in layout.problem.system.states])
-        weights = np.broadcast_to(-1.0 / scale, rows.shape)
         return Calls(
-            kernel,
-            layout.interval_index,
-            self._fractions[:, None],
-            self._system_parameters,
-            rows,
-            weights,
-            np.arange(layout.intervals),
+            kernel=kernel,
+            inputs=layout.interval_index,
+            own=self._fractions[:, None],
+            shared=self._system_parameters,
+            rows=rows,
+            weights=np.broadcast_to(-1.0 / scale, rows.shape),
+            stages=np.arange(layout.intervals),
         )
 
     def _path(self, kernel: Callee | None) -> list[Calls]:
@@ -133,85 +148,58 @@ class Assembly:
         if kernel is None:
             return []
         # The last node has no control of its own; no row there depends on it.
-        controls = np.vstack([layout.control_index, layout.control_index[-1:]])
-        inputs = np.hstack([layout.state_index, controls])
-        given = self.layout.rows
-        rows, weights = self._rows(kernel, len(inputs), np.where(given.source < 0, given.node, -1))
+        inputs = np.hstack([layout.state_index, np.vstack([layout.control_index, layout.control_index[-1:]])])
+        rows, weights = self._rows(kernel, len(inputs), np.where(layout.rows.source < 0, layout.rows.node, -1))
         own = np.zeros((len(inputs), 0), dtype=np.int64)
         return [Calls(kernel, inputs, own, self._system_parameters, rows, weights, np.arange(len(inputs)))]
 
     def _output_samples(self) -> list[Calls]:
         """Return the calls of the observations, those of one kind together."""
         groups: dict[int, list[int]] = {}
-        for number, output_sample in enumerate(self.layout.output_samples):
-            groups.setdefault(id(output_sample.observation), []).append(number)
+        for number, sample in enumerate(self.layout.output_samples):
+            groups.setdefault(id(sample.observation), []).append(number)
         return [self._observations(members) for members in groups.values()]
 
     def _observations(self, members: list[int]) -> Calls:
         layout = self.layout
-        output_samples = [layout.output_samples[number] for number in members]
-        observation = output_samples[0].observation
+        samples = [layout.output_samples[number] for number in members]
+        observation = samples[0].observation
         call_of = np.full(len(layout.output_samples) + 1, -1)  # the last one stands for the path
         call_of[members] = np.arange(len(members))
         kernel = observation_kernel(observation, layout.n_x)
-        nodes = np.array([output_sample.node for output_sample in output_samples])
-        inputs = layout.state_index[nodes]
+        nodes = np.array([sample.node for sample in samples])
         rows, weights = self._rows(kernel, len(members), call_of[layout.rows.source])
-        first = len(layout.problem.parameters) + layout.intervals
-        offsets = np.array([first + output_sample.offset for output_sample in output_samples])
-        own = offsets[:, None] + np.arange(len(observation.parameters))
-        shared = np.zeros(0, dtype=np.int64)
-        return Calls(kernel, inputs, own, shared, rows, weights, nodes, self._unseen_jumps(output_samples))
+        offsets = len(layout.problem.parameters) + layout.intervals + np.array([sample.offset for sample in samples])
+        return Calls(
+            kernel=kernel,
+            inputs=layout.state_index[nodes],
+            own=offsets[:, None] + np.arange(len(observation.parameters)),
+            shared=np.zeros(0, dtype=np.int64),
+            rows=rows,
+            weights=weights,
+            stages=nodes,
+            jumps=self._unseen_jumps(samples),
+        )
 
-    def _unseen_jumps(self, output_samples: Sequence[OutputSample]) -> Indices | None:
-        """Return the places of the changes to be subtracted from the states at these nodes, shape (samples, n_x).
-
-        It is None if none of the nodes has a jump.
-        """
+    def _unseen_jumps(self, samples: Sequence[OutputSample]) -> Indices | None:
+        """Return the places of the changes to be subtracted from the states, shape (samples, n_x); None without any."""
         layout = self.layout
-        if all(output_sample.jump is None for output_sample in output_samples):
+        if all(sample.jump is None for sample in samples):
             return None
-        places = np.full((len(output_samples), layout.n_x), len(layout.parameter_values()))
-        for row, output_sample in enumerate(output_samples):
-            if output_sample.jump is not None:
-                places[row] = layout.jump_offset + output_sample.jump * layout.n_x + np.arange(layout.n_x)
+        places = np.full((len(samples), layout.n_x), len(layout.parameter_values()))
+        for row, sample in enumerate(samples):
+            if sample.jump is not None:
+                places[row] = layout.jump_offset + sample.jump * layout.n_x + np.arange(layout.n_x)
         return places
 
     def _rows(self, kernel: Callee, calls: int, call: Indices) -> tuple[Indices, Array]:
         """Return the places and weights of the outputs that are constrained; `call` is that of each row, or -1."""
         rows = np.full((calls, kernel.values), self.layout.constraints)
         weights = np.zeros(rows.shape)
-        own, given = call >= 0, self.layout.rows
-        rows[call[own], given.component[own]] = self.layout.row_index[own]
-        weights[call[own], given.component[own]] = 1.0 / given.scale[own]
+        own, limits = call >= 0, self.layout.rows
+        rows[call[own], limits.component[own]] = self.layout.row_index[own]
+        weights[call[own], limits.component[own]] = 1.0 / limits.scale[own]
         return rows, weights
-
-    # the objective
-
-    def _linear(self) -> Array:
-        layout, objective = self.layout, self.layout.problem.objective
-        linear = np.zeros(layout.unknowns)
-        linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
-        for component, quantity in enumerate(layout.problem.system.states):
-            linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
-        return linear * layout.scale
-
-    def _final(self) -> FinalCost | None:
-        layout, objective = self.layout, self.layout.problem.objective
-        observation = objective.observation
-        if observation is None:
-            return None
-        weights = np.array([objective.terminal.get(one.name, 0.0) for one in observation.quantities])
-        end = len(layout.parameter_values())
-        own = np.arange(end - len(objective.values), end)
-        return FinalCost(observation_kernel(observation, layout.n_x), weights, layout.state_index[-1], own)
-
-    def _penalty(self) -> Penalty | None:
-        layout, objective = self.layout, self.layout.problem.objective
-        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in layout.problem.system.controls])
-        if not weights.any():
-            return None
-        return Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
 
     # the sums
 
@@ -219,19 +207,19 @@ class Assembly:
     def constraints(self) -> SparseAssembly:
         """The constraints g, a column: gaps `x_next - F(x, u, T)` and `T_next - T`, rows of path and boundaries.
 
-        The gap at the end of a phase is bounded to that phase's jump, all others to zero. Drawn from the values of all
-        kernels and from w.
+        The gap at the end of a phase is bounded to that phase's jump, all others to zero. Its sources are the values of
+        all kernels, and w.
         """
         g = COOBuilder(self.layout.constraints, 1)
         for calls in self.calls:
-            rows, weights = calls.rows.ravel(), calls.weights.ravel()
+            rows = calls.rows.ravel()
             used = np.flatnonzero(rows < self.layout.constraints)
-            g.draw_from(calls.rows.shape[1] * len(calls.filled))
-            g.add(rows[used], np.zeros_like(used), weights[used], used)
-        g.draw_from(self.layout.unknowns)
+            g.add_block(calls.rows.shape[1] * len(calls.of_lane))
+            g.add(rows[used], np.zeros_like(used), calls.weights.ravel()[used], used)
+        g.add_block(self.layout.unknowns)
         for gap, unknown, sign in self._linear_gaps():
             g.add(gap, np.zeros_like(gap), np.full(len(gap), sign), unknown)
-        return g.sums()
+        return g.build()
 
     def _linear_gaps(self) -> list[tuple[Indices, Indices, float]]:
         """Return the linear part of the gaps: (rows, unknowns, sign), all in scaled units."""
@@ -245,103 +233,94 @@ class Assembly:
 
     @cached_property
     def jacobian(self) -> SparseAssembly:
-        """The Jacobian of g, drawn from the nonzeros of all kernels' Jacobians and from a one."""
-        return self.jacobian_of(self._everywhere)
+        """The Jacobian of g; its sources are the nonzeros of all kernels' Jacobians, and a one."""
+        return self.jacobian_of(np.arange(self._stages))
 
-    def jacobian_of(self, stages: NDArray[np.bool_]) -> SparseAssembly:
-        """Return the rows of the Jacobian that belong to some stages; the others are left out, shape (N + 1,)."""
+    def jacobian_of(self, stages: Indices) -> SparseAssembly:
+        """Return the rows of the Jacobian that belong to some stages; the others are left out."""
         layout = self.layout
+        within, nowhere = self._mask(stages), np.zeros(self._stages, dtype=np.int64)
         matrix = COOBuilder(layout.constraints, layout.unknowns)
         for calls in self.calls:
-            component, of = pattern(calls.kernel.jacobian_pattern)
-            chosen = np.flatnonzero(stages[calls.stages])
-            rows = calls.rows[chosen[:, None], component].ravel()
-            columns = calls.inputs[chosen[:, None], of].ravel()
-            weights = calls.weights[chosen[:, None], component].ravel() * layout.scale[columns]
+            component, of = _nonzeros(calls.kernel.jacobian_pattern)
+            some = np.flatnonzero(within[calls.stages])
+            rows = calls.rows[some[:, None], component].ravel()
+            columns = calls.inputs[some[:, None], of].ravel()
+            weights = calls.weights[some[:, None], component].ravel() * layout.scale[columns]
             used = np.flatnonzero(rows < layout.constraints)
-            matrix.draw_from(len(component) * len(calls.filled), len(component) * self._first_call(calls))
-            matrix.add(rows[used], columns[used], weights[used], _numbered(chosen, len(component))[used])
-        matrix.draw_from(1, np.zeros(len(stages), dtype=np.int64))
-        intervals = np.flatnonzero(stages[:-1])
+            count = len(component)
+            matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
+            matrix.add(rows[used], columns[used], weights[used], _results(some, count)[used])
+        matrix.add_block(1, nowhere)
+        intervals = np.flatnonzero(within[:-1])
         for gap, unknown, sign in self._linear_gaps():
             gap, unknown = (one.reshape(layout.intervals, -1)[intervals].ravel() for one in (gap, unknown))
             matrix.add(gap, unknown, np.full(len(gap), sign), np.zeros_like(gap))
-        return matrix.sums()
+        return matrix.build()
 
     @cached_property
     def adjoint(self) -> SparseAssembly:
-        """The Jacobian of g transposed times lam_g, a column, drawn from all kernels' gradients and from lam_g."""
+        """The Jacobian of g transposed times lam_g, a column; its sources are all kernels' gradients, and lam_g."""
         layout = self.layout
         adjoint = COOBuilder(layout.unknowns, 1)
         for calls in self.calls:
             places = calls.inputs.ravel()
-            adjoint.draw_from(calls.inputs.shape[1] * len(calls.filled))
+            adjoint.add_block(calls.inputs.shape[1] * len(calls.of_lane))
             adjoint.add(places, np.zeros_like(places), layout.scale[places], np.arange(len(places)))
-        adjoint.draw_from(layout.constraints)
+        adjoint.add_block(layout.constraints)
         for gap, unknown, sign in self._linear_gaps():
             adjoint.add(unknown, np.zeros_like(unknown), np.full(len(gap), sign), gap)
-        return adjoint.sums()
+        return adjoint.build()
 
     @cached_property
     def hessian(self) -> SparseAssembly:
         """The Hessian of the Lagrangian, both triangles.
 
-        Drawn from the nonzeros of all kernels' Hessians, from those of the final cost's and from the penalty's two
-        blocks, in w w and in w T, each of shape (N, n_u).
+        Its sources are the nonzeros of all kernels' Hessians, those of the final cost's, and the penalty's two blocks,
+        in w w and in w T, each of shape (N, n_u).
         """
-        return self.hessian_of(self._everywhere)
+        return self.hessian_of(np.arange(self._stages))
 
-    def hessian_of(self, stages: NDArray[np.bool_]) -> SparseAssembly:
-        """Return what some stages contribute to the Hessian; the others are left out, shape (N + 1,)."""
-        layout = self.layout
+    def hessian_of(self, stages: Indices) -> SparseAssembly:
+        """Return what some stages contribute to the Hessian; the others are left out."""
+        layout, scale = self.layout, self.layout.scale
+        within, nowhere = self._mask(stages), np.zeros(self._stages, dtype=np.int64)
         matrix = COOBuilder(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
-            row, column = pattern(calls.kernel.hessian_pattern)
-            chosen = np.flatnonzero(stages[calls.stages])
-            rows, columns = calls.inputs[chosen[:, None], row].ravel(), calls.inputs[chosen[:, None], column].ravel()
+            row, column = _nonzeros(calls.kernel.hessian_pattern)
+            some = np.flatnonzero(within[calls.stages])
+            rows, columns = calls.inputs[some[:, None], row].ravel(), calls.inputs[some[:, None], column].ravel()
             # what the last node's path would say of the control before it is zero: no row there depends on that
-            stage = np.repeat(calls.stages[chosen], len(row))
-            within = (layout.stage_of_unknown[rows] == stage) & (layout.stage_of_unknown[columns] == stage)
-            within = np.flatnonzero(within)
-            rows, columns = rows[within], columns[within]
-            matrix.draw_from(len(row) * len(calls.filled), len(row) * self._first_call(calls))
-            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], _numbered(chosen, len(row))[within])
+            stage = np.repeat(calls.stages[some], len(row))
+            used = (layout.stage_of_unknown[rows] == stage) & (layout.stage_of_unknown[columns] == stage)
+            used = np.flatnonzero(used)
+            rows, columns, count = rows[used], columns[used], len(row)
+            matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
+            matrix.add(rows, columns, scale[rows] * scale[columns], _results(some, count)[used])
         if self.final is not None:
-            row, column = pattern(self.final.kernel.hessian_pattern)
+            row, column = _nonzeros(self.final.kernel.hessian_pattern)
             rows, columns = self.final.inputs[row], self.final.inputs[column]
-            matrix.draw_from(len(rows), np.zeros(len(stages), dtype=np.int64))
-            if stages[-1]:
-                matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
-        if self.penalty is not None:
-            self._add_penalty(matrix, self.penalty, stages)
-        return matrix.sums()
+            matrix.add_block(len(rows), nowhere)
+            if within[-1]:
+                matrix.add(rows, columns, scale[rows] * scale[columns], np.arange(len(rows)))
+        if (penalty := self.penalty) is not None:  # T fraction weight w^2
+            intervals, begins = np.flatnonzero(within[:-1]), layout.n_u * np.arange(self._stages)
+            controls = penalty.controls[intervals].ravel()
+            factor = 2.0 * np.tile(penalty.weights, len(intervals))
+            durations = np.repeat(penalty.durations[intervals], layout.n_u)
+            sources = _results(intervals, layout.n_u)
+            matrix.add_block(penalty.controls.size, begins)
+            matrix.add(controls, controls, factor, sources)
+            matrix.add_block(penalty.controls.size, begins)
+            matrix.add(controls, durations, factor * scale[durations], sources)
+        return matrix.build()
 
-    def _add_penalty(self, matrix: COOBuilder, penalty: Penalty, stages: NDArray[np.bool_]) -> None:
-        """Add the second derivatives of `T fraction weight w^2`: in w w and in w T."""
-        layout = self.layout
-        intervals, at = np.flatnonzero(stages[:-1]), layout.n_u * np.arange(len(stages))
-        places = penalty.controls[intervals].ravel()
-        factor = 2.0 * np.tile(penalty.weights, len(intervals))
-        durations = np.repeat(penalty.durations[intervals], layout.n_u)
-        sources = _numbered(intervals, layout.n_u)
-        matrix.draw_from(penalty.controls.size, at)
-        matrix.add(places, places, factor, sources)
-        matrix.draw_from(penalty.controls.size, at)
-        matrix.add(places, durations, factor * layout.scale[durations], sources)
+    def _mask(self, stages: Indices) -> Indices:
+        mask = np.zeros(self._stages, dtype=np.int64)
+        mask[stages] = 1
+        return mask
 
-    @property
-    def _everywhere(self) -> NDArray[np.bool_]:
-        return np.ones(self.layout.intervals + 1, dtype=np.bool_)
-
-    def _first_call(self, calls: Calls) -> Indices:
-        """Return the first call at each stage, 0 where there is none; shape (N + 1,)."""
-        first = np.zeros(self.layout.intervals + 1, dtype=np.int64)
-        first[calls.stages[::-1]] = np.arange(len(calls.stages))[::-1]
-        return first
-
-    # stages that are alike
-
-    def alike(self, *, rows: bool) -> Indices:
+    def structure_keys(self, *, rows: bool) -> Indices:
         """Return what tells stages apart whose derivatives have other patterns, shape (N + 1, n).
 
         Stages are alike where all is equal. None is like a stage at which a kernel is called twice.
@@ -350,29 +329,27 @@ class Assembly:
             rows: whether it counts which constraints there are, as it does for the Jacobian.
         """
         layout = self.layout
-        stages = layout.intervals + 1
-        told: list[Indices] = [layout.stage_states, layout.stage_controls, np.arange(stages) == layout.intervals]
+        keys: list[Indices] = [layout.stage_states, layout.stage_controls, np.arange(self._stages) == layout.intervals]
         begins = np.append(layout.gap_index[:, 0], 0)
         for calls in self.calls:
-            code = np.zeros(stages, dtype=np.int64)
+            key = np.zeros(self._stages, dtype=np.int64)
             here = np.ones((len(calls.stages), 1), dtype=np.int64)
             if rows:
-                constrained = calls.rows < layout.constraints
-                at = np.where(constrained, calls.rows - begins[calls.stages, None], -1)
+                at = np.where(calls.rows < layout.constraints, calls.rows - begins[calls.stages, None], -1)
                 here = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
-            code[calls.stages] = 1 + unique_rows(here)[0]
-            often = np.bincount(calls.stages, minlength=stages) > 1
-            code[often] = -1 - np.flatnonzero(often)
-            told.append(code)
-        return np.stack(told, axis=1)
+            key[calls.stages] = 1 + unique_rows(here)[0]
+            often = np.bincount(calls.stages, minlength=self._stages) > 1
+            key[often] = -1 - np.flatnonzero(often)
+            keys.append(key)
+        return np.stack(keys, axis=1)
 
 
-def _numbered(calls: Indices, count: int) -> Indices:
+def _results(calls: Indices, count: int) -> Indices:
     """Return the numbers of all results of some calls, each of which has so many; shape (calls * count,)."""
     return (calls[:, None] * count + np.arange(count)).ravel()
 
 
-def pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
+def _nonzeros(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
     """Return the rows and columns of the nonzeros in casadi's order."""
     rows, columns = sparsity.get_triplet()
     return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)

@@ -5,17 +5,20 @@ Each kernel is called for all intervals at once; constraints and derivatives are
 """
 
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
 from airrace.optimal_control.kernels import BoundCall, Part, bind
-from airrace.optimal_control.layout import Indices
 from airrace.trajectory import Array
 
 
 class Evaluation:
     """The functions of a program at a point; `seconds` adds up the time spent in them.
+
+    All methods that evaluate raise SolverCrash where a kernel reports a failure.
 
     Attributes:
         assembly: of the program.
@@ -39,8 +42,8 @@ class Evaluation:
         self.f_gradient = np.zeros(layout.unknowns)
         self.jacobian = np.zeros(0)
         self.gradient, self.hessian = np.zeros(layout.unknowns), np.zeros(0)
-        self._calls = [_Evaluated(calls, threads) for calls in assembly.calls]
-        self._final = None if assembly.final is None else _EvaluatedFinal(assembly.final)
+        self._calls = [_KernelEvaluation(calls, threads) for calls in assembly.calls]
+        self._final = None if assembly.final is None else _FinalCostEvaluation(assembly.final)
         self._evaluated_at: Array | None = None
 
     def forget(self) -> None:
@@ -51,102 +54,74 @@ class Evaluation:
         for calls in self._calls:
             calls.take_parameters(padded)
         if self._final is not None:
-            self._final.take_parameters(padded)
+            self._final.own[:] = padded[self._final.cost.own]
+
+    @contextmanager
+    def _clock(self) -> Generator[None]:
+        started = time.perf_counter()
+        yield
+        self.seconds += time.perf_counter() - started
 
     def at(self, w: Array, p: Array) -> None:
-        """Evaluate the objective and the constraints at a point.
-
-        Raises:
-            SolverCrash: they could not be evaluated.
-        """
+        """Evaluate the objective and the constraints at a point."""
         self.w[:], self.p[:] = w, p
         self.forget()
         self.values()
 
     def values(self) -> None:
-        """Evaluate f and g, unless they are already those of the same unknowns.
-
-        Raises:
-            SolverCrash: they could not be evaluated.
-        """
+        """Evaluate f and g, unless they are already those of the same unknowns."""
         if self._evaluated_at is not None and np.array_equal(self._evaluated_at, self.w):
             return
-        started = time.perf_counter()
-        self._evaluated_at = None
-        unscaled = self._unscaled()
-        self.f = self._objective(unscaled)
-        drawn = np.concatenate([*(calls.values(unscaled) for calls in self._calls), self.w])
-        self.g[:] = self.assembly.constraints.column(drawn)
-        self._evaluated_at = self.w.copy()
-        self.seconds += time.perf_counter() - started
+        with self._clock():
+            self._evaluated_at = None
+            unscaled = self._unscaled()
+            self.f = self._objective(unscaled)
+            values = np.concatenate([*(calls.call(Part.VALUES, unscaled)[0] for calls in self._calls), self.w])
+            self.g[:] = self.assembly.constraints.column(values)
+            self._evaluated_at = self.w.copy()
 
     def objective_gradient(self) -> None:
         """Evaluate the gradient of the objective."""
         self.f_gradient[:] = self._objective_gradient(self._unscaled())
 
     def linear(self) -> Array:
-        """Evaluate the Jacobians of all kernels, and return what the constraints' Jacobian is drawn from.
-
-        Raises:
-            SolverCrash: they could not be evaluated.
-        """
-        started = time.perf_counter()
-        unscaled = self._unscaled()
-        drawn = np.concatenate([*(calls.jacobians(unscaled) for calls in self._calls), [1.0]])
-        self.seconds += time.perf_counter() - started
-        return drawn
+        """Evaluate the Jacobians of all kernels, and return the sources of the constraints' Jacobian."""
+        with self._clock():
+            unscaled = self._unscaled()
+            return np.concatenate([*(calls.call(Part.JACOBIAN, unscaled)[1] for calls in self._calls), [1.0]])
 
     def linearise(self) -> None:
-        """Evaluate the Jacobian of the constraints.
-
-        Raises:
-            SolverCrash: it could not be evaluated.
-        """
+        """Evaluate the Jacobian of the constraints."""
         self.jacobian = self.assembly.jacobian.of(self.linear())
 
     def slope(self) -> None:
-        """Evaluate the gradient of the Lagrangian.
-
-        Raises:
-            SolverCrash: it could not be evaluated.
-        """
-        self._curved()
+        """Evaluate the gradient of the Lagrangian."""
+        self._curved(self._unscaled())
 
     def curve(self) -> None:
-        """Evaluate the gradient of the Lagrangian and its Hessian.
-
-        Raises:
-            SolverCrash: they could not be evaluated.
-        """
+        """Evaluate the gradient of the Lagrangian and its Hessian."""
         self.hessian = self.assembly.hessian.of(self.curved())
 
     def curved(self) -> Array:
-        """Evaluate the gradient of the Lagrangian, and return what its Hessian is drawn from.
+        """Evaluate the gradient of the Lagrangian, and return the sources of its Hessian."""
+        with self._clock():
+            unscaled = self._unscaled()
+            blocks = self._curved(unscaled)
+            if self._final is not None:
+                blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
+            if (penalty := self.assembly.penalty) is not None:
+                share = (self.lam_f * self.p[penalty.fractions])[:, None]
+                durations = np.broadcast_to(unscaled[penalty.durations][:, None], penalty.controls.shape)
+                blocks += [(share * durations).ravel(), (share * self.w[penalty.controls]).ravel()]
+            return np.concatenate(blocks)
 
-        Raises:
-            SolverCrash: they could not be evaluated.
-        """
-        started = time.perf_counter()
-        unscaled, blocks = self._curved()
-        if self._final is not None:
-            blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
-        if self.assembly.penalty is not None:
-            blocks += self._penalty_curvature(self.assembly.penalty, unscaled)
-        drawn = np.concatenate(blocks)
-        self.seconds += time.perf_counter() - started
-        return drawn
-
-    def _curved(self) -> tuple[Array, list[Array]]:
-        """Evaluate the gradient of the Lagrangian.
-
-        Returns:
-            The unknowns in SI, and the nonzeros of the kernels' Hessians.
-        """
-        unscaled, multipliers = self._unscaled(), np.append(self.lam_g, 0.0)
+    def _curved(self, unscaled: Array) -> list[Array]:
+        """Evaluate the gradient of the Lagrangian, and return the nonzeros of the kernels' Hessians."""
+        multipliers = np.append(self.lam_g, 0.0)
         curved = [calls.hessians(unscaled, multipliers) for calls in self._calls]
         adjoint = self.assembly.adjoint.column(np.concatenate([*(gradient for gradient, _ in curved), self.lam_g]))
         self.gradient[:] = self.lam_f * self._objective_gradient(unscaled) + adjoint
-        return unscaled, [nonzeros for _, nonzeros in curved]
+        return [nonzeros for _, nonzeros in curved]
 
     def _unscaled(self) -> Array:
         return self.w * self.assembly.layout.scale
@@ -155,10 +130,9 @@ class Evaluation:
         f = _sum(self.assembly.linear * self.w)
         if self._final is not None:
             f += self._final.value(unscaled)
-        if self.assembly.penalty is not None:
-            penalty = self.assembly.penalty
-            moved = _weighed(penalty.weights, self.w[penalty.controls] ** 2)
-            f += _sum(moved * self._shares(penalty, unscaled))
+        if (penalty := self.assembly.penalty) is not None:
+            weighted = _weighted_sums(penalty.weights, self.w[penalty.controls] ** 2)
+            f += _sum(weighted * self._interval_durations(penalty, unscaled))
         return f
 
     def _objective_gradient(self, unscaled: Array) -> Array:
@@ -166,90 +140,68 @@ class Evaluation:
         if self._final is not None:
             places = self._final.cost.inputs
             gradient[places] += self._final.derivatives(unscaled, 1.0)[0] * scale[places]
-        if self.assembly.penalty is not None:
-            penalty = self.assembly.penalty
+        if (penalty := self.assembly.penalty) is not None:
             controls = self.w[penalty.controls]
-            shares = self._shares(penalty, unscaled)[:, None]
-            gradient[penalty.controls] += 2.0 * controls * (penalty.weights * shares)
-            moved = _weighed(penalty.weights, controls**2)
-            gradient[penalty.durations] += scale[penalty.durations] * (moved * self.p[penalty.fractions])
+            durations = self._interval_durations(penalty, unscaled)[:, None]
+            gradient[penalty.controls] += 2.0 * controls * (penalty.weights * durations)
+            weighted = _weighted_sums(penalty.weights, controls**2)
+            gradient[penalty.durations] += scale[penalty.durations] * (weighted * self.p[penalty.fractions])
         return gradient
 
-    def _shares(self, penalty: Penalty, unscaled: Array) -> Array:
-        """Return the durations of all intervals, s."""
+    def _interval_durations(self, penalty: Penalty, unscaled: Array) -> Array:
         return unscaled[penalty.durations] * self.p[penalty.fractions]
 
-    def _penalty_curvature(self, penalty: Penalty, unscaled: Array) -> list[Array]:
-        """Return what the penalty's second derivatives in w w and in w T are drawn from."""
-        share = (self.lam_f * self.p[penalty.fractions])[:, None]
-        durations = np.broadcast_to(unscaled[penalty.durations][:, None], penalty.controls.shape)
-        return [(share * durations).ravel(), (share * self.w[penalty.controls]).ravel()]
 
-
-class _Evaluated:
-    """All calls of one kernel, with arguments and results in arrays that stay."""
+class _KernelEvaluation:
+    """All calls of one kernel, lanes that are left over included, with arguments and results in arrays that stay."""
 
     def __init__(self, calls: Calls, threads: int) -> None:
-        self._calls = calls
-        self._inputs: Indices = calls.inputs[calls.filled]
-        self._own: Indices = calls.own[calls.filled]
-        self._rows: Indices = calls.rows[calls.filled]
-        self._weights: Array = np.ascontiguousarray(calls.weights[calls.filled])
-        self._jumps = None if calls.jumps is None else calls.jumps[calls.filled]
+        lanes = calls.of_lane
+        self._calls, self._threads = calls, threads
+        self._inputs, self._own, self._rows = calls.inputs[lanes], calls.own[lanes], calls.rows[lanes]
+        self._weights: Array = np.ascontiguousarray(calls.weights[lanes])
+        self._jumps = None if calls.jumps is None else calls.jumps[lanes]
         self._y, self._multipliers = np.zeros(self._inputs.shape), np.zeros(self._rows.shape)
-        self._given = self._y, np.zeros(self._own.shape), np.zeros((calls.batches, len(calls.shared)))
-        self._taken_off: Array | None = None
-        self._threads = threads
+        self._arguments = self._y, np.zeros(self._own.shape), np.zeros((calls.batches, len(calls.shared)))
+        self._offsets: Array | None = None
         self._functions: dict[Part, BoundCall] = {}
 
     def take_parameters(self, padded: Array) -> None:
         """Take what belongs to the calls out of (p, 0)."""
-        _, own, shared = self._given
+        _, own, shared = self._arguments
         own[:] = padded[self._own]
         shared[:] = padded[self._calls.shared]
-        self._taken_off = None if self._jumps is None else padded[self._jumps]
-
-    def values(self, unscaled: Array) -> Array:
-        """Return the values, lanes that are left over included."""
-        (values,) = self._called(Part.VALUES, unscaled)
-        return values
-
-    def jacobians(self, unscaled: Array) -> Array:
-        """Return the nonzeros of the Jacobians."""
-        return self._called(Part.JACOBIAN, unscaled)[1]
+        self._offsets = None if self._jumps is None else padded[self._jumps]
 
     def hessians(self, unscaled: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the gradients, and the nonzeros of the Hessians, for the multipliers of all constraints and a zero."""
         np.take(multipliers, self._rows, out=self._multipliers, mode="clip")
         self._multipliers *= self._weights
-        gradient, hessian = self._called(Part.HESSIAN, unscaled)
+        gradient, hessian = self.call(Part.HESSIAN, unscaled)
         return gradient, hessian
 
-    def _called(self, part: Part, unscaled: Array) -> list[Array]:
+    def call(self, part: Part, unscaled: Array) -> list[Array]:
+        """Return all results of one of the kernel's functions."""
         np.take(unscaled, self._inputs, out=self._y, mode="clip")  # which, unlike the default, needs no copy
-        if self._taken_off is not None:
-            self._y -= self._taken_off
+        if self._offsets is not None:
+            self._y -= self._offsets
         if part not in self._functions:
-            given = (*self._given, self._multipliers) if part is Part.HESSIAN else self._given
-            self._functions[part] = self._calls.kernel.bind(part, self._calls.batches, self._threads, given)
+            arguments = (*self._arguments, self._multipliers) if part is Part.HESSIAN else self._arguments
+            self._functions[part] = self._calls.kernel.bind(part, self._calls.batches, self._threads, arguments)
         call, results = self._functions[part]
         call()
         return results
 
 
-class _EvaluatedFinal:
+class _FinalCostEvaluation:
     """The cost of the final state and its derivatives."""
 
     def __init__(self, cost: FinalCost) -> None:
-        self.cost = cost
-        self._y, self._own = np.zeros(len(cost.inputs)), np.zeros(len(cost.own))
-        self._weights = np.zeros(len(cost.weights))
-        nothing = np.zeros(0)
-        self._value = bind(cost.kernel.value, (self._y, self._own, nothing))
-        self._derivatives = bind(cost.kernel.hessian, (self._y, self._own, nothing, self._weights))
-
-    def take_parameters(self, padded: Array) -> None:
-        self._own[:] = padded[self.cost.own]
+        self.cost, self.own = cost, np.zeros(len(cost.own))
+        self._y, self._weights = np.zeros(len(cost.inputs)), np.zeros(len(cost.weights))
+        arguments = self._y, self.own, np.zeros(0)
+        self._value = bind(cost.kernel.value, arguments)
+        self._derivatives = bind(cost.kernel.hessian, (*arguments, self._weights))
 
     def value(self, unscaled: Array) -> float:
         """Return the cost."""
@@ -272,7 +224,7 @@ def _sum(values: Array) -> float:
     return float(np.add.accumulate(values)[-1]) if len(values) else 0.0
 
 
-def _weighed(weights: Array, values: Array) -> Array:
+def _weighted_sums(weights: Array, values: Array) -> Array:
     """Return the sums of the columns of values times their weights, added up one after the other."""
     total = np.zeros(len(values))
     for weight, column in zip(weights.tolist(), values.T, strict=True):

@@ -26,6 +26,8 @@ from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
+logger = logging.getLogger(__name__)
+
 MAP_IN_THREADS = 64
 """The number of calls of a kernel from which they are spread over threads; twice as many if it has lanes.
 
@@ -48,117 +50,37 @@ BoundCall = tuple[Callable[[], None], list[Array]]
 
 
 class Callee(Protocol):
-    """A kernel as the evaluation of a program sees it: what it takes and returns stands interval after interval."""
+    """A kernel as the evaluation of a program sees it: what it takes and returns stands interval after interval.
+
+    Attributes:
+        lanes: the number of intervals in a call.
+        values: the number of values.
+        jacobian_pattern: of the Jacobian.
+        hessian_pattern: of the Hessian's upper triangle.
+    """
 
     @property
-    def lanes(self) -> int:
-        """The number of intervals in a call."""
-        ...
-
+    def lanes(self) -> int: ...
     @property
-    def values(self) -> int:
-        """The number of values."""
-        ...
-
+    def values(self) -> int: ...
     @property
-    def jacobian_pattern(self) -> ca.Sparsity:
-        """The pattern of the Jacobian."""
-        ...
-
+    def jacobian_pattern(self) -> ca.Sparsity: ...
     @property
-    def hessian_pattern(self) -> ca.Sparsity:
-        """The pattern of the Hessian's upper triangle."""
-        ...
+    def hessian_pattern(self) -> ca.Sparsity: ...
 
-    def bind(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> BoundCall:
+    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
         """Return all calls of a function at once.
 
         Args:
             part: which function.
             calls: number of calls, each with as many intervals as there are lanes.
             threads: number of threads that the calls are spread over.
-            given: (y, own, shared[, lam]) of all intervals; `shared` once per call.
+            arguments: (y, own, shared[, lam]) of all intervals; `shared` once per call.
 
         Raises:
             SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
         """
         ...
-
-
-def spread(calls: int, lanes: int, threads: int) -> int:
-    """Return over how many threads so many calls are to be spread."""
-    return threads if calls * lanes >= (MAP_IN_THREADS if lanes == 1 else 2 * MAP_IN_THREADS) else 1
-
-
-def mapped(function: ca.Function, calls: int, threads: int) -> ca.Function:
-    """Return a function of casadi for all calls at once."""
-    return function.map(calls, "thread", threads) if threads > 1 else function.map(calls)
-
-
-def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Array] | None = None) -> BoundCall:
-    """Return a call of a function of casadi, and its results.
-
-    Args:
-        function: what is called.
-        arguments: from where it reads, contiguous.
-        results: to where it writes, contiguous; None for new arrays.
-
-    Raises:
-        SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
-    """
-    buffer, evaluate = function.buffer()
-    found = _new(function, 1) if results is None else list(results)
-    # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
-    for place, array in enumerate(arguments):
-        if array.size != function.nnz_in(place):
-            raise SolverCrash(f"{function.name()}: argument {place} has another size")
-        buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
-    for place, array in enumerate(found):
-        buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
-
-    def call() -> None:
-        evaluate()
-        if buffer.ret():
-            raise SolverCrash(f"{function.name()} could not be evaluated")
-
-    return call, found
-
-
-def bind_all(function: ca.Function, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
-    """Return all calls of a function of casadi at once, and their results, one call's after another's.
-
-    Where threads do not have equally many calls each, casadi copies everything, which takes as much memory again. So
-    what is left over is called after the rest.
-
-    Raises:
-        SolverCrash: as `bind`.
-    """
-    whole = calls - calls % threads
-    if whole in (0, calls):
-        return bind(mapped(function, calls, threads if whole else 1), arguments)
-    results = _new(function, calls)
-    parts: list[Callable[[], None]] = []
-    for first, end, of in ((0, whole, threads), (whole, calls, 1)):
-        given, found = ([_part(one, calls, first, end) for one in arrays] for arrays in (arguments, results))
-        parts.append(bind(mapped(function, end - first, of), given, found)[0])
-
-    def call() -> None:
-        for part in parts:
-            part()
-
-    return call, results
-
-
-def _new(function: ca.Function, calls: int) -> list[Array]:
-    return [np.zeros(calls * function.nnz_out(place)) for place in range(function.n_out())]
-
-
-def _part(array: Array, calls: int, first: int, end: int) -> Array:
-    """Return what belongs to some of the calls, not copied."""
-    return array.reshape(calls, -1)[first:end].reshape(-1)
-
-
-logger = logging.getLogger(__name__)
 
 
 @record
@@ -191,10 +113,27 @@ class Kernel:
         """The pattern of the Hessian's upper triangle."""
         return self.hessian.sparsity_out(1)
 
-    def bind(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> BoundCall:
-        """Return all calls of a function at once, on arrays that stay, see `Callee`."""
+    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
+        """Return all calls of a function at once, see `Callee`.
+
+        Where threads do not have equally many calls each, casadi copies everything, which takes as much memory again.
+        So what is left over is called after the rest.
+        """
         function = (self.value, self.jacobian, self.hessian)[part]
-        return bind_all(function, calls, spread(calls, self.lanes, threads), given)
+        threads = _threads_for(calls, self.lanes, threads)
+        results = [np.zeros(calls * function.nnz_out(place)) for place in range(function.n_out())]
+        whole = calls - calls % threads
+        pieces: list[Callable[[], None]] = []
+        for first, end, count in ((0, whole, threads), (whole, calls, 1)):
+            if first < end:
+                given, found = ([_part(one, calls, first, end) for one in arrays] for arrays in (arguments, results))
+                pieces.append(bind(map_calls(function, end - first, count), given, found)[0])
+
+        def call() -> None:
+            for piece in pieces:
+                piece()
+
+        return call, results
 
 
 @record
@@ -221,21 +160,64 @@ class NativeKernel:
         """The number of values."""
         return self.jacobian_pattern.size1()
 
-    def bind(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> BoundCall:
-        """Return all calls of a function at once, on arrays that stay, see `Callee`."""
-        entry, intervals = self.entries[part], calls * self.lanes
-        for place, (array, size) in enumerate(zip(given, self.sizes, strict=False)):
+    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
+        """Return all calls of a function at once, see `Callee`."""
+        intervals = calls * self.lanes
+        for place, (array, size) in enumerate(zip(arguments, self.sizes, strict=False)):
             if array.size != size * (calls if place == 2 else intervals):
                 raise SolverCrash(f"{self.name}: argument {place} has another size")
-        results = [np.zeros(intervals * size) for size in self._result_sizes(part)]
-        return entry.bind(given, results, spread(calls, self.lanes, threads), calls), results
+        sizes = {
+            Part.VALUES: [self.values],
+            Part.JACOBIAN: [self.values, self.jacobian_pattern.nnz()],
+            Part.HESSIAN: [self.sizes[0], self.hessian_pattern.nnz()],
+        }
+        results = [np.zeros(intervals * size) for size in sizes[part]]
+        return self.entries[part].bind(arguments, results, _threads_for(calls, self.lanes, threads), calls), results
 
-    def _result_sizes(self, part: Part) -> list[int]:
-        if part is Part.VALUES:
-            return [self.values]
-        if part is Part.JACOBIAN:
-            return [self.values, self.jacobian_pattern.nnz()]
-        return [self.sizes[0], self.hessian_pattern.nnz()]
+
+def _part(array: Array, calls: int, first: int, end: int) -> Array:
+    """Return what belongs to some of the calls, not copied."""
+    size = array.size // calls
+    return array.reshape(-1)[first * size : end * size if end < calls else None]
+
+
+def _threads_for(calls: int, lanes: int, threads: int) -> int:
+    return threads if calls * lanes >= (MAP_IN_THREADS if lanes == 1 else 2 * MAP_IN_THREADS) else 1
+
+
+def map_calls(function: ca.Function, calls: int, threads: int) -> ca.Function:
+    """Return a function of casadi for all calls at once."""
+    return function.map(calls, "thread", threads) if threads > 1 else function.map(calls)
+
+
+def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Array] | None = None) -> BoundCall:
+    """Return a call of a function of casadi, and its results.
+
+    Args:
+        function: what is called.
+        arguments: from where it reads, contiguous.
+        results: to where it writes, contiguous; None for new arrays.
+
+    Raises:
+        SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
+    """
+    buffer, evaluate = function.buffer()
+    sizes = [function.nnz_out(place) for place in range(function.n_out())]
+    found = [np.zeros(size) for size in sizes] if results is None else list(results)
+    # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
+    for place, array in enumerate(arguments):
+        if array.size != function.nnz_in(place):
+            raise SolverCrash(f"{function.name()}: argument {place} has another size")
+        buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
+    for place, array in enumerate(found):
+        buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
+
+    def call() -> None:
+        evaluate()
+        if buffer.ret():
+            raise SolverCrash(f"{function.name()} could not be evaluated")
+
+    return call, found
 
 
 @record

@@ -10,9 +10,10 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.optimal_control.layout import Indices, Layout
+from airrace.optimal_control.constraint_rows import Indices
+from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.refinement import Marks
-from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.records import record
 from airrace.trajectory import Array
 

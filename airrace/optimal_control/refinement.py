@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.replay import SAMPLES, Replay
 from airrace.trajectory import Array

@@ -10,13 +10,13 @@ import atexit
 import os
 import threading
 import time
-from dataclasses import dataclass
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import STALL_SECONDS, SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 
 
 def solve(
@@ -41,11 +41,11 @@ def solve(
         says so, its iterate is the guess, and its errors are NaN.
 
     Raises:
-        ValueError: the problem does not say what it seems to say, see `problem.py`, or the guess has other shapes.
+        ValueError: the problem does not say what it seems to say, see `require_valid`, or the guess has other shapes.
         SolverCrash: the solver process died, or could not work on the problem.
     """
     Layout(problem).pack(guess)  # refuses a guess of other shapes here, where the traceback leads to who made it
-    started, last = time.perf_counter(), _LastIteration()
+    started, reports = time.perf_counter(), list[IterationReport]()
     with _LOCK:
         try:
             return _service().solve(
@@ -53,52 +53,31 @@ def solve(
                 guess,
                 solver=solver,
                 options=options or SolverOptions(),
-                on_iteration=last.take,
+                on_iteration=reports.append,
                 stall_seconds=stall_seconds,
             )
         except SolverTimeout as stalled:
             seconds = time.perf_counter() - started
-            return Solution.unsolved(problem, guess, solver, str(stalled), iterations=last.number, seconds=seconds)
-
-
-@dataclass
-class _LastIteration:
-    """The number of the last iteration that was reported."""
-
-    number: int = 0
-
-    def take(self, report: IterationReport) -> None:
-        self.number = report.number
-
-
-@dataclass
-class _Owned:
-    """The solver process of the process `owner`."""
-
-    owner: int = 0
-    service: SolverService | None = None
+            iterations = reports[-1].number if reports else 0
+            return Solution.without_answer(
+                problem, guess, solver, Ending.TIMEOUT, str(stalled), iterations=iterations, seconds=seconds
+            )
 
 
 _LOCK = threading.Lock()  # a solver process serves one request at a time
-_OWNED = _Owned()
+_SERVICES: dict[int, SolverService] = {}  # by the process that it serves: a fork leaves its parent's alone
 
 
 def _service() -> SolverService:
-    """Return the solver process of this process.
-
-    One that another thread has started would end with that thread, and one that a parent process has started belongs to
-    the parent.
-    """
-    if _OWNED.owner != os.getpid():
-        _OWNED.owner, _OWNED.service = os.getpid(), None
+    """Return the solver process of this process; one that another thread has started would end with that thread."""
+    owner = os.getpid()
+    if owner not in _SERVICES:
+        _SERVICES[owner] = SolverService()
         atexit.register(_stop)
-    if _OWNED.service is None:
-        _OWNED.service = SolverService()
-    _OWNED.service.stop_unless_started_here()
-    return _OWNED.service
+    _SERVICES[owner].stop_unless_started_here()
+    return _SERVICES[owner]
 
 
 def _stop() -> None:
-    """End the solver process with the process that it serves."""
-    if _OWNED.owner == os.getpid() and _OWNED.service is not None:
-        _OWNED.service.stop()
+    if service := _SERVICES.get(os.getpid()):
+        service.stop()

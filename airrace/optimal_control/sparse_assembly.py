@@ -13,121 +13,94 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.records import record
 from airrace.trajectory import Array
 
-Indices = NDArray[np.int64]
 
-
-@record
-class Summands:
-    """One summand of each of some nonzeros: `weights * drawn[sources]` is added to `values[nonzeros]`.
-
-    The numbers of the nonzeros ascend.
-    """
-
-    nonzeros: Indices
-    weights: Array
-    sources: Indices
-
-
-@record
-class Flat:
-    """The summands of n nonzeros, one behind the other: those of nonzero i from `begins[i]` to `begins[i + 1]`."""
-
-    begins: NDArray[np.int32]
-    weights: Array
-    sources: NDArray[np.int32]
-
-
-@record
-class Blocks:
-    """The blocks of drawn numbers, one behind the other.
-
-    Attributes:
-        ends: of the blocks, shape (blocks,).
-        at: where the numbers that belong to each stage begin, shape (blocks, stages).
-    """
-
-    ends: Indices
-    at: Indices
+def unique_rows(keys: Indices) -> tuple[Indices, Indices]:
+    """Return which rows of an array (n, m) are equal: the kind of each row, and the first row of each kind."""
+    whole = np.ascontiguousarray(keys, dtype=np.int64)
+    rows = whole.view(np.dtype((np.void, whole.itemsize * whole.shape[1]))).ravel()
+    _, first, kind = np.unique(rows, return_index=True, return_inverse=True)
+    return kind, first
 
 
 @record
 class SparseAssembly:
-    """A sparse matrix of sums.
+    """A sparse matrix of n sums `weights * values[sources]`, drawn from blocks of values one behind the other.
 
     Attributes:
         shape: rows and columns.
         rows, columns: of the nonzeros in casadi's order, column by column; shape (n,).
-        flat: their summands.
-        blocks: that are drawn from, where their stages are known; else without any.
+        begins: the summands of nonzero i are those from `begins[i]` to `begins[i + 1]`; shape (n + 1,).
+        weights, sources: of the summands.
+        block_ends: of the blocks of values, shape (blocks,).
+        block_begins: where the values that belong to each stage begin, shape (blocks, stages); empty if unknown.
     """
 
     shape: tuple[int, int]
     rows: Indices
     columns: Indices
-    flat: Flat
-    blocks: Blocks
+    begins: NDArray[np.int32]
+    weights: Array
+    sources: NDArray[np.int32]
+    block_ends: Indices
+    block_begins: Indices
 
-    def of(self, drawn: Array) -> Array:
-        """Return the nonzeros for drawn numbers, shape (n,)."""
-        values = np.empty(len(self.rows))
-        self.into(drawn, values, np.arange(len(values)))
-        return values
+    def of(self, values: Array) -> Array:
+        """Return the nonzeros for these values, shape (n,)."""
+        result = np.empty(len(self.rows))
+        self.into(values, result, np.arange(len(result)))
+        return result
 
-    def into(self, drawn: Array, memory: Array, places: Indices) -> bool:
-        """Write the nonzeros for drawn numbers to `memory[places]`, and return whether all are finite.
+    def column(self, values: Array) -> Array:
+        """Return the only column of the matrix with its zeros, shape (rows,)."""
+        result = np.zeros(self.shape[0])
+        self.into(values, result, self.rows)
+        return result
 
-        Args:
-            drawn: the numbers, contiguous.
-            memory: contiguous.
-            places: of the nonzeros, contiguous, shape (n,).
-        """
+    def into(self, values: Array, memory: Array, places: Indices) -> bool:
+        """Write the nonzeros to `memory[places]`, and return whether all are finite; all arrays are contiguous."""
         native = library()
         if native is None:
-            values = self._by_numpy(drawn)
-            memory[places] = values
-            return bool(np.isfinite(values).all())
-        flat = self.flat
-        arrays = (flat.begins, flat.weights, flat.sources, drawn, places, memory)
+            result = np.zeros(len(self.rows))
+            for turn, (nonzeros, weights, sources) in enumerate(self.turns):
+                summands = values[sources] * weights
+                result[nonzeros] = result[nonzeros] + summands if turn else summands
+            memory[places] = result
+            return bool(np.isfinite(result).all())
+        arrays = (self.begins, self.weights, self.sources, values, places, memory)
         return bool(native.add_up(len(self.rows), *(array.ctypes.data for array in arrays)))
 
-    def _by_numpy(self, drawn: Array) -> Array:
-        first, *others = self.turns
-        values = drawn[first.sources] * first.weights
-        for one in others:
-            values[one.nonzeros] += drawn[one.sources] * one.weights
-        return values
-
-    def chosen(self, numbers: Indices, factors: Array) -> "SparseAssembly":
-        """Return some of the nonzeros, each times a factor; a nonzero may be chosen several times."""
-        flat = self.flat
-        counts: Indices = np.diff(flat.begins.astype(np.int64))[numbers]
-        begins: Indices = np.concatenate([[0], np.cumsum(counts)])
-        shifts: Indices = flat.begins[numbers] - begins[:-1]
-        own: Indices = np.repeat(shifts, counts) + np.arange(int(begins[-1]))
-        weights: Array = flat.weights[own] * np.repeat(factors, counts)
-        chosen = Flat(begins.astype(np.int32), weights, flat.sources[own])
-        return SparseAssembly(self.shape, self.rows[numbers], self.columns[numbers], chosen, self.blocks)
-
     @cached_property
-    def turns(self) -> tuple[Summands, ...]:
-        """The summands that come first in their sums, then those that come second, and so on."""
-        begins = self.flat.begins.astype(np.int64)
-        counts = np.diff(begins)
-        turns: list[Summands] = []
+    def turns(self) -> list[tuple[Indices, Array, Indices]]:
+        """(nonzeros, weights, sources) of the summands that come first in their sums, then of the second, and so on."""
+        counts = np.diff(self.begins)
+        turns: list[tuple[Indices, Array, Indices]] = []
         for turn in range(int(counts.max(initial=1))):
             nonzeros = np.flatnonzero(counts > turn)
-            own = begins[nonzeros] + turn
-            turns.append(Summands(nonzeros, self.flat.weights[own], self.flat.sources[own].astype(np.int64)))
-        return tuple(turns)
+            own = self.begins[nonzeros] + turn
+            turns.append((nonzeros, self.weights[own], self.sources[own].astype(np.int64)))
+        return turns
 
-    def column(self, drawn: Array) -> Array:
-        """Return the only column of the matrix with its zeros, shape (rows,)."""
-        values = np.zeros(self.shape[0])
-        self.into(drawn, values, self.rows)
-        return values
+    def choose(self, numbers: Indices, factors: Array) -> "SparseAssembly":
+        """Return some of the nonzeros, each times a factor; a nonzero may be chosen several times."""
+        counts: Indices = np.diff(self.begins.astype(np.int64))[numbers]
+        begins: Indices = np.concatenate([[0], np.cumsum(counts)])
+        shifts: Indices = self.begins[numbers] - begins[:-1]
+        own: Indices = np.repeat(shifts, counts) + np.arange(int(begins[-1]))
+        weights: Array = self.weights[own] * np.repeat(factors, counts)
+        return SparseAssembly(
+            shape=self.shape,
+            rows=self.rows[numbers],
+            columns=self.columns[numbers],
+            begins=begins.astype(np.int32),
+            weights=weights,
+            sources=self.sources[own],
+            block_ends=self.block_ends,
+            block_begins=self.block_begins,
+        )
 
     @cached_property
     def sparsity(self) -> ca.Sparsity:
@@ -137,40 +110,38 @@ class SparseAssembly:
 
 
 class COOBuilder:
-    """A collection of contributions `weight * drawn[source]` at (row, column) that make a matrix at once.
+    """A collection of contributions `weight * values[source]` at (row, column) that make a matrix at once.
 
-    Numbers are drawn from blocks that lie one behind the other. In a `symmetric` matrix each pair (i, j), (j, i) is
-    contributed to once and both are kept.
+    In a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are kept.
     """
 
     def __init__(self, rows: int, columns: int, *, symmetric: bool = False) -> None:
         self._shape = (rows, columns)
         self._symmetric = symmetric
-        self._offset = 0
-        self._ends: list[int] = []
-        self._at: list[Indices] = []
+        self._ends = [0]
+        self._begins: list[Indices] = []
         self._entries: list[tuple[Indices, Indices, Array, Indices]] = []
 
-    def draw_from(self, size: int, at: Indices | None = None) -> None:
-        """Go on to the next block of numbers, from which the following contributions are drawn.
+    def add_block(self, size: int, begins: Indices | None = None) -> None:
+        """Go on to the next block of values, from which the following contributions are drawn.
 
         Args:
             size: of the block.
-            at: where those of each stage begin within the block, shape (stages,); None where that is not asked for.
+            begins: where those of each stage begin within it, shape (stages,); None where that is not asked for.
         """
-        self._offset = self._ends[-1] if self._ends else 0
-        self._ends.append(self._offset + size)
-        if at is not None:
-            self._at.append(self._offset + at)
+        if begins is not None:
+            self._begins.append(self._ends[-1] + begins)
+        self._ends.append(self._ends[-1] + size)
 
     def add(self, rows: Indices, columns: Indices, weights: Array, sources: Indices) -> None:
-        """Add contributions; those that meet at one place add up. All shapes are (n,)."""
-        self._entries.append((rows, columns, weights, sources + self._offset))
+        """Add contributions from the block; those that meet at one place add up. All shapes are (n,)."""
+        sources = sources + self._ends[-2]
+        self._entries.append((rows, columns, weights, sources))
         if self._symmetric:
             off = rows != columns
-            self._entries.append((columns[off], rows[off], weights[off], sources[off] + self._offset))
+            self._entries.append((columns[off], rows[off], weights[off], sources[off]))
 
-    def sums(self) -> SparseAssembly:
+    def build(self) -> SparseAssembly:
         """Return the matrix that they make."""
         rows, columns, weights, sources = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
         places = columns * self._shape[0] + rows
@@ -178,52 +149,38 @@ class COOBuilder:
         places = places[order]
         first = np.flatnonzero(np.concatenate([[True], places[1:] != places[:-1]]))
         leading = order[first]
-        begins = np.append(first, len(order)).astype(np.int32)
-        flat = Flat(begins, weights[order], sources[order].astype(np.int32))
-        at = np.stack(self._at) if self._at else np.zeros((0, 0), dtype=np.int64)
-        return SparseAssembly(self._shape, rows[leading], columns[leading], flat, Blocks(np.array(self._ends), at))
-
-
-def unique_rows(told: Indices) -> tuple[Indices, Indices]:
-    """Return which rows of an array are equal, shape (n, m): the kind of each row, and the first row of each kind."""
-    whole = np.ascontiguousarray(told, dtype=np.int64)
-    rows = whole.view(np.dtype((np.void, whole.itemsize * whole.shape[1]))).ravel()
-    _, first, kind = np.unique(rows, return_index=True, return_inverse=True)
-    return kind, first
-
-
-def chosen(first: Indices, count: int) -> NDArray[np.bool_]:
-    """Return a mask of so many stages that holds for the first ones of all kinds."""
-    mask = np.zeros(count, dtype=np.bool_)
-    mask[first] = True
-    return mask
+        return SparseAssembly(
+            shape=self._shape,
+            rows=rows[leading],
+            columns=columns[leading],
+            begins=np.append(first, len(order)).astype(np.int32),
+            weights=weights[order],
+            sources=sources[order].astype(np.int32),
+            block_ends=np.array(self._ends[1:]),
+            block_begins=np.stack(self._begins) if self._begins else np.zeros((0, 0), dtype=np.int64),
+        )
 
 
 @record
 class Entries:
-    """The places that nonzeros go to, as many as there are sums; all shapes are (n,).
+    """The places that n nonzeros go to; all shapes are (n,).
 
     Attributes:
         stages: to which they belong.
-        families: the number of the family of matrices, which has one matrix per stage.
         offsets: within the matrix.
-        factors: the place of a factor behind that of the stage's first one; -1 for none.
+        families: the number of the family of matrices, which has one matrix per stage; None for the only one.
+        factors: the place of a factor behind that of the stage's first one, -1 for none; None where none has any.
     """
 
     stages: Indices
-    families: Indices
     offsets: Indices
-    factors: Indices
+    families: Indices | None = None
+    factors: Indices | None = None
 
 
 @record
 class Memory:
-    """Matrices that are written to.
-
-    Attributes:
-        doubles: the memory in which they lie.
-        begins: of each stage's matrices, shape (stages, families).
-    """
+    """Matrices that are written to: the memory, and where those of each stage begin, shape (stages, families)."""
 
     doubles: Array
     begins: Indices
@@ -237,11 +194,11 @@ class Factors:
     begins: Indices
 
 
-NO_FACTORS = Factors(np.ones(1), np.zeros(0, dtype=np.int64))
-
-
 class StageAssembly:
-    """The sums of all stages.
+    """The sums of all stages, found for one stage of each kind.
+
+    Most stages of a program are alike: their derivatives are the same sums of the same results of their own kernel
+    calls, and go to the same places of their own matrices.
 
     Args:
         sums: those of the first stage of each kind.
@@ -250,70 +207,58 @@ class StageAssembly:
     """
 
     def __init__(self, sums: SparseAssembly, entries: Entries, kind: Indices) -> None:
-        order = np.argsort(kind[entries.stages], kind="stable")
-        flat = sums.chosen(order, np.ones(len(order))).flat
+        self._order = order = np.argsort(kind[entries.stages], kind="stable")
+        flat = sums.choose(order, np.ones(len(order)))
         stage = np.repeat(entries.stages[order], np.diff(flat.begins))
-        block = np.searchsorted(sums.blocks.ends, flat.sources, side="right")
-        self._kind = kind.astype(np.int32)
-        ends = np.arange(int(kind.max()) + 2)
-        self._first: NDArray[np.int32] = np.searchsorted(kind[entries.stages[order]], ends).astype(np.int32)
+        block = np.searchsorted(sums.block_ends, flat.sources, side="right")
+        nothing = np.zeros(len(order), dtype=np.int64)
+        families = nothing if entries.families is None else entries.families
+        factors = nothing - 1 if entries.factors is None else entries.factors
+        first = np.searchsorted(kind[entries.stages[order]], np.arange(int(kind.max()) + 2))
+        self._kind, self._first = kind.astype(np.int32), first.astype(np.int32)
         self._begins, self._weights, self._blocks = flat.begins, flat.weights, block.astype(np.int32)
-        self._sources = (flat.sources - sums.blocks.at[block, stage]).astype(np.int32)
-        self._families = entries.families[order].astype(np.int32)
-        self._offsets = entries.offsets[order].astype(np.int32)
-        self._factors = entries.factors[order].astype(np.int32)
-        self._at = np.ascontiguousarray(sums.blocks.at.T)
-        self.order = order
+        self._sources: NDArray[np.int32] = (flat.sources - sums.block_begins[block, stage]).astype(np.int32)
+        self._families, self._offsets, self._factors = (
+            one[order].astype(np.int32) for one in (families, entries.offsets, factors)
+        )
+        self._block_begins = np.ascontiguousarray(sums.block_begins.T)
 
-    def write(self, drawn: Array, memory: Memory, factors: Factors = NO_FACTORS) -> bool:
-        """Write the nonzeros for drawn numbers, and return whether all are finite."""
-        begins = factors.begins if len(factors.begins) else np.zeros(len(self._kind), dtype=np.int64)
+    def write(self, values: Array, memory: Memory, factors: Factors | None = None) -> bool:
+        """Write the nonzeros for these values, and return whether all are finite."""
+        factors = factors or Factors(np.ones(1), np.zeros(len(self._kind), dtype=np.int64))
         native = library()
         if native is None:
-            return self._by_numpy(drawn, memory, Factors(factors.values, begins))
+            return self._write_by_numpy(values, memory, factors)
         arrays = (
-            self._kind,
-            self._first,
-            self._begins,
-            self._weights,
-            self._sources,
-            self._blocks,
-            self._families,
-            self._offsets,
-            self._factors,
-            self._at,
-            memory.begins,
-            begins,
-            factors.values,
-            drawn,
-            memory.doubles,
+            *(self._kind, self._first, self._begins, self._weights, self._sources, self._blocks),
+            *(self._families, self._offsets, self._factors, self._block_begins),
+            *(memory.begins, factors.begins, factors.values, values, memory.doubles),
         )
-        sizes = len(self._kind), self._at.shape[1], memory.begins.shape[1]
+        sizes = len(self._kind), self._block_begins.shape[1], memory.begins.shape[1]
         return bool(native.add_up_repeated(*sizes, *(array.ctypes.data for array in arrays)))
 
-    def _by_numpy(self, drawn: Array, memory: Memory, factors: Factors) -> bool:
+    def _write_by_numpy(self, values: Array, memory: Memory, factors: Factors) -> bool:
         finite = True
         for entries, stages, places in self._by_kind(memory):
             begins = self._begins[entries]
             counts = self._begins[entries + 1] - begins
-            values = np.empty((len(stages), len(entries)))
+            result = np.empty((len(stages), len(entries)))
             for turn in range(int(counts.max(initial=0))):
-                taken = np.flatnonzero(counts > turn)
-                number = begins[taken] + turn
-                at = self._at[np.ix_(stages, self._blocks[number])] + self._sources[number]
-                summand = drawn[at] * self._weights[number]
-                values[:, taken] = values[:, taken] + summand if turn else summand
-            weighed = np.flatnonzero(self._factors[entries] >= 0)
-            values[:, weighed] *= factors.values[factors.begins[stages, None] + self._factors[entries[weighed]]]
-            memory.doubles[places] = values
-            finite = finite and bool(np.isfinite(values).all())
+                some = np.flatnonzero(counts > turn)
+                number = begins[some] + turn
+                at = self._block_begins[np.ix_(stages, self._blocks[number])] + self._sources[number]
+                summands = values[at] * self._weights[number]
+                result[:, some] = result[:, some] + summands if turn else summands
+            scaled = np.flatnonzero(self._factors[entries] >= 0)
+            result[:, scaled] *= factors.values[factors.begins[stages, None] + self._factors[entries[scaled]]]
+            memory.doubles[places] = result
+            finite = finite and bool(np.isfinite(result).all())
         return finite
 
     def fill(self, values: Array, memory: Memory) -> None:
         """Write the same numbers to the nonzeros of all stages that are alike, one per sum that was given."""
-        ordered = values[self.order]
         for entries, _, places in self._by_kind(memory):
-            memory.doubles[places] = ordered[entries]
+            memory.doubles[places] = values[self._order[entries]]
 
     def clean(self, memory: Memory) -> None:
         """Write zeros in the place of nonzeros that are not finite."""
@@ -322,10 +267,8 @@ class StageAssembly:
 
     def _by_kind(self, memory: Memory) -> Iterator[tuple[Indices, Indices, Indices]]:
         """Yield the entries of each kind, the stages that are of it, and the places, of shape (stages, entries)."""
-        by_kind = np.argsort(self._kind, kind="stable")
-        ends = np.searchsorted(self._kind[by_kind], np.arange(len(self._first)))
         for kind in range(len(self._first) - 1):
             entries: Indices = np.arange(int(self._first[kind]), int(self._first[kind + 1]))
-            stages = by_kind[ends[kind] : ends[kind + 1]]
+            stages = np.flatnonzero(self._kind == kind)
             begins = memory.begins[np.ix_(stages, self._families[entries])]
             yield entries, stages, begins + self._offsets[entries]

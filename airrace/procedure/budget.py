@@ -25,8 +25,6 @@ FEWEST_INTERVALS = 100
 """The number of intervals that a race is taken to have at least: small ones have time to spare."""
 SEARCHED = 2 / 3
 """The share of the budget of which nothing is left for an explanation, once it is spent in search of a flight."""
-BUDGET_EXHAUSTED = "the budget of iterations is spent"
-"""The status of a solve that is not begun for want of work that is left."""
 
 
 @dataclass

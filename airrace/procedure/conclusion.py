@@ -4,7 +4,7 @@ import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import (
     NO_PROVENANCE,
     NO_RECORD,

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
-from airrace.optimal_control.solvers.solver import SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh, guess

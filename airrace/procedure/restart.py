@@ -19,7 +19,7 @@ from airrace.errors import UsageError
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.models import iterate_of
 from airrace.procedure.passings import ensure_same_passings

@@ -20,8 +20,8 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers.solver import Multipliers, Solution
-from airrace.procedure.budget import BUDGET_EXHAUSTED
+from airrace.optimal_control.solvers.interface import Ending, Multipliers
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.models import iterate_of
@@ -408,7 +408,8 @@ def _finish(start: Start, refined: Refined) -> StageResult:
 
 def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Diagnosis | None) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
-    returned = [one for one in failures if one.solution is not None and one.solution.status != BUDGET_EXHAUSTED]
+    solutions = [one for one in failures if one.solution is not None]
+    returned = [one for one in solutions if one.solution and one.solution.ending is not Ending.BUDGET_EXHAUSTED]
     claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
     start, solution, last = failure.start, failure.solution, failure.start.guess
@@ -418,7 +419,7 @@ def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Dia
     else:
         if solution.iterate.state.shape == last.state.shape:  # else it gave up on a finer mesh
             last = solution.iterate
-        spent = f"; {BUDGET_EXHAUSTED}" if session.budget.exhausted else ""
+        spent = f"; {Ending.BUDGET_EXHAUSTED.value}" if session.budget.exhausted else ""
         message = (
             f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
         )

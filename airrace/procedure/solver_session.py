@@ -8,11 +8,12 @@ from typing import Any
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import load_in_background
+from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.procedure.background_search import BackgroundSearch, Found
-from airrace.procedure.budget import BUDGET_EXHAUSTED, Budget
+from airrace.procedure.budget import Budget
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
@@ -24,6 +25,11 @@ KNOWN_ITERATIONS_MAX = 60
 """The largest number of iterations of a solve that begins with known multipliers.
 
 They took it from 25 to 17 iterations on Rovinj in 5 kt of wind; where they mislead, it is solved without them.
+"""
+NEAR_BARRIER = 1e-5
+"""The largest first value of the barrier parameter of a solve that begins near its optimum.
+
+From another stage, with 1e-4, predictor-corrector steps lead astray: they took as long as fatrop, or failed.
 """
 POLISH = 1e-2
 """The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
@@ -126,7 +132,9 @@ class SolverSession:
         """
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        options = SolverOptions(max(chosen.tolerance, rough), most, barrier)
+        near = multipliers is not None and barrier <= NEAR_BARRIER
+        algorithm = "predictor-corrector" if near else "line-search"
+        options = SolverOptions(max(chosen.tolerance, rough), most, barrier, algorithm=algorithm)
         solution = self._first_success(
             problem, guess, purpose, options=options, solvers=solvers or self.solvers, multipliers=multipliers
         )
@@ -152,7 +160,7 @@ class SolverSession:
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers, options, multipliers):
             try_solve = self.attempt(problem, guess, purpose, solver, allowed, known)
-            if try_solve is not None and (solution is None or try_solve.status != BUDGET_EXHAUSTED):
+            if try_solve is not None and (solution is None or try_solve.ending is not Ending.BUDGET_EXHAUSTED):
                 solution = try_solve
             if try_solve is not None and try_solve.success:
                 return try_solve
@@ -172,7 +180,7 @@ class SolverSession:
         """Solve once, on record; return None if the solver did not come back.
 
         Within the budget, unless it is a small solve that explains why there is no flight: of a budget that is spent
-        the solution says nothing but that (`BUDGET_EXHAUSTED`).
+        the solution says nothing but that (`Ending.BUDGET_EXHAUSTED`).
 
         What a certificate asks for is measured here, whatever a solver says: fatrop measures on scales of its own, and
         may stop at an optimum without claiming it.
@@ -183,7 +191,7 @@ class SolverSession:
             options.iterations_max if beyond_budget else self.budget.iterations(problem, solver, options.iterations_max)
         )
         if most == 0:
-            return Solution.unsolved(problem, guess, solver, BUDGET_EXHAUSTED)
+            return Solution.without_answer(problem, guess, solver, Ending.BUDGET_EXHAUSTED)
         started = time.perf_counter()
         try:
             solution = self.service.solve(

@@ -1,7 +1,7 @@
 """A start of the joint problem, and the initial barrier parameter by its quality."""
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance
 from airrace.procedure.stage_problem import Flight
 from airrace.records import record

@@ -17,7 +17,7 @@ from airrace.control.trim import settle
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import StageProvenance, StageResult
 from airrace.procedure.stage_problem import Flight, fractions_of, history, mesh_of
 from airrace.procedure.start import InitialBarrier, Start

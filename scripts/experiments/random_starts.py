@@ -22,7 +22,8 @@ from airrace.environment.atmosphere import g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.optimal_control.solvers.solver import Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Leg, plan
 from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.planning.race import Race

@@ -9,7 +9,8 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import PreparedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation, column, named_symbols
 from peers.measured import Answer, Flight
@@ -40,7 +41,7 @@ def solve(race: Race, segments: int, scheme: RungeKutta, tolerance: float) -> An
     layout = Layout(stated)
     kernels = build_kernels(stated.system, scheme)
     options = SolverOptions(tolerance=tolerance)
-    prepared = PreparedProblem(layout, kernels, SOLVERS["fatrop"], options, 1)
+    prepared = PreparedProblem(layout, kernels, "fatrop", options, 1)
     ready, ready_spent = time.perf_counter(), time.process_time()
     held = np.repeat(guess.control[:, None], stated.intervals, axis=1)
     solution = prepared.solve(layout, Iterate(guess.durations, states, held))

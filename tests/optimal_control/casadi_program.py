@@ -3,26 +3,16 @@
 The package evaluates programs without either; here both are what it is held against.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import Kernel, Kernels, Part, mapped
-from airrace.optimal_control.layout import Indices, Layout
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
-from airrace.optimal_control.solvers.solver import (
-    SOLVERS,
-    Answer,
-    Multipliers,
-    Solver,
-    SolverInstance,
-    SolverOptions,
-    fatrop_options,
-)
+from airrace.optimal_control.kernels import Kernel, Kernels, Part, map_calls
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
+from airrace.optimal_control.solvers.solver import SOLVERS, fatrop_options
 from airrace.optimal_control.sparse_assembly import SparseAssembly
 from airrace.records import record
 
@@ -103,14 +93,14 @@ class _Transcription:
 
     def _evaluate(self, calls: Calls, part: Part, *multipliers: ca.MX) -> list[ca.MX]:
         """Return the outputs of a kernel function over all its calls, lanes included, as columns of nonzeros."""
-        y = _drawn(self.unscaled, calls.inputs[calls.filled])
+        y = _drawn(self.unscaled, calls.inputs[calls.of_lane])
         if calls.jumps is not None:
-            y -= _drawn(self.padded, calls.jumps[calls.filled])
-        own = _drawn(self.padded, calls.own[calls.filled])
+            y -= _drawn(self.padded, calls.jumps[calls.of_lane])
+        own = _drawn(self.padded, calls.own[calls.of_lane])
         shared = ca.repmat(self.p[calls.shared.tolist()], 1, calls.batches)
         kernel = calls.kernel
         assert isinstance(kernel, Kernel)
-        function = mapped((kernel.value, kernel.jacobian, kernel.hessian)[part], calls.batches, self.threads)
+        function = map_calls((kernel.value, kernel.jacobian, kernel.hessian)[part], calls.batches, self.threads)
         outputs = function(y, own, shared, *multipliers)
         # the nonzeros of a row come as a row
         return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
@@ -118,8 +108,8 @@ class _Transcription:
     def _multipliers(self, calls: Calls) -> ca.MX:
         """Return the multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""
         padded = ca.densify(ca.vertcat(self.lam_g, ca.MX.zeros(1)))
-        weights = ca.DM(calls.weights[calls.filled].T)
-        return _drawn(padded, calls.rows[calls.filled]) * weights
+        weights = ca.DM(calls.weights[calls.of_lane].T)
+        return _drawn(padded, calls.rows[calls.of_lane]) * weights
 
     # the program's functions
 
@@ -182,9 +172,9 @@ def _expression(sums: SparseAssembly, drawn: ca.MX) -> ca.MX:
     """Return a matrix of sums as a sparse expression of a dense column of drawn numbers."""
     count = len(sums.rows)
     values = ca.MX(0.0)
-    for turn, one in enumerate(sums.turns):
-        picked = ca.vec(drawn[one.sources.tolist()]) * ca.DM(one.weights)  # of a scalar: a row
-        at = ca.Sparsity(count, 1, [0, len(one.nonzeros)], one.nonzeros.tolist())
+    for turn, (nonzeros, weights, sources) in enumerate(sums.turns):
+        picked = ca.vec(drawn[sources.tolist()]) * ca.DM(weights)  # of a scalar: a row
+        at = ca.Sparsity(count, 1, [0, len(nonzeros)], nonzeros.tolist())
         values += ca.densify(ca.MX(at, picked)) if turn else picked
     return ca.MX(sums.sparsity, values)
 
@@ -192,12 +182,12 @@ def _expression(sums: SparseAssembly, drawn: ca.MX) -> ca.MX:
 class FatropByCasadi(Solver):
     """The solver fatrop through casadi's interface, set up in quadratic time."""
 
-    name = "fatrop-casadi"
-    begins_with_multipliers = False
-
-    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
+    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
         layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
-        settings = {
+        self._nlp = program.nlp
+        self._settings = {
+            "print_time": False,
+            "calc_lam_p": False,
             "structure_detection": "manual",
             "N": layout.intervals,
             "nx": layout.stage_states.tolist(),
@@ -211,22 +201,17 @@ class FatropByCasadi(Solver):
             },
             "fatrop": dict(fatrop_options(options)),
         }
-        return _ReadyFatropByCasadi(program.nlp, settings)
 
-
-class _ReadyFatropByCasadi:
-    def __init__(self, nlp: ca.Function, settings: Mapping[str, Any]) -> None:
-        self._nlp, self._settings = nlp, {"print_time": False, "calc_lam_p": False, **settings}
-
-    def solve(self, guess: np.ndarray, bounds: Bounds, p: np.ndarray, multipliers: Multipliers | None) -> Answer:
+    def solve(self, guess: np.ndarray, bounds: Bounds, p: np.ndarray, multipliers: Multipliers | None) -> SolverResult:
         # One for each solve: where an equality turns into a range, casadi 3.8.2 forgets the options.
         nlpsol = ca.nlpsol("solve", "fatrop", self._nlp, dict(self._settings))
         result = nlpsol(x0=guess, p=p, lbx=bounds.lower, ubx=bounds.upper, lbg=bounds.g_lower, ubg=bounds.g_upper)
         stats = nlpsol.stats()
-        return Answer(
+        return SolverResult(
             w=np.asarray(result["x"]).ravel(),
             lam_g=np.asarray(result["lam_g"]).ravel(),
             objective=float(result["f"]),
+            ending=Ending.UNKNOWN,
             status=str(stats["return_status"]),
             success=bool(stats["success"]),
             iterations=int(stats.get("iter_count", 0)),
@@ -234,6 +219,6 @@ class _ReadyFatropByCasadi:
         )
 
 
-def solver_named(name: str) -> Solver:
+def solver_named(name: str) -> type[Solver]:
     """Return one of the package's solvers, or `fatrop-casadi`."""
-    return FatropByCasadi() if name == FatropByCasadi.name else SOLVERS[name]
+    return FatropByCasadi if name == "fatrop-casadi" else SOLVERS[name]

@@ -123,11 +123,12 @@ if sys.argv[1] == "arena":
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
 problem = PROBLEMS["everything"]
 kernels = build_kernels(problem.system, problem.scheme)
 for _ in range(2):
-    ready = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), 1)
+    ready = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), 1)
     solution = ready.solve(Layout(problem), random_iterate(problem, 1))
     assert solution.success
     print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
@@ -178,10 +179,11 @@ if sys.argv[1] == "native":
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
 problem = PROBLEMS["everything"]
 kernels = build_kernels(problem.system, problem.scheme)
-ready = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), 1)
+ready = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), 1)
 solution = ready.solve(Layout(problem), random_iterate(problem, 1))
 assert solution.success
 print("answer", *(counts.values() if sys.argv[1] == "native" else ()), solution.iterate.state.tobytes().hex())

@@ -16,9 +16,10 @@ from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, c
 from airrace.optimal_control.refinement import divide, resample
 from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.solvers.process.worker import SolveServer
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 
@@ -240,7 +241,7 @@ def test_hamiltonian_and_costates_go_on_through_a_jump() -> None:
 def test_a_prepared_problem_takes_other_jumps() -> None:
     (problem, guess), (other, other_guess) = lightened(3.0), lightened(2.0)
     kernels = casadi_kernels(SLED, problem.scheme)
-    prepared = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), threads=1)
+    prepared = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), threads=1)
     assert prepared.solve(Layout(problem), guess).objective == pytest.approx(least_time(3.0), abs=1e-7)
     assert prepared.solve(Layout(other), other_guess).objective == pytest.approx(least_time(2.0), abs=1e-7)
 

@@ -12,7 +12,8 @@ from airrace.optimal_control.optimality import hamiltonian
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers.solver import SOLVERS, Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import System, system_of
 

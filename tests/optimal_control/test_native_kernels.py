@@ -24,7 +24,6 @@ from airrace.optimal_control.kernels import (
     NativeKernel,
     Part,
     bind,
-    bind_all,
     build_kernels,
     casadi_kernels,
     native_kernels,
@@ -230,11 +229,11 @@ def sums() -> SparseAssembly:
     random = np.random.default_rng(3)
     contributions = COOBuilder(20, 30)
     for count in (300, 2000):
-        contributions.draw_from(500)
+        contributions.add_block(500)
         weights = random.normal(size=count) * 10.0 ** random.integers(-9, 9, count)
         rows, columns = random.integers(0, 20, count), random.integers(0, 30, count)
         contributions.add(rows, columns, weights, random.integers(0, 500, count))
-    return contributions.sums()
+    return contributions.build()
 
 
 def by_numpy(sums: SparseAssembly, drawn: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
@@ -259,14 +258,14 @@ def test_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.M
 def test_chosen_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(6)
     numbers = np.sort(random.integers(0, len(sums.rows), 400))
-    chosen, drawn = sums.chosen(numbers, random.normal(size=400)), random.normal(size=1000)
+    chosen, drawn = sums.choose(numbers, random.normal(size=400)), random.normal(size=1000)
     assert chosen.of(drawn).tobytes() == by_numpy(chosen, drawn, monkeypatch).tobytes()
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
 def test_both_tell_what_is_no_number(sums: SparseAssembly, number: float, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, memory = np.ones(1000), np.zeros(len(sums.rows))
-    drawn[int(sums.turns[-1].sources[0])] = number  # the last summand of a sum
+    drawn[int(sums.turns[-1][2][0])] = number  # the last summand of a sum
     places = np.arange(len(memory))
     assert not sums.into(drawn, memory, places)
     monkeypatch.setattr(module, "library", lambda: None)
@@ -426,11 +425,15 @@ def test_iterates_of_another_size_are_refused(assembly: Assembly) -> None:
 
 @pytest.mark.parametrize("threads", [2, 3])
 @pytest.mark.parametrize("calls", [1, 2, 5, 7, 9])
-def test_calls_that_threads_cannot_share_evenly_are_made_as_well(assembly: Assembly, calls: int, threads: int) -> None:
-    function, random = assembly.calls[0].kernel.hessian, np.random.default_rng(calls)
+def test_calls_that_threads_cannot_share_evenly_are_made_as_well(
+    assembly: Assembly, calls: int, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("airrace.optimal_control.kernels.MAP_IN_THREADS", 1)
+    kernel, random = assembly.calls[0].kernel, np.random.default_rng(calls)
+    function = kernel.hessian
     sizes = [function.nnz_in(place) for place in range(function.n_in())]
     given = [random.uniform(0.5, 1.0, size=(calls, size)) for size in sizes]
-    call, results = bind_all(function, calls, threads, given)
+    call, results = kernel.bind(Part.HESSIAN, calls, threads, given)
     call()
     for number in range(calls):
         alone, expected = bind(function, [one[number].copy() for one in given])
@@ -441,17 +444,17 @@ def test_calls_that_threads_cannot_share_evenly_are_made_as_well(assembly: Assem
 
 def test_summands_that_meet_are_added_and_some_nonzeros_can_be_chosen() -> None:
     matrix = COOBuilder(2, 2, symmetric=True)
-    matrix.draw_from(2)
+    matrix.add_block(2)
     matrix.add(np.array([0, 0]), np.array([0, 1]), np.array([2.0, 3.0]), np.array([0, 1]))
-    matrix.draw_from(1)
+    matrix.add_block(1)
     matrix.add(np.array([0]), np.array([1]), np.array([10.0]), np.array([0]))
-    sums, drawn = matrix.sums(), np.array([1.0, 1.0, 1.0])
+    sums, drawn = matrix.build(), np.array([1.0, 1.0, 1.0])
     assert list(zip(sums.rows.tolist(), sums.columns.tolist(), sums.of(drawn).tolist(), strict=True)) == [
         (0, 0, 2.0),
         (1, 0, 13.0),
         (0, 1, 13.0),
     ]
-    chosen = sums.chosen(np.array([0, 2]), np.array([1.0, -1.0]))
+    chosen = sums.choose(np.array([0, 2]), np.array([1.0, -1.0]))
     assert chosen.of(drawn).tolist() == [2.0, -13.0]
     assert (chosen.rows.tolist(), chosen.columns.tolist()) == ([0, 0], [0, 1])
 

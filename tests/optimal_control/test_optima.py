@@ -10,7 +10,8 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -106,7 +107,7 @@ def test_a_prepared_problem_solves_its_structure_with_other_numbers(solver: str)
     far = Boundary("top", {"theta": exactly(1.2), "omega": Interval(0.3, 0.4)})
     other = replace(first, parameters=(0.5,), phases=(replace(WHOLE, fractions=fractions, end=far),))
     kernels = build_kernels(first.system, first.scheme)
-    prepared = PreparedProblem(Layout(first), kernels, SOLVERS[solver], TIGHT, threads=1)
+    prepared = PreparedProblem(Layout(first), kernels, solver, TIGHT, threads=1)
     prepared.solve(Layout(first), guess(first))
     again, fresh = prepared.solve(Layout(other), guess(other)), optimum(other, solver)
     assert again.success
@@ -123,7 +124,7 @@ def test_options_hold_whatever_was_solved_before(solver: str) -> None:
     ]
     kernels = build_kernels(pendulum(), swing(WHOLE).scheme)
     few = SolverOptions(iterations_max=3)
-    prepared = PreparedProblem(layouts[0], kernels, SOLVERS[solver], few, threads=1)
+    prepared = PreparedProblem(layouts[0], kernels, solver, few, threads=1)
     for layout in layouts:
         solution = prepared.solve(layout, guess(layout.problem))
         assert not solution.success

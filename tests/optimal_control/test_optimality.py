@@ -13,9 +13,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, costates, errors_in_objective, hamiltonian, kkt_error
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.solvers.process.worker import SolveServer
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, System, system_of
 
@@ -264,7 +265,7 @@ def test_costate_ends_with_the_slope_of_the_cost() -> None:
 def test_a_prepared_problem_takes_other_parameters_of_the_cost() -> None:
     problem, guess = walk(-0.5)
     kernels = casadi_kernels(WALKER, problem.scheme)
-    prepared = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], TIGHT, threads=1)
+    prepared = PreparedProblem(Layout(problem), kernels, "fatrop", TIGHT, threads=1)
     for b in (-0.5, 1.0):
         assert prepared.solve(Layout(walk(b)[0]), guess).objective == pytest.approx(least_cost(b), rel=1e-7)
 

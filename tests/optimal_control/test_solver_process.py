@@ -29,6 +29,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Objective, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.idle_processes import start
 from airrace.optimal_control.solvers.process.messages import (
     Inbox,
@@ -41,7 +42,7 @@ from airrace.optimal_control.solvers.process.messages import (
 )
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.process.worker import ProgressReader, SolveServer
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
 from airrace.system import System
 
 TESTS = Path(__file__).parent
@@ -297,11 +298,11 @@ def test_contradicting_bounds_are_an_answer() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone ends a process with its parent")
 def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
     program = f"""
-        import sys
+        import os, sys
         sys.path.insert(0, {str(TESTS)!r})
         from known_flights import rest_to_rest
         from airrace.optimal_control.solvers.process.service import SolverService
-        from airrace.optimal_control.solvers.solver import SolverOptions
+        from airrace.optimal_control.solvers.interface import SolverOptions
         service = SolverService()
         problem, guess = rest_to_rest()
         service.solve(problem, guess, solver="fatrop", options=SolverOptions())
@@ -410,10 +411,10 @@ def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
     worker = start()
     assert worker.stdin is not None
     assert worker.stdout is not None
-    sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout))
+    sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout)).start()
     sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
     heard = [replies.next(LONGEST)]
-    sender.close()
+    sender.stream.close()
     assert worker.wait(LONGEST) == 0
     with contextlib.suppress(EOFError):
         while True:
@@ -510,7 +511,7 @@ ROOT = Path(__file__).parents[2]
 def test_the_answer_is_that_of_a_solver_in_this_process(solver: str) -> None:
     problem, guess = rest_to_rest()
     kernels = build_kernels(problem.system, problem.scheme)
-    here = PreparedProblem(Layout(problem), kernels, SOLVERS[solver], SolverOptions(), 1).solve(Layout(problem), guess)
+    here = PreparedProblem(Layout(problem), kernels, solver, SolverOptions(), 1).solve(Layout(problem), guess)
     there = solve(problem, guess, solver=solver)
     assert there.success
     assert (there.status, there.iterations, there.objective) == (here.status, here.iterations, here.objective)
@@ -584,12 +585,12 @@ def _succeeds() -> bool:
 
 def test_the_solver_process_ends_with_this_one() -> None:
     script = textwrap.dedent("""
-        import sys
+        import os, sys
         sys.path.insert(0, sys.argv[1])
         from known_flights import rest_to_rest
         from airrace.optimal_control import solve as module
         assert module.solve(*rest_to_rest()).success
-        service = module._OWNED.service
+        service = module._SERVICES[os.getpid()]
         print(service._process.pid)
     """)
     done = subprocess.run(

@@ -11,11 +11,12 @@ from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
-from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import budget
-from airrace.procedure.budget import BUDGET_EXHAUSTED, FEWEST_INTERVALS, PER_INTERVAL, Budget
+from airrace.procedure.budget import FEWEST_INTERVALS, PER_INTERVAL, Budget
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
 from airrace.procedure.multistart.solver_pool import SolverPool
@@ -63,7 +64,7 @@ class Canned(SolverService):
             solver=solver,
             status=verdict,
             success=verdict in ("solved", "inexact"),
-            infeasible=verdict == "infeasible",
+            ending=Ending.INFEASIBLE if verdict == "infeasible" else Ending.UNKNOWN,
             iterate=guess,
             multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
             objective=0.0,
@@ -306,7 +307,7 @@ def test_a_solver_may_take_what_is_left_and_none_is_asked_after_that() -> None:
     again = used.solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
     assert again is not None
-    assert (solution.status, again.status, again.success) == ("stuck", BUDGET_EXHAUSTED, False)
+    assert (solution.status, again.status, again.success) == ("stuck", Ending.BUDGET_EXHAUSTED.value, False)
     assert len(asked(used)) == len(used.attempts) == 2
     used.attempt(problem, made, "why", "fatrop", asked(used)[0][1], beyond_budget=True)
     assert len(asked(used)) == 3
@@ -319,7 +320,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     result = solve_with_refinement(used, starts)
     assert result.outcome is Outcome.NOT_CONVERGED
     assert result.message.startswith("not converged: fatrop gave up (stuck), most violated: nothing; ")
-    assert BUDGET_EXHAUSTED in result.message
+    assert Ending.BUDGET_EXHAUSTED.value in result.message
     assert len(result.attempts) == 1
 
 
@@ -333,7 +334,7 @@ def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monk
     monkeypatch.setattr(budget, "PER_INTERVAL", 5)
     one, two = flown(1), flown(2)
     assert one.outcome is Outcome.NOT_CONVERGED
-    assert BUDGET_EXHAUSTED in one.message
+    assert Ending.BUDGET_EXHAUSTED.value in one.message
     assert [(a.purpose, a.solver, a.status, a.iterations) for a in one.attempts] == [
         (a.purpose, a.solver, a.status, a.iterations) for a in two.attempts
     ]

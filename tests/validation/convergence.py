@@ -11,7 +11,7 @@ from airrace.optimal_control import runge_kutta
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.runge_kutta import VERNER_7, RungeKutta
-from airrace.optimal_control.solvers.solver import SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.system import system_of
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers.solver import Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.quantities import Interval
 
 exactly = Interval.exactly

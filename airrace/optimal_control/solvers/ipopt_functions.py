@@ -23,23 +23,20 @@ class ProgramFunctions:
         self._functions = functions
         assembly, layout = functions.assembly, functions.assembly.layout
         x, p, g = layout.unknowns, functions.p.size, layout.constraints
-        hessian = assembly.hessian.sparsity
+        hessian, dense = assembly.hessian.sparsity, ca.Sparsity.dense
         self._upper = np.flatnonzero(np.asarray(hessian.row()) <= assembly.hessian.columns)
         point, adjoint = {"x": x, "p": p}, {"x": x, "p": p, "lam_f": 1, "lam_g": g}
-        dense = ca.Sparsity.dense
-        gradient, jacobian = dense(x), assembly.jacobian.sparsity
-        self.nlp = _Callback("nlp", point, {"f": dense(1), "g": dense(g)}, self._values)
-        self.derivatives: Mapping[str, ca.Function] = {
-            "nlp_grad_f": _Callback("nlp_grad_f", point, {"f": dense(1), "grad_f_x": gradient}, self._gradient),
-            "nlp_jac_g": _Callback("nlp_jac_g", point, {"g": dense(g), "jac_g_x": jacobian}, self._jacobian),
-            "nlp_hess_l": _Callback("nlp_hess_l", adjoint, {"hess_gamma_x_x": ca.triu(hessian)}, self._hessian),
-            "nlp_grad": _Callback(
-                "nlp_grad",
-                adjoint,
-                {"f": dense(1), "g": dense(g), "grad_gamma_x": gradient, "grad_gamma_p": ca.Sparsity(0, 1)},
-                self._lagrangian_gradient,
-            ),
-        }
+        value, values, gradient = {"f": dense(1)}, {"g": dense(g)}, dense(x)
+        slopes = {"grad_gamma_x": gradient, "grad_gamma_p": ca.Sparsity(0, 1)}
+        jacobian = {"jac_g_x": assembly.jacobian.sparsity}
+        self.nlp = _Callback("nlp", point, value | values, self._values)
+        callbacks = (
+            _Callback("nlp_grad_f", point, value | {"grad_f_x": gradient}, self._gradient),
+            _Callback("nlp_jac_g", point, values | jacobian, self._jacobian),
+            _Callback("nlp_hess_l", adjoint, {"hess_gamma_x_x": ca.triu(hessian)}, self._hessian),
+            _Callback("nlp_grad", adjoint, value | values | slopes, self._lagrangian_gradient),
+        )
+        self.derivatives: Mapping[str, ca.Function] = {one.name(): one for one in callbacks}
 
     def begin(self, p: Array) -> None:
         """Take the parameters of the next solve."""
@@ -62,19 +59,15 @@ class ProgramFunctions:
         return self._functions.g, self._functions.jacobian
 
     def _hessian(self, x: Array, _: Array, lam_f: Array, lam_g: Array) -> Sequence[Array | float]:
-        self._take(x, lam_f, lam_g)
+        self._functions.w[:], self._functions.lam_f, self._functions.lam_g[:] = x, float(lam_f[0]), lam_g
         self._functions.curve()
         return (self._functions.hessian[self._upper],)
 
     def _lagrangian_gradient(self, x: Array, p: Array, lam_f: Array, lam_g: Array) -> Sequence[Array | float]:
         self._values(x, p)
-        self._take(x, lam_f, lam_g)
+        self._functions.lam_f, self._functions.lam_g[:] = float(lam_f[0]), lam_g
         self._functions.slope()
         return self._functions.f, self._functions.g, self._functions.gradient, np.zeros(0)
-
-    def _take(self, x: Array, lam_f: Array, lam_g: Array) -> None:
-        self._functions.w[:], self._functions.lam_g[:] = x, lam_g
-        self._functions.lam_f = float(lam_f[0])
 
 
 class _Callback(ca.Callback):
@@ -88,7 +81,7 @@ class _Callback(ca.Callback):
         evaluate: Callable[..., Sequence[Array | float]],
     ) -> None:
         super().__init__()
-        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self._inputs, self._outputs, self._evaluate = list(inputs.items()), list(outputs.items()), evaluate
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -98,16 +91,16 @@ class _Callback(ca.Callback):
         return len(self._outputs)
 
     def get_name_in(self, i: int) -> str:
-        return list(self._inputs)[i]
+        return self._inputs[i][0]
 
     def get_name_out(self, i: int) -> str:
-        return list(self._outputs)[i]
+        return self._outputs[i][0]
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(list(self._inputs.values())[i])
+        return ca.Sparsity.dense(self._inputs[i][1])
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return list(self._outputs.values())[i]
+        return self._outputs[i][1]
 
     def has_eval_buffer(self) -> bool:
         return True

@@ -1,10 +1,9 @@
 """Predictor-corrector steps of an interior point method, from a point near the optimum with known multipliers.
 
 Mehrotra's method [Mehrotra 1992] with Gondzio's corrections [Gondzio 1996] on the nonlinear program, its derivatives
-taken anew at every iterate: each factorisation serves a step towards the optimum, which tells how far the barrier can
-fall, and the corrections that keep products of slacks and multipliers equal. Near an optimum that takes less than half
-of fatrop's iterations, whose steps are cut short by slacks that vanish. There is no line search: where steps lead
-nowhere, or not to a minimum, it gives up after a few, and another solver has to be asked.
+taken anew at every iterate. Near an optimum that takes less than half of fatrop's iterations, whose steps are cut short
+by slacks that vanish. There is no line search: where steps lead nowhere, or not to a minimum, it gives up after a few,
+and another solver has to be asked.
 """
 
 import sys
@@ -12,93 +11,75 @@ import sys
 import numpy as np
 
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.interface import Bounds, Ending, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.riccati import StageSystem
 from airrace.records import record
 from airrace.trajectory import Array
 
-ITERATIONS_MAX = 15
-"""The number of iterations after which steps are given up.
-
-Of 61 solves on refined meshes of the shipped courses 60 led to an optimum, after 8 at most; fatrop took 8 to 23.
-"""
-LARGEST_STEP = 1e3
-"""The largest change of a scaled unknown that is believed."""
-FIRST_BARRIER = 1e-5
-"""The least first value of the barrier parameter: with less, slacks are so small that more steps are cut short."""
-LAST_BARRIER = 0.1
-"""The last value of the barrier parameter, as a part of the tolerance."""
-ADDED = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-"""The numbers that are added to the diagonal in turn, until a step leads to a minimum.
-
-The first is always added: some controls matter so little, such as the throttle just before the end, that they would
-move by their whole range from step to step, in up to 25 iterations of a solve. With 1e-5 all take a third more.
-"""
-_PENALTY = 1e-6  # the inverse of the weight of equalities; what is left of them the next step sees to
-_CORRECTIONS_MAX = 3
-_LONGER = 0.3  # by so much a correction tries to lengthen the step [Gondzio 1996]
-_WORTHWHILE = 0.02  # the least that it has to win
-_LONG_ENOUGH = 0.95  # the step from which on there is none
-_SPREAD = 10.0  # products of slack and multiplier are kept within this factor of the barrier parameter
-_MOST_OF_THE_WAY = 0.99  # to where the first slack vanishes
-
 
 @record
-class Found:
-    """The answer: unknowns w (n_w,), multipliers of the constraints (n_g,), and whether it is an optimum."""
+class Parameters:
+    """The constants of the method.
 
-    w: Array
-    lam_g: Array
-    optimal: bool
-    iterations: int
+    Attributes:
+        iterations_max: after which steps are given up. Of 61 solves on refined meshes of the shipped courses 60 led to
+            an optimum, after 8 at most; fatrop took 8 to 23.
+        largest_step: the largest believable change of a scaled unknown.
+        first_barrier: least first value of the barrier parameter: with less, slacks are so small that more steps are
+            cut short.
+        last_barrier: last value of the barrier parameter, as a part of the tolerance.
+        diagonal: numbers added to the diagonal in turn, until a step leads to a minimum. The first is always added:
+            some controls matter so little, such as the throttle just before the end, that they would move by their
+            whole range from step to step, in up to 25 iterations of a solve. With 1e-5 all take a third more.
+        equality_weight: of the penalty on equalities; what is left of them the next step sees to.
+        corrections_max, step_gain, least_gain, long_enough: of Gondzio's corrections: how many, by how much one tries
+            to lengthen the step, the least that it has to win, and the step from which on there is none.
+        spread: products of slack and multiplier are kept within this factor of the barrier parameter.
+        boundary_fraction: part of the way to where the first slack vanishes.
+    """
+
+    iterations_max: int = 15
+    largest_step: float = 1e3
+    first_barrier: float = 1e-5
+    last_barrier: float = 0.1
+    diagonal: tuple[float, ...] = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    equality_weight: float = 1e6
+    corrections_max: int = 3
+    step_gain: float = 0.3
+    least_gain: float = 0.02
+    long_enough: float = 0.95
+    spread: float = 10.0
+    boundary_fraction: float = 0.99
 
 
-@record
-class _Sides:
+PARAMETERS = Parameters()
+
+
+class _OneSidedBounds:
     """The finite sides of inequalities of (rows, unknowns): places, bounds and signs, 1 for lower sides."""
 
-    places: Indices
-    bounds: Array
-    signs: Array
-    size: int
-
-    @classmethod
-    def of(cls, lower: Array, upper: Array) -> "_Sides":
+    def __init__(self, lower: Array, upper: Array) -> None:
         below = np.flatnonzero((lower != upper) & np.isfinite(lower))
         above = np.flatnonzero((lower != upper) & np.isfinite(upper))
-        signs = np.concatenate([np.ones(len(below)), -np.ones(len(above))])
-        bounds = np.concatenate([lower[below], upper[above]])
-        return cls(np.concatenate([below, above]), bounds, signs, len(lower))
-
-    def slacks(self, values: Array) -> Array:
-        """Return how far values of (rows, unknowns) are from the bounds."""
-        return self.signs * (values[self.places] - self.bounds)
+        self.places = np.concatenate([below, above])
+        self.bounds = np.concatenate([lower[below], upper[above]])
+        self.signs = np.concatenate([np.ones(len(below)), -np.ones(len(above))])
+        self.size = len(lower)
 
     def changes(self, values: Array) -> Array:
         """Return what changes of (rows, unknowns) are for the slacks."""
         return self.signs * values[self.places]
 
-    def summed(self, sides: Array) -> Array:
+    def sum(self, sides: Array) -> Array:
         """Return the sums over both sides of every row and unknown."""
         return np.bincount(self.places, sides, self.size).astype(np.float64, copy=False)
-
-    def transposed(self, sides: Array) -> Array:
-        """Return the transpose of `changes` times multipliers of the sides."""
-        return self.summed(self.signs * sides)
 
 
 @record
 class _Point:
-    """The unknowns, or their changes in a step.
-
-    Attributes:
-        w: unknowns (n_w,).
-        y: multipliers of the gaps (n_y,).
-        e: multipliers of equalities.
-        s, z: slacks of the sides and their multipliers.
-    """
+    """The unknowns w (n_w,), multipliers y of the gaps (n_y,) and e of equalities, slacks s of the sides and their
+    multipliers z; or the changes of all these in a step."""
 
     w: Array
     y: Array
@@ -106,7 +87,7 @@ class _Point:
     s: Array
     z: Array
 
-    def moved(self, step: "_Point", primal: float, dual: float) -> "_Point":
+    def advance(self, step: "_Point", primal: float, dual: float) -> "_Point":
         """Return the point after parts of a step."""
         return _Point(
             self.w + primal * step.w,
@@ -118,7 +99,6 @@ class _Point:
 
     @property
     def products(self) -> Array:
-        """The products of slacks and multipliers."""
         return self.s * self.z
 
 
@@ -139,17 +119,7 @@ class PredictorCorrector:
         self._functions = functions
         self._system = StageSystem(functions.assembly)
 
-    def solve(
-        self,
-        guess: Array,
-        bounds: Bounds,
-        p: Array,
-        multipliers: Array,
-        *,
-        tolerance: float,
-        barrier: float,
-        iterations_max: int,
-    ) -> Found:
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array, options: SolverOptions) -> SolverResult:
         """Solve from a guess.
 
         Args:
@@ -157,59 +127,69 @@ class PredictorCorrector:
             bounds: of unknowns and constraints.
             p: the parameters.
             multipliers: of (g, w), shape (n_g + n_w,); those of equalities are not asked for.
-            tolerance: on the scaled conditions of optimality.
-            barrier: first value of the barrier parameter.
-            iterations_max: number of iterations after which it gives up, if not sooner.
+            options: tolerance, first value of the barrier parameter, number of iterations.
 
         Raises:
             SolverCrash: the program could not be evaluated.
         """
         self._functions.p[:] = p
         self._functions.forget()
-        run = _Run(self._functions, self._system, bounds, tolerance, barrier)
-        return run.found(guess, multipliers, min(iterations_max, ITERATIONS_MAX))
+        return _Run(self._functions, self._system, bounds, options).solve(guess, multipliers)
 
 
 class _Run:
-    def __init__(
-        self, functions: Evaluation, system: StageSystem, bounds: Bounds, tolerance: float, barrier: float
-    ) -> None:
+    def __init__(self, functions: Evaluation, system: StageSystem, bounds: Bounds, options: SolverOptions) -> None:
         layout = functions.assembly.layout
-        self._functions, self._system = functions, system
+        self._functions, self._system, self._options = functions, system, options
         self._gaps, self._rows = layout.gap_index.ravel(), layout.row_index
         lower = np.concatenate([bounds.g_lower[self._rows], bounds.lower])
         upper = np.concatenate([bounds.g_upper[self._rows], bounds.upper])
-        self._sides = _Sides.of(lower, upper)
+        self._sides = _OneSidedBounds(lower, upper)
         self._equal = np.flatnonzero(lower == upper)
         self._targets, self._jumps = lower[self._equal], bounds.g_lower[self._gaps]
-        self._tolerance = tolerance
-        self._barrier = max(barrier, FIRST_BARRIER)
-        self._least = min(LAST_BARRIER * tolerance, barrier)
+        self._barrier = max(options.barrier, PARAMETERS.first_barrier)
+        self._least = min(PARAMETERS.last_barrier * options.tolerance, options.barrier)
 
-    def found(self, guess: Array, multipliers: Array, iterations_max: int) -> Found:
+    def solve(self, guess: Array, multipliers: Array) -> SolverResult:
         if len(self._sides.places) == 0:  # there is no barrier
-            return Found(guess, np.zeros(len(self._functions.g)), False, 0)
-        point, iteration = self._first(guess, multipliers), 0
+            return self._result(guess, np.zeros(len(self._functions.g)), Ending.NO_STEP, 0)
+        iterations_max = min(self._options.iterations_max, PARAMETERS.iterations_max)
+        point, iteration, ending = self._first(guess, multipliers), 0, Ending.NO_STEP
         for iteration in range(iterations_max + 1):
             residuals = self._residuals(point)
             if residuals is None:
+                ending = Ending.NOT_FINITE
                 break
             error, infeasibility = self._errors(point, residuals)
             sys.stdout.write(f"{iteration:4d} {self._functions.f:.8e} {infeasibility:.2e} predictor-corrector\n")
-            if error <= self._tolerance:
-                return Found(self._kept(point.w), self._all_multipliers(point), True, iteration)
-            if iteration == iterations_max or not self._factorised(point):
+            if error <= self._options.tolerance:
+                w = self._restore_fixed(point.w)
+                return self._result(w, self._multipliers(point), Ending.OPTIMAL, iteration)
+            if iteration == iterations_max:
+                ending = Ending.ITERATION_LIMIT
                 break
-            following = self._next(point, residuals)
+            following = self._next(point, residuals) if self._factorise(point) else None
             if following is None:
                 break
             point = following
-        return Found(point.w, self._all_multipliers(point), False, iteration)
+        return self._result(point.w, self._multipliers(point), ending, iteration)
 
-    def _factorised(self, point: _Point) -> bool:
+    def _result(self, w: Array, lam_g: Array, ending: Ending, iterations: int) -> SolverResult:
+        return SolverResult(
+            w=w,
+            lam_g=lam_g,
+            objective=self._functions.f,
+            ending=ending,
+            status="solved by predictor-corrector steps",
+            success=ending is Ending.OPTIMAL,
+            iterations=iterations,
+            derivative_seconds=self._functions.seconds,
+        )
+
+    def _factorise(self, point: _Point) -> bool:
         """Factorise, with as much added to the diagonal as makes the step lead to a minimum."""
         weights = self._weights(point.z / point.s)
-        for added in ADDED:
+        for added in PARAMETERS.diagonal:
             weights[len(self._rows) :] += added
             if self._system.factorise(weights):
                 return True
@@ -223,17 +203,17 @@ class _Run:
         functions, sides = self._functions, self._sides
         functions.w[:] = guess
         functions.values()
-        slacks = sides.slacks(self._values(guess))
+        slacks = sides.signs * (self._values(guess)[sides.places] - sides.bounds)
         known = np.concatenate([multipliers[self._rows], multipliers[len(functions.g) :]])
         z = np.maximum(-sides.changes(known), 0.0)
         point = _Point(guess, np.zeros(len(self._gaps)), np.zeros(len(self._equal)), slacks, z)
         functions.lam_f = 1.0
-        functions.lam_g[:] = self._all_multipliers(point)
+        functions.lam_g[:] = self._multipliers(point)
         functions.slope()
         stationarity = functions.gradient + self._of_values(point)[len(self._rows) :]
         self._system.write_identity(functions.linear())
         self._system.factorise(self._weights(np.zeros_like(z)))
-        _, y, e, _ = self._solved(-stationarity, np.zeros_like(point.y), np.zeros_like(point.e))
+        _, y, e, _ = self._solve_system(-stationarity, np.zeros_like(point.y), np.zeros_like(point.e))
         self._system.clear()
         at_rest = np.sqrt(self._barrier)
         z = np.where(z >= slacks, np.maximum(z, at_rest), self._barrier / np.maximum(slacks, at_rest))
@@ -241,9 +221,9 @@ class _Run:
 
     def _residuals(self, point: _Point) -> _Residuals | None:
         """Evaluate the program at a point; None where its numbers are none."""
-        functions = self._functions
+        functions, sides = self._functions, self._sides
         functions.w[:] = point.w
-        functions.lam_g[:] = self._all_multipliers(point)
+        functions.lam_g[:] = self._multipliers(point)
         functions.values()
         finite = self._system.write(functions.linear(), functions.curved())
         values = self._values(point.w)
@@ -251,7 +231,7 @@ class _Run:
             functions.gradient + self._of_values(point)[len(self._rows) :],
             functions.g[self._gaps] - self._jumps,
             values[self._equal] - self._targets,
-            self._sides.slacks(values) - point.s,
+            sides.signs * (values[sides.places] - sides.bounds) - point.s,
         )
         return found if finite and np.isfinite(functions.f) and np.isfinite(found.stationarity).all() else None
 
@@ -267,65 +247,63 @@ class _Run:
         """Return the next point; None where the step is not to be believed."""
         average = float(point.products.mean())
         predicted = self._step(point, residuals, -point.products)
-        primal, dual = _longest(point, predicted, 1.0)
-        ahead = float(point.moved(predicted, primal, dual).products.mean())
+        primal, dual = _step_lengths(point, predicted, 1.0)
+        ahead = float(point.advance(predicted, primal, dual).products.mean())
         barrier = max(min(1.0, (ahead / average) ** 3) * average, self._least)
-        most = _SPREAD**2 * max(average, barrier)
+        most = PARAMETERS.spread**2 * max(average, barrier)
         second_order = np.clip(predicted.products, -most, most)
         step = self._step(point, residuals, barrier - point.products - second_order)
-        step, primal, dual = self._centred(point, step, barrier)
-        if not (np.isfinite(step.w).all() and _largest(step.w) < LARGEST_STEP):
+        step, primal, dual = self._correct(point, step, barrier)
+        if not (np.isfinite(step.w).all() and _largest(step.w) < PARAMETERS.largest_step):
             return None
-        return point.moved(step, primal, dual)
+        return point.advance(step, primal, dual)
 
-    def _centred(self, point: _Point, step: _Point, barrier: float) -> tuple[_Point, float, float]:
-        """Return the step with corrections that lengthen it, and its lengths."""
-        reach = max(_MOST_OF_THE_WAY, 1.0 - barrier)
-        primal, dual = _longest(point, step, reach)
-        for _ in range(_CORRECTIONS_MAX):
-            if min(primal, dual) > _LONG_ENOUGH:
+    def _correct(self, point: _Point, step: _Point, barrier: float) -> tuple[_Point, float, float]:
+        """Return the step with Gondzio's corrections, which lengthen it, and its lengths."""
+        gain, spread = PARAMETERS.step_gain, PARAMETERS.spread
+        reach = max(PARAMETERS.boundary_fraction, 1.0 - barrier)
+        primal, dual = _step_lengths(point, step, reach)
+        for _ in range(PARAMETERS.corrections_max):
+            if min(primal, dual) > PARAMETERS.long_enough:
                 break
-            products = point.moved(step, min(1.0, primal + _LONGER), min(1.0, dual + _LONGER)).products
-            wanted = np.clip(products, barrier / _SPREAD, _SPREAD * barrier) - products
+            products = point.advance(step, min(1.0, primal + gain), min(1.0, dual + gain)).products
+            wanted = np.clip(products, barrier / spread, spread * barrier) - products
             nothing = _Residuals(*(np.zeros_like(one) for one in (point.w, point.y, point.e, point.s)))
-            correction = self._step(point, nothing, np.maximum(wanted, -_SPREAD * barrier))
-            corrected = step.moved(correction, 1.0, 1.0)
-            longer = _longest(point, corrected, reach)
-            if sum(longer) < primal + dual + _WORTHWHILE:
+            correction = self._step(point, nothing, np.maximum(wanted, -spread * barrier))
+            candidate = step.advance(correction, 1.0, 1.0)
+            longer = _step_lengths(point, candidate, reach)
+            if sum(longer) < primal + dual + PARAMETERS.least_gain:
                 break
-            step, (primal, dual) = corrected, longer
+            step, (primal, dual) = candidate, longer
         return step, primal, dual
 
     def _step(self, point: _Point, residuals: _Residuals, products: Array) -> _Point:
         """Return the step after which the linear conditions hold, and slack times multiplier changes so."""
+        sides = self._sides
         z = (products - point.z * residuals.slacks) / point.s
-        pull = self._system.transposed(self._sides.transposed(z))
-        w, y, e, changes = self._solved(pull - residuals.stationarity, -residuals.gaps, -residuals.equalities)
-        moved = self._sides.changes(changes)
+        pull = self._system.transpose_multiply(sides.sum(sides.signs * z))
+        w, y, e, changes = self._solve_system(pull - residuals.stationarity, -residuals.gaps, -residuals.equalities)
+        moved = sides.changes(changes)
         return _Point(w, y, e, moved + residuals.slacks, z - point.z / point.s * moved)
 
-    def _solved(self, stationarity: Array, gaps: Array, equalities: Array) -> tuple[Array, Array, Array, Array]:
-        """Solve the factorised system.
-
-        Returns:
-            The changes of unknowns, of the multipliers of gaps and of equalities, and of (rows, unknowns).
-        """
+    def _solve_system(self, stationarity: Array, gaps: Array, equalities: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the changes of unknowns, of the multipliers of gaps and of equalities, and of (rows, unknowns)."""
+        penalty = 1.0 / PARAMETERS.equality_weight
         pull = np.zeros(self._sides.size)
-        pull[self._equal] = equalities / _PENALTY
-        w, y = self._system.solve(stationarity + self._system.transposed(pull), gaps)
+        pull[self._equal] = equalities / penalty
+        w, y = self._system.solve(stationarity + self._system.transpose_multiply(pull), gaps)
         changes = self._system.values(w)
-        e = (changes[self._equal] - equalities) / _PENALTY
-        return w, y, e, changes
+        return w, y, (changes[self._equal] - equalities) / penalty, changes
 
-    def _kept(self, w: Array) -> Array:
+    def _restore_fixed(self, w: Array) -> Array:
         """Return the unknowns with those that are given as they are given, of which a penalty leaves 1e-11."""
         values = np.concatenate([np.zeros(len(self._rows)), w])
         values[self._equal] = self._targets
         return values[len(self._rows) :]
 
     def _weights(self, of_sides: Array) -> Array:
-        weights = self._sides.summed(of_sides)
-        weights[self._equal] = 1.0 / _PENALTY
+        weights = self._sides.sum(of_sides)
+        weights[self._equal] = PARAMETERS.equality_weight
         return weights
 
     def _values(self, w: Array) -> Array:
@@ -333,11 +311,11 @@ class _Run:
 
     def _of_values(self, point: _Point) -> Array:
         """Return the multipliers of (rows, unknowns), positive where an upper bound is pressed on."""
-        multipliers = -self._sides.transposed(point.z)
+        multipliers = -self._sides.sum(self._sides.signs * point.z)
         multipliers[self._equal] += point.e
         return multipliers
 
-    def _all_multipliers(self, point: _Point) -> Array:
+    def _multipliers(self, point: _Point) -> Array:
         """Return the multipliers of the constraints."""
         multipliers = np.zeros(len(self._functions.g))
         multipliers[self._gaps] = point.y
@@ -345,7 +323,7 @@ class _Run:
         return multipliers
 
 
-def _longest(point: _Point, step: _Point, reach: float) -> tuple[float, float]:
+def _step_lengths(point: _Point, step: _Point, reach: float) -> tuple[float, float]:
     """Return how far slacks and multipliers can go, at most the whole step and a part of the way to zero."""
     ratios = (float((change / value).min(initial=0.0)) for value, change in ((point.s, step.s), (point.z, step.z)))
     primal, dual = (1.0 if ratio >= -reach else -reach / ratio for ratio in ratios)

@@ -1,20 +1,18 @@
 """The Newton step of a program of stages by the native Riccati recursion, `riccati.c`.
 
-The matrices of all stages are dense
-and lie one behind the other. Constraints besides the gaps (rows) and simple bounds enter with weights, which an
-interior point method has for inequalities and a penalty for equalities.
+The matrices of all stages are dense and lie one behind the other. Constraints besides the gaps (rows) and simple bounds
+enter with weights, which an interior point method has for inequalities and a penalty for equalities.
 """
 
 import ctypes
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.sparse_assembly import Entries, Memory, StageAssembly, chosen, unique_rows
+from airrace.optimal_control.constraint_rows import Indices
+from airrace.optimal_control.sparse_assembly import Entries, Memory, StageAssembly, unique_rows
 from airrace.trajectory import Array
 
 MOST_UNKNOWNS = 64
@@ -35,12 +33,10 @@ class StageSystem:
         native = library()
         assert native is not None  # see `available`
         self._native = native.evaluator
-        self._assembly = assembly
         sizes = layout.stage_states + layout.stage_controls
         self._states = int(layout.stage_states[0])
         self._sizes, self._rows = sizes.astype(np.int32), layout.stage_rows.astype(np.int32)
-        self.unknowns, self.gaps = layout.unknowns, layout.gap_index.size
-        self.rows = len(layout.row_index)
+        self.unknowns, self.gaps, self.rows = layout.unknowns, layout.gap_index.size, len(layout.row_index)
         dynamics, rows = self._states * sizes[:-1], layout.stage_rows * sizes
         self._matrices = Memory(np.zeros(int((sizes**2).sum())), _begins(sizes**2)[:, None])
         self._dynamics = int(dynamics.sum())
@@ -49,54 +45,46 @@ class StageSystem:
         self._factors = np.zeros_like(self._matrices.doubles)
         self._first = np.zeros(self._states**2)
         self._room = np.zeros(self.unknowns), np.zeros(self._states * len(sizes))
+        place = np.arange(self.unknowns) - _begins(sizes)[layout.stage_of_unknown]
+        begins, size = self._matrices.begins[layout.stage_of_unknown, 0], sizes[layout.stage_of_unknown]
+        self._diagonal = begins + place * (size + 1)
+        self._hessian = self._hessian_assembly(assembly, sizes, place)
+        self._jacobian = self._jacobian_assembly(assembly, sizes, place)
 
-    @cached_property
-    def _place(self) -> Indices:
-        """The places of the unknowns within their stages."""
-        layout = self._assembly.layout
-        return np.arange(self.unknowns) - _begins(self._sizes.astype(np.int64))[layout.stage_of_unknown]
+    def _hessian_assembly(self, assembly: Assembly, sizes: Indices, place: Indices) -> StageAssembly:
+        kind, first = unique_rows(assembly.structure_keys(rows=False))
+        sums = assembly.hessian_of(first)
+        stage = assembly.layout.stage_of_unknown[sums.rows]
+        return StageAssembly(sums, Entries(stage, place[sums.columns] * sizes[stage] + place[sums.rows]), kind)
 
-    @cached_property
-    def _hessian(self) -> StageAssembly:
-        kind, first = unique_rows(self._assembly.alike(rows=False))
-        sums = self._assembly.hessian_of(chosen(first, len(self._sizes)))
-        stage = self._assembly.layout.stage_of_unknown[sums.rows]
-        offsets = self._place[sums.columns] * self._sizes[stage] + self._place[sums.rows]
-        return StageAssembly(sums, _entries(stage, np.zeros_like(stage), offsets), kind)
-
-    @cached_property
-    def _jacobian(self) -> StageAssembly:
+    def _jacobian_assembly(self, assembly: Assembly, sizes: Indices, place: Indices) -> StageAssembly:
         """The Jacobian: of the gaps with the other sign and without the next states, of the rows as it is."""
-        layout = self._assembly.layout
-        kind, first = unique_rows(self._assembly.alike(rows=True))
-        sums = self._assembly.jacobian_of(chosen(first, len(self._sizes)))
-        number = np.full(layout.constraints, -1)
+        layout = assembly.layout
+        kind, first = unique_rows(assembly.structure_keys(rows=True))
+        sums = assembly.jacobian_of(first)
+        number, stage_of, is_row = (np.zeros(layout.constraints, dtype=np.int64) for _ in range(3))
         number[layout.gap_index] = np.arange(self._states)
         number[layout.row_index] = np.arange(self.rows) - _begins(layout.stage_rows)[layout.rows.node]
-        stage_of = np.empty(layout.constraints, dtype=np.int64)
         stage_of[layout.gap_index] = np.arange(layout.intervals)[:, None]
         stage_of[layout.row_index] = layout.rows.node
-        is_row = np.zeros(layout.constraints, dtype=np.int64)
         is_row[layout.row_index] = 1
         own = np.flatnonzero(layout.stage_of_unknown[sums.columns] == stage_of[sums.rows])
-        constraint, place = sums.rows[own], self._place[sums.columns[own]]
+        constraint, column = sums.rows[own], place[sums.columns[own]]
         stage, family = stage_of[constraint], is_row[constraint]
-        as_row = number[constraint] * self._sizes[stage] + place
-        as_gap = place * self._states + number[constraint]
-        entries = _entries(stage, family, np.where(family == 1, as_row, as_gap))
-        return StageAssembly(sums.chosen(own, np.where(family == 1, 1.0, -1.0)), entries, kind)
+        as_row = number[constraint] * sizes[stage] + column
+        as_gap = column * self._states + number[constraint]
+        entries = Entries(stage, np.where(family == 1, as_row, as_gap), family)
+        return StageAssembly(sums.choose(own, np.where(family == 1, 1.0, -1.0)), entries, kind)
 
     def write(self, linear: Array, curved: Array) -> bool:
-        """Take the derivatives at a point, drawn from what `Evaluation` returns; return whether all are finite."""
+        """Take the derivatives at a point, as `Evaluation` returns them; return whether all are finite."""
         finite = self._jacobian.write(linear, self._constraints)
         return self._hessian.write(curved, self._matrices) and finite
 
     def write_identity(self, linear: Array) -> bool:
         """Take the Jacobian alone, with ones in the place of the Hessian; return whether all are finite."""
-        begins, sizes = self._matrices.begins[:, 0], self._sizes.astype(np.int64)
-        self._matrices.doubles[:] = 0.0
-        stage = self._assembly.layout.stage_of_unknown
-        self._matrices.doubles[begins[stage] + self._place * (sizes[stage] + 1)] = 1.0
+        self.clear()
+        self._matrices.doubles[self._diagonal] = 1.0
         return self._jacobian.write(linear, self._constraints)
 
     def clear(self) -> None:
@@ -110,49 +98,32 @@ class StageSystem:
             Whether the step leads to a minimum: the matrix has the inertia that it has at one.
         """
         of_rows, of_bounds = np.split(np.ascontiguousarray(weights), [self.rows])
-        wrong: int = self._native.riccati_factorise(
-            len(self._sizes),
-            self._states,
-            _at(self._sizes),
-            _at(self._matrices.doubles),
-            _at(self._constraints.doubles),
-            _at(self._rows),
-            _at(self._constraints.doubles[self._dynamics :]),
-            _at(of_rows),
-            _at(of_bounds),
-            _at(self._factors),
-            _at(self._first),
-        )
+        constraints = self._constraints.doubles
+        arrays = (self._sizes, self._matrices.doubles, constraints, self._rows, constraints[self._dynamics :])
+        arrays = (*arrays, of_rows, of_bounds, self._factors, self._first)
+        wrong: int = self._native.riccati_factorise(len(self._sizes), self._states, *map(_address, arrays))
         return wrong == 0
 
     def solve(self, stationarity: Array, gaps: Array) -> tuple[Array, Array]:
         """Return the unknowns (n_w,) and the multipliers of the gaps (n_y,) for right-hand sides of the same shapes."""
         step, multipliers = np.empty(self.unknowns), np.empty(self.gaps)
-        self._native.riccati_solve(
-            len(self._sizes),
-            self._states,
-            _at(self._sizes),
-            _at(self._constraints.doubles),
-            _at(self._factors),
-            _at(self._first),
-            *map(_at, (np.ascontiguousarray(stationarity), np.ascontiguousarray(gaps), *self._room, step, multipliers)),
-        )
+        arrays = (self._sizes, self._constraints.doubles, self._factors, self._first)
+        arrays = (*arrays, np.ascontiguousarray(stationarity), np.ascontiguousarray(gaps), *self._room)
+        self._native.riccati_solve(len(self._sizes), self._states, *map(_address, (*arrays, step, multipliers)))
         return step, multipliers
 
     def values(self, step: Array) -> Array:
         """Return the changes of rows and unknowns with a step, shape (n_r + n_w,)."""
         result = np.concatenate([np.empty(self.rows), step])
-        rows = self._constraints.doubles[self._dynamics :]
-        arrays = map(_at, (self._sizes, self._rows, rows, result[self.rows :], result))
-        self._native.riccati_rows(len(self._sizes), *arrays)
+        arrays = (self._sizes, self._rows, self._constraints.doubles[self._dynamics :], result[self.rows :], result)
+        self._native.riccati_rows(len(self._sizes), *map(_address, arrays))
         return result
 
-    def transposed(self, values: Array) -> Array:
+    def transpose_multiply(self, values: Array) -> Array:
         """Return the transpose of `values` times multipliers of rows and unknowns, shape (n_w,)."""
-        result = values[self.rows :].copy()
-        rows = self._constraints.doubles[self._dynamics :]
-        arrays = map(_at, (self._sizes, self._rows, rows, np.ascontiguousarray(values), result))
-        self._native.riccati_rows_transposed(len(self._sizes), *arrays)
+        result, multipliers = values[self.rows :].copy(), np.ascontiguousarray(values)
+        arrays = (self._sizes, self._rows, self._constraints.doubles[self._dynamics :], multipliers, result)
+        self._native.riccati_rows_transposed(len(self._sizes), *map(_address, arrays))
         return result
 
 
@@ -160,9 +131,5 @@ def _begins(sizes: Indices) -> Indices:
     return np.cumsum(sizes) - sizes
 
 
-def _entries(stages: Indices, families: Indices, offsets: Indices) -> Entries:
-    return Entries(stages, families, offsets, np.full(len(stages), -1))
-
-
-def _at(array: Array | NDArray[np.int32]) -> ctypes.c_void_p:
+def _address(array: Array | NDArray[np.int32]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)

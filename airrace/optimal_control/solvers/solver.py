@@ -1,13 +1,11 @@
 """The solution of a transcribed problem: one nonlinear program, two solvers, one form of answer.
 
-A solve that fails is a value: `Solution.success` is False and `status` holds the solver's own words.
+A solve that fails is a value: `Solution.success` is False, `ending` says why, `status` in the solver's own words.
 """
 
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -21,37 +19,11 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
 from airrace.optimal_control.solvers.fatrop.solver import FatropSolver
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
 from airrace.records import record
 from airrace.trajectory import Array
-
-
-@record
-class SolverOptions:
-    """The tolerance, the number of iterations and the barrier that a solver is given.
-
-    Attributes:
-        tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
-        iterations_max: number of iterations after which a solve has failed.
-        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
-            that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
-        exact: whether bounds are kept as they are, which fatrop relaxes by 1e-8.
-    """
-
-    tolerance: float = 1e-7
-    iterations_max: int = 500
-    barrier: float = 0.1
-    exact: bool = False
-
-
-@record
-class Multipliers:
-    """The multipliers of the scaled program: of its constraints (n_g,) and of its simple bounds (n_w,)."""
-
-    constraints: Array
-    bounds: Array
 
 
 @record
@@ -60,9 +32,9 @@ class Solution:
 
     Attributes:
         solver: its name.
-        status: its own words.
+        ending: why it ended.
+        status: the same in its own words.
         success: whether it claims an optimum.
-        infeasible: whether it claims that there is no feasible point nearby.
         iterate: the last iterate, SI.
         multipliers: of the scaled program.
         objective: value of the objective.
@@ -74,9 +46,9 @@ class Solution:
     """
 
     solver: str
+    ending: Ending
     status: str
     success: bool
-    infeasible: bool
     iterate: Iterate
     multipliers: Multipliers
     objective: float
@@ -86,9 +58,22 @@ class Solution:
     seconds: float
     derivative_seconds: float
 
+    @property
+    def infeasible(self) -> bool:
+        """Whether the solver claims that there is no feasible point nearby."""
+        return self.ending in (Ending.INFEASIBLE, Ending.CROSSED_BOUNDS)
+
     @classmethod
-    def unsolved(
-        cls, problem: Problem, guess: Iterate, solver: str, status: str, *, iterations: int = 0, seconds: float = 0.0
+    def without_answer(
+        cls,
+        problem: Problem,
+        guess: Iterate,
+        solver: str,
+        ending: Ending,
+        status: str = "",
+        *,
+        iterations: int = 0,
+        seconds: float = 0.0,
     ) -> "Solution":
         """Return what is known where no solver came back, or none was asked: the guess, of which nothing is measured.
 
@@ -96,16 +81,17 @@ class Solution:
             problem: that was to be solved.
             guess: of it.
             solver: that was, or would have been, asked.
-            status: why there is no answer.
+            ending: why there is no answer.
+            status: the same for people; by default the ending's own sentence.
             iterations: that were reported nevertheless.
             seconds: that were waited.
         """
         layout = Layout(problem)
         return cls(
             solver=solver,
-            status=status,
+            ending=ending,
+            status=status or ending.value,
             success=False,
-            infeasible=False,
             iterate=guess,
             multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
             objective=np.nan,
@@ -114,119 +100,6 @@ class Solution:
             iterations=iterations,
             seconds=seconds,
             derivative_seconds=np.nan,
-        )
-
-
-@record
-class Answer:
-    """The result of a solver: the last unknowns w (n_w,), the multipliers of the constraints (n_g,), how it went."""
-
-    w: Array
-    lam_g: Array
-    objective: float
-    status: str
-    success: bool
-    iterations: int
-    derivative_seconds: float
-
-
-class SolverInstance(Protocol):
-    """A solver set up for one program."""
-
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
-        """Solve for these numbers; the multipliers are a guess too."""
-        ...
-
-
-class Solver(ABC):
-    """A solver for nonlinear programs, set up once per structure.
-
-    Attributes:
-        name: that settings know.
-        begins_with_multipliers: whether a guess of the multipliers changes where it begins.
-        effort: the processor time of an iteration, in those of fatrop (1).
-    """
-
-    name: str
-    begins_with_multipliers = False
-    effort = 1
-
-    @abstractmethod
-    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
-        """Set up the solver for a program that these functions evaluate."""
-
-    def infeasible(self, status: str) -> bool:
-        """Return whether a status claims local infeasibility."""
-        return "infeasible" in status.lower()
-
-
-NEAR_BARRIER = 1e-5
-"""The largest first value of the barrier parameter of a solve that begins near its optimum.
-
-From another stage, with 1e-4, predictor-corrector steps lead astray: they took as long as fatrop, or failed.
-"""
-
-
-class Fatrop(Solver):
-    """The Riccati-structured interior point method fatrop (Vanroye et al.).
-
-    Near an optimum with known multipliers predictor-corrector steps come first, with the native library.
-    """
-
-    name = "fatrop"
-    begins_with_multipliers = True
-
-    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
-        require_known_interface()
-        solver = FatropSolver(functions, fatrop_options(options), exact=options.exact)
-        near = options.barrier <= NEAR_BARRIER and riccati.available(functions.assembly)
-        return _ReadyFatrop(solver, functions, options, PredictorCorrector(functions) if near else None)
-
-
-@record
-class _ReadyFatrop:
-    solver: FatropSolver
-    functions: Evaluation
-    options: SolverOptions
-    near: PredictorCorrector | None
-
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
-        known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
-        if known is None or self.near is None:
-            return self._by_fatrop(guess, bounds, p, known)
-        options = self.options
-        found = self.near.solve(
-            guess,
-            bounds,
-            p,
-            known,
-            tolerance=options.tolerance,
-            barrier=options.barrier,
-            iterations_max=options.iterations_max,
-        )
-        if not found.optimal:
-            answer = self._by_fatrop(guess, bounds, p, known)
-            return replace(answer, iterations=answer.iterations + found.iterations)
-        return Answer(
-            w=found.w,
-            lam_g=found.lam_g,
-            objective=self.functions.f,
-            status="solved by predictor-corrector steps",
-            success=True,
-            iterations=found.iterations,
-            derivative_seconds=self.functions.seconds,
-        )
-
-    def _by_fatrop(self, guess: Array, bounds: Bounds, p: Array, known: Array | None) -> Answer:
-        result = self.solver.solve(guess, bounds, p, known)
-        return Answer(
-            w=result.w,
-            lam_g=result.lam_g,
-            objective=result.objective,
-            status=result.status,
-            success=result.success,
-            iterations=result.iterations,
-            derivative_seconds=result.derivative_seconds,
         )
 
 
@@ -248,33 +121,61 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
     }
 
 
+class Fatrop(Solver):
+    """The Riccati-structured interior point method fatrop (Vanroye et al.).
+
+    Near an optimum with known multipliers predictor-corrector steps come first, with the native library.
+    """
+
+    begins_with_multipliers = True
+
+    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
+        require_known_interface()
+        self._fatrop = FatropSolver(functions, fatrop_options(options), exact=options.exact)
+        self._options = options
+        near = options.algorithm == "predictor-corrector" and riccati.available(functions.assembly)
+        self._near = PredictorCorrector(functions) if near else None
+
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
+        known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
+        if known is None or self._near is None:
+            return self._fatrop.solve(guess, bounds, p, known)
+        found = self._near.solve(guess, bounds, p, known, self._options)
+        if found.success:
+            return found
+        result = self._fatrop.solve(guess, bounds, p, known)
+        return replace(result, iterations=result.iterations + found.iterations)
+
+
+IPOPT_ENDINGS = {
+    "Solve_Succeeded": Ending.OPTIMAL,
+    "Solved_To_Acceptable_Level": Ending.ACCEPTABLE,
+    "Infeasible_Problem_Detected": Ending.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": Ending.ITERATION_LIMIT,
+    "Restoration_Failed": Ending.NO_BETTER_POINT,
+    "Error_In_Step_Computation": Ending.NO_STEP,
+    "Search_Direction_Becomes_Too_Small": Ending.NO_STEP,
+    "Invalid_Number_Detected": Ending.NOT_FINITE,
+}
+
+
 class Ipopt(Solver):
-    """The solver IPOPT with MUMPS on the same program, which it evaluates through `program_functions.py`.
+    """The solver IPOPT with MUMPS on the same program, which it evaluates through `ipopt_functions.py`.
 
     On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass, and
     fatrop 37 to 47 us.
     """
 
-    name = "ipopt"
     effort = 2
 
-    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
-        settings = {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
-        return _ReadyIpopt(functions, settings)
-
-
-class _ReadyIpopt:
-    def __init__(self, functions: Evaluation, settings: Mapping[str, float | int]) -> None:
+    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
         self._program = ProgramFunctions(functions)
-        self._settings = {
-            "print_time": False,
-            "calc_lam_p": False,
-            "cache": self._program.derivatives,
-            "ipopt": {**settings, "sb": "yes"},
-        }
+        own = {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier, "sb": "yes"}
+        cache = self._program.derivatives
+        self._settings = {"print_time": False, "calc_lam_p": False, "cache": cache, "ipopt": own}
         self._nlpsols: dict[bytes, ca.Function] = {}
 
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
         self._program.begin(p)
         arguments: dict[str, Array] = {"x0": guess, "p": p, "lbx": bounds.lower, "ubx": bounds.upper}
         arguments |= {"lbg": bounds.g_lower, "ubg": bounds.g_upper}
@@ -283,11 +184,13 @@ class _ReadyIpopt:
         nlpsol = self._nlpsol(bounds)
         result = nlpsol(**arguments)
         stats = nlpsol.stats()
-        return Answer(
+        status = str(stats["return_status"])
+        return SolverResult(
             w=np.asarray(result["x"]).ravel(),
             lam_g=np.asarray(result["lam_g"]).ravel(),
             objective=float(result["f"]),
-            status=str(stats["return_status"]),
+            ending=IPOPT_ENDINGS.get(status, Ending.UNKNOWN),
+            status=status,
             success=bool(stats["success"]),
             iterations=int(stats.get("iter_count", 0)),
             derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
@@ -304,16 +207,23 @@ class _ReadyIpopt:
         return self._nlpsols[kinds]
 
 
-SOLVERS: Mapping[str, Solver] = {solver.name: solver for solver in (Fatrop(), Ipopt())}
+SOLVERS: Mapping[str, type[Solver]] = {"fatrop": Fatrop, "ipopt": Ipopt}
+"""The solvers by the names that settings know."""
 
 
 class PreparedProblem:
-    """A problem's structure made ready for one solver; parameters, bounds and guesses may change between solves."""
+    """A problem's structure made ready for one solver; parameters, bounds and guesses may change between solves.
 
-    def __init__(self, layout: Layout, kernels: Kernels, solver: Solver, options: SolverOptions, threads: int) -> None:
+    Args:
+        solver: one of the names in `SOLVERS`, or a solver of that kind.
+    """
+
+    def __init__(
+        self, layout: Layout, kernels: Kernels, solver: str | type[Solver], options: SolverOptions, threads: int = 1
+    ) -> None:
         self._functions = Evaluation(Assembly(layout, kernels), threads)
-        self._solver = solver
-        self._ready = solver.ready(self._functions, options)
+        self._name = solver if isinstance(solver, str) else solver.__name__
+        self._solver = (SOLVERS[solver] if isinstance(solver, str) else solver)(self._functions, options)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
         """Solve with the values of `layout.problem`, which must have the structure this was prepared for."""
@@ -322,35 +232,32 @@ class PreparedProblem:
         start = np.clip(layout.pack(guess), bounds.lower, bounds.upper)
         seconds = 0.0
         if refusal := self._refusal(start, bounds, p):
-            answer = Answer(start, np.zeros(layout.constraints), np.nan, refusal, False, 0, 0.0)
+            unsolved = np.zeros(layout.constraints)
+            result = SolverResult(start, unsolved, np.nan, refusal, refusal.value, False, 0, 0.0)
         else:
             started = time.perf_counter()
-            answer = self._ready.solve(start, bounds, p, multipliers)
+            result = self._solver.solve(start, bounds, p, multipliers)
             seconds = time.perf_counter() - started
-        error, lam_x, worst = kkt_error(self._functions, layout, answer.w, p, answer.lam_g)
+        error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
         return Solution(
-            solver=self._solver.name,
-            status=answer.status,
-            success=answer.success,
-            infeasible=self._solver.infeasible(answer.status),
-            iterate=layout.unpack(answer.w),
-            multipliers=Multipliers(answer.lam_g, lam_x),
-            objective=answer.objective,
+            solver=self._name,
+            ending=result.ending,
+            status=result.status,
+            success=result.success,
+            iterate=layout.unpack(result.w),
+            multipliers=Multipliers(result.lam_g, lam_x),
+            objective=result.objective,
             kkt=error,
             worst=layout.describe(worst),
-            iterations=answer.iterations,
+            iterations=result.iterations,
             seconds=seconds,
-            derivative_seconds=answer.derivative_seconds,
+            derivative_seconds=result.derivative_seconds,
         )
 
-    def _refusal(self, start: Array, bounds: Bounds, p: Array) -> str:
-        """Return why no solver is to be asked; empty if there is no reason.
-
-        Reasons are crossed bounds, and a guess without finite values.
-        """
+    def _refusal(self, start: Array, bounds: Bounds, p: Array) -> Ending | None:
+        """Return why no solver is to be asked: crossed bounds, or a guess without finite values."""
         if (bounds.lower > bounds.upper).any() or (bounds.g_lower > bounds.g_upper).any():
-            return "infeasible: bounds contradict one another"
+            return Ending.CROSSED_BOUNDS
         self._functions.at(start, p)
-        if not (np.isfinite(self._functions.f) and np.isfinite(self._functions.g).all()):
-            return "the guess has no finite objective and constraints"
-        return ""
+        finite = np.isfinite(self._functions.f) and np.isfinite(self._functions.g).all()
+        return None if finite else Ending.INVALID_GUESS

@@ -11,7 +11,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Phase, Problem
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers.solver import SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.boundary_conditions import unsettled
 from airrace.procedure.phase_segments import joined, phase_piece
 from airrace.procedure.solver_session import SolverSession

@@ -26,7 +26,8 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import costates
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.optimal_control.solvers.solver import Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.infeasibility.relaxable import RelaxableParameter
 from airrace.procedure.perturbed import PerturbedProblem

@@ -1,4 +1,4 @@
-"""The probe of fatrop's C interface, which finds out before the first solve whether it is laid out as expected.
+"""The check of fatrop's ABI: before the first solve, is its C interface laid out as expected?
 
 A field that another release inserts into a struct would not be an error to ctypes: callbacks would be called in each
 other's places and results would be read from beside where they stand. So before the first solve of a process a problem
@@ -23,14 +23,14 @@ from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.fatrop.library import OUTPUT
 from airrace.optimal_control.solvers.fatrop.solver import FatropSolver
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.interface import Bounds
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation, System
 
 TESTED = "3.8.2"
 """The release of casadi whose header `tests/optimal_control/test_fatrop_interface.py` compares field by field."""
 
-_CLOSE = 1e-6  # an interior point method stays off its bounds by about its tolerance, 1e-8
+_TOLERANCE = 1e-6  # an interior point method stays off its bounds by about its tolerance, 1e-8
 
 
 @cache
@@ -48,9 +48,8 @@ def require_known_interface() -> None:
     finally:
         OUTPUT.muted = False
     if difference:
-        raise SolverCrash(
-            f"the solver fatrop in casadi {ca.CasadiMeta.version()} is not laid out as in casadi {TESTED}: {difference}"
-        )
+        version = ca.CasadiMeta.version()
+        raise SolverCrash(f"the solver fatrop in casadi {version} is not laid out as in casadi {TESTED}: {difference}")
 
 
 def _difference() -> str:
@@ -59,14 +58,13 @@ def _difference() -> str:
     layout = Layout(problem)
     solver = FatropSolver(Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme))), {"tol": 1e-8})
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    found = solver.solve(
-        np.clip(np.full(layout.unknowns, 0.3), bounds.lower, bounds.upper), bounds, layout.parameter_values()
-    )
+    guess = np.clip(np.full(layout.unknowns, 0.3), bounds.lower, bounds.upper)
+    found = solver.solve(guess, bounds, layout.parameter_values())
     iterate = layout.unpack(found.w)
     numbers = [*iterate.state[0].tolist(), *iterate.control[0].tolist()]
     if not found.success:
         return f"it answers {found.status}"
-    if np.abs(np.array(numbers) - (1.0, 0.5, -0.5)).max() > _CLOSE:
+    if np.abs(np.array(numbers) - (1.0, 0.5, -0.5)).max() > _TOLERANCE:
         return f"the optimum is read as {numbers}"
     if found.reported_iterations != found.hessians:  # one in every iteration
         return f"{found.reported_iterations} iterations are read"

@@ -89,33 +89,21 @@ _FIELDS: dict[str, Any] = {  # Any: ctypes' types have no common public base
 class Interface(Structure):
     """The struct `FatropOcpCInterface`: the callbacks that state a problem; those not set are null.
 
-    The `full_eval_` callbacks return `EVALUATED` and leave nothing for the callbacks per stage.
+    The `full_eval_` callbacks return 1 and leave nothing for the callbacks per stage.
     """
 
     _fields_ = tuple(_FIELDS.items())
 
 
-EVALUATED = 1
-"""The return value of a `full_eval_` callback that has evaluated everything."""
-
 Callback = Callable[..., int]
 
 
 def interface(callbacks: dict[str, Callback]) -> Interface:
-    """Return the interface with these callbacks by field name; it keeps them alive."""
+    """Make the interface with these callbacks by field name; it keeps them alive."""
     result = Interface()
     for name, callback in callbacks.items():
         setattr(result, name, _FIELDS[name](callback))
     return result
-
-
-def number_of_stage(numbers: Sequence[int]) -> Callback:
-    """Return a callback that looks up the number of stage k."""
-
-    def callback(k: int, _: object) -> int:
-        return numbers[k]
-
-    return callback
 
 
 class Output:
@@ -167,12 +155,12 @@ def fatrop() -> ctypes.CDLL:
         SolverCrash: casadi was installed without it.
     """
     try:
-        library = _load("fatrop")
+        library = ctypes.CDLL(_path("fatrop"))
     except FileNotFoundError as error:
         raise SolverCrash(f"the solver fatrop is not part of casadi: {error}") from error
+    # Windows looks for no function in the libraries that a library depends on.
     for name, result, arguments in PROTOTYPES:
-        # Windows looks for no function in the libraries that a library depends on.
-        function = blasfeo()[name] if name.startswith("blasfeo") and os.name == "nt" else library[name]
+        function = (blasfeo() if name.startswith("blasfeo") and os.name == "nt" else library)[name]
         function.restype, function.argtypes = result, arguments
         setattr(library, name, function)
     return library
@@ -180,27 +168,22 @@ def fatrop() -> ctypes.CDLL:
 
 @cache
 def blasfeo() -> ctypes.CDLL:
-    """Return the library of small dense matrices that fatrop depends on.
-
-    Raises:
-        OSError: there is none.
-    """
-    return _load("blasfeo")
+    """Return the library of small dense matrices that fatrop depends on."""
+    return ctypes.CDLL(_path("blasfeo"))
 
 
-def _load(name: str) -> ctypes.CDLL:
-    """Return a library that casadi brings along.
+def _path(name: str) -> str:
+    """Return the path of a library that casadi brings along.
 
     Raises:
         FileNotFoundError: it does not.
-        OSError: it cannot be loaded.
     """
     folder = Path(ca.__file__).parent
     names = [f"lib{name}{suffix}" for suffix in (".so", ".so.0", ".dylib", ".0.dylib", ".dll")]
     path = next((folder / one for one in names if (folder / one).exists()), None)
     if path is None:
         raise FileNotFoundError(f"{folder} holds none of {', '.join(names)}")
-    return ctypes.CDLL(str(path))
+    return str(path)
 
 
 def doubles_at(address: int, count: int) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.sparse_assembly import Memory, unique_rows
 from airrace.trajectory import Array

@@ -10,89 +10,19 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from airrace.errors import SolverCrash
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.solvers.fatrop.library import (
-    EVALUATED,
-    OUTPUT,
-    Callback,
-    doubles_at,
-    fatrop,
-    interface,
-    number_of_stage,
-)
+from airrace.optimal_control.solvers.fatrop.library import OUTPUT, Callback, doubles_at, fatrop, interface
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, memory_of
-from airrace.optimal_control.solvers.fatrop.stages import Bounds, PrimalDualPoint, Rows, Stages
+from airrace.optimal_control.solvers.fatrop.stages import PrimalDualPoint, Rows, Stages
+from airrace.optimal_control.solvers.interface import Bounds, Ending, SolverResult
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.sparse_assembly import Memory
 from airrace.records import record
 from airrace.trajectory import Array
 
-
-class OutputBuffers:
-    """The matrices of one solve. fatrop has a few sets of them and uses them in turn.
-
-    When a set is met first, zero is written to all of its entries; those that no pattern holds stay so.
-    """
-
-    def __init__(self, stages: Stages, rows: Rows) -> None:
-        self._stages = stages
-        self._rows = rows
-        self._known: dict[bytes, tuple[Memory, Indices]] = {}
-
-    def constraints(self, structs: Sequence[int]) -> tuple[Memory, Indices]:
-        """Return the memory of the matrices BAbt and both Ggt, and the places of the residuals in it.
-
-        Args:
-            structs: the addresses of the three arrays of structs.
-
-        Raises:
-            SolverCrash: the matrices have other shapes.
-        """
-        rows, columns = self._rows, self._rows.columns
-        key, addresses = _addresses(rows.families, structs)
-        if key not in self._known:
-            memory = _cleared(rows.families, addresses)
-            begins = memory.begins[columns.stages, columns.families]
-            bounded, offsets = rows.constants
-            memory.doubles[begins[bounded] + offsets] = rows.factors[bounded]
-            self._known[key] = memory, begins + rows.residual_offsets
-        return self._known[key]
-
-    def costs(self, structs: int) -> tuple[Memory, Indices]:
-        """Return the memory of the matrices RSQrqt, and the places of the gradient in it; otherwise the same."""
-        stages = self._stages
-        key, addresses = _addresses((stages.matrices,), (structs,))
-        if key not in self._known:
-            memory = _cleared((stages.matrices,), addresses)
-            self._known[key] = memory, memory.begins[stages.stage_of_unknown, 0] + stages.gradient_offsets
-        return self._known[key]
-
-
-def _addresses(families: Sequence[MatrixFamily], structs: Sequence[int]) -> tuple[bytes, Sequence[Indices]]:
-    """Return the addresses of all matrices, and what tells them from other ones."""
-    addresses = [family.addresses(address) for family, address in zip(families, structs, strict=True)]
-    return b"".join(one.tobytes() for one in addresses), addresses
-
-
-def _cleared(families: Sequence[MatrixFamily], addresses: Sequence[Indices]) -> Memory:
-    """Return the memory of these matrices, whose entries are zero now."""
-    memory = memory_of(families, addresses)
-    for number, family in enumerate(families):
-        family.clear(memory.doubles, memory.begins[: len(family.rows), number])
-    return memory
-
-
-# `IpSolverReturnFlag`, in its order
-STATUS = (
-    "solved",
-    "more iterations than allowed",
-    "stopped at a point that is nearly optimal",
-    "locally infeasible",
-    "neither the line search nor the restoration of feasibility found a better point",
-    "no step could be computed",
-    "stopped for an unknown reason",
-)
+ENDINGS = tuple(Ending)[:7]
+"""The endings in the order of `IpSolverReturnFlag`."""
 LARGEST_COSTATE = 1e9
 """The size of the first multipliers of equalities beyond which fatrop does not believe them.
 
@@ -111,52 +41,23 @@ RESTORATION_MAX = 100
 Where it led on it took 17 steps at most, in the ladders of the shipped courses with exploring and on 30 generated
 courses; where it did not, it went on until no iterations were left, 400 and more.
 """
-LOST = "the restoration of feasibility found no better point in time"
-EXCEPTION = "-1: fatrop failed within"
-NOT_FINITE = "the derivatives are not finite at an iterate"
 _DOUBLE = 8
+_EVALUATED = 1  # what a `full_eval_` callback returns that has evaluated everything
 
 
 @record
-class FatropResult:
+class FatropResult(SolverResult):
     """The answer of fatrop.
 
     Attributes:
-        w: the last unknowns (n_w,).
-        lam_g, lam_w: multipliers of the constraints (n_g,) and of the simple bounds (n_w,).
-        objective: at w.
-        status: for people.
-        success: whether it claims an optimum.
+        lam_w: multipliers of the simple bounds, shape (n_w,).
         hessians: number of Hessians that it asked for, those of a restoration of feasibility included.
         reported_iterations: number of iterations that it reports.
-        derivative_seconds: spent in the program's functions.
     """
 
-    w: Array
-    lam_g: Array
     lam_w: Array
-    objective: float
-    status: str
-    success: bool
     hessians: int
     reported_iterations: int
-    derivative_seconds: float
-
-    @property
-    def iterations(self) -> int:
-        """The number of iterations, those of a restoration of feasibility included."""
-        return max(self.reported_iterations, self.hessians)
-
-
-@record
-class _Outcome:
-    """The raw result of fatrop: its return value, why it ended (`STATUS`), and its vectors."""
-
-    flag: int
-    reason: int
-    iterations: int
-    w: Array
-    dual: Array
 
 
 class FatropSolver:
@@ -165,7 +66,7 @@ class FatropSolver:
     Args:
         functions: of the program.
         options: of fatrop, by its names; integers and floats are told apart.
-        exact: whether bounds are kept that fatrop relaxes, see `unrelaxed`.
+        exact: whether bounds are kept that fatrop relaxes, see `undo_relaxation`.
 
     Raises:
         SolverCrash: the library is missing.
@@ -192,16 +93,15 @@ class FatropSolver:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        if multipliers is None:
-            rows = Rows(self._stages, bounds, exact=self._exact)
-            return _Run(self._stages, rows, self._functions, guess, self._options).result()
-        self._functions.w[:] = guess
-        self._functions.values()
-        barrier = float(self._options["mu_init"])
-        known = PrimalDualPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
-        options = self._options | {"bound_push": BOUND_PUSH * barrier, "lam_max": LARGEST_COSTATE}
-        rows = Rows(self._stages, bounds, known, exact=self._exact)
-        return _Run(self._stages, rows, self._functions, guess, options).result()
+        options, start = self._options, None
+        if multipliers is not None:
+            self._functions.w[:] = guess
+            self._functions.values()
+            barrier = float(options["mu_init"])
+            start = PrimalDualPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
+            options = options | {"bound_push": BOUND_PUSH * barrier, "lam_max": LARGEST_COSTATE}
+        rows = Rows(self._stages, bounds, start, exact=self._exact)
+        return _Run(self._stages, rows, self._functions, guess, options).solve()
 
 
 class _Run:
@@ -211,67 +111,63 @@ class _Run:
         self, stages: Stages, rows: Rows, functions: Evaluation, guess: Array, options: Mapping[str, float | int]
     ) -> None:
         self._stages, self._rows, self._functions = stages, rows, functions
+        self._options = options
         self._error: BaseException | None = None
         self._not_finite = False
         self._steps = 0
         self._restoring = 0  # so many of the last steps
         self._initial = guess.copy()
-        self._targets = OutputBuffers(stages, rows)
+        self._buffers = _OutputBuffers(stages, rows)
         self._values = np.empty(stages.constraints + stages.unknowns)
-        self._options = options
         self._solver = 0
         self._stopped = False
 
-    def result(self) -> FatropResult:
-        """Solve once, and return the answer."""
-        with defer_signals(self._stop):
-            outcome = self._outcome()
-        if error := self._error or OUTPUT.error:
-            raise error
-        self._functions.w[:] = outcome.w
-        self._functions.values()
-        if not 0 <= outcome.reason < len(STATUS):
-            raise SolverCrash(f"the reason of its end is read as {outcome.reason}")
-        status = EXCEPTION if outcome.flag < 0 else f"{outcome.reason}: {STATUS[outcome.reason]}"
-        if self._restoring > RESTORATION_MAX:
-            status = f"{outcome.reason}: {LOST}"
-        multipliers = self._multipliers(outcome.dual)
-        return FatropResult(
-            w=outcome.w,
-            lam_g=multipliers[: self._stages.constraints],
-            lam_w=multipliers[self._stages.constraints :],
-            objective=self._functions.f,
-            status=NOT_FINITE if self._not_finite else status,
-            success=outcome.flag == 0 and not self._not_finite,
-            hessians=self._steps,
-            reported_iterations=outcome.iterations,
-            derivative_seconds=self._functions.seconds,
-        )
-
-    def _outcome(self) -> _Outcome:
+    def solve(self) -> FatropResult:
         """Create fatrop's solver, run it and destroy it."""
         library, problem = fatrop(), interface(self._callbacks())
         OUTPUT.error = None
-        self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
-        try:
-            self._require_dimensions()
-            for name, value in self._options.items():
-                self._set_option(name, value)
-            if self._stopped:
-                self._stop()
-            flag: int = library.fatrop_ocp_c_solve(self._solver)
-            stats = library.fatrop_ocp_c_get_stats(self._solver).contents
-            dual = library.fatrop_ocp_c_get_dual(self._solver).contents.pa
-            return _Outcome(
-                flag=flag,
-                reason=int(stats.return_flag),
-                iterations=int(stats.iterations_count),
-                w=self._unknowns(library.fatrop_ocp_c_get_primal(self._solver).contents.pa),
-                dual=doubles_at(dual, len(self._rows.items)).copy(),
-            )
-        finally:
-            library.fatrop_ocp_c_destroy(self._solver)
-            self._solver = 0
+        with defer_signals(self._stop):
+            self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
+            try:
+                self._require_dimensions()
+                for name, value in self._options.items():
+                    self._set_option(name, value)
+                if self._stopped:
+                    self._stop()
+                flag: int = library.fatrop_ocp_c_solve(self._solver)
+                stats = library.fatrop_ocp_c_get_stats(self._solver).contents
+                reason, iterations = int(stats.return_flag), int(stats.iterations_count)
+                w = self._unknowns(library.fatrop_ocp_c_get_primal(self._solver).contents.pa)
+                dual = library.fatrop_ocp_c_get_dual(self._solver).contents.pa
+                multipliers = self._multipliers(doubles_at(dual, len(self._rows.items)))
+            finally:
+                library.fatrop_ocp_c_destroy(self._solver)
+                self._solver = 0
+        if error := self._error or OUTPUT.error:
+            raise error
+        self._functions.w[:] = w
+        self._functions.values()
+        if not 0 <= reason < len(ENDINGS):
+            raise SolverCrash(f"the reason of its end is read as {reason}")
+        ending = Ending.EXCEPTION if flag < 0 else ENDINGS[reason]
+        if self._restoring > RESTORATION_MAX:
+            ending = Ending.RESTORATION_LIMIT
+        if self._not_finite:
+            ending = Ending.NOT_FINITE
+        own_words = ending in (Ending.NOT_FINITE, Ending.EXCEPTION)
+        return FatropResult(
+            w=w,
+            lam_g=multipliers[: self._stages.constraints],
+            lam_w=multipliers[self._stages.constraints :],
+            objective=self._functions.f,
+            ending=ending,
+            status=ending.value if own_words else f"{reason}: {ending.value}",
+            success=flag == 0 and not self._not_finite,
+            iterations=max(iterations, self._steps),  # those of a restoration of feasibility included
+            hessians=self._steps,
+            reported_iterations=iterations,
+            derivative_seconds=self._functions.seconds,
+        )
 
     def _require_dimensions(self) -> None:
         """Compare the dimensions that fatrop has read with those that it was told.
@@ -281,20 +177,17 @@ class _Run:
         """
         dims = fatrop().fatrop_ocp_c_get_dims(self._solver).contents
         stages, rows = self._stages, self._rows
-        told = stages.n_u, stages.n_x, rows.equalities, rows.inequalities
+        expected = stages.n_u, stages.n_x, rows.equalities, rows.inequalities
         sizes = dims.K, dims.max_nu, dims.max_nx, dims.max_ng, dims.max_ngineq
-        if sizes != (stages.count, *(int(one.max()) for one in told)):  # before pointers beside them are followed
+        if sizes != (stages.count, *(int(one.max()) for one in expected)):  # before pointers are followed
             raise SolverCrash(f"the sizes are read as {sizes}")
         read = [one[: stages.count] for one in (dims.nu, dims.nx, dims.ng, dims.ng_ineq)]
-        if read != [one.tolist() for one in told]:
+        if read != [one.tolist() for one in expected]:
             raise SolverCrash(f"the dimensions are read as {read}")
 
     def _set_option(self, name: str, value: float | int) -> None:
-        library = fatrop()
-        set_option = library.fatrop_ocp_c_set_option_double
-        if isinstance(value, int):
-            set_option = library.fatrop_ocp_c_set_option_int
-        set_option(self._solver, name.encode(), value)
+        kind = "int" if isinstance(value, int) else "double"
+        getattr(fatrop(), f"fatrop_ocp_c_set_option_{kind}")(self._solver, name.encode(), value)
 
     def _stop(self) -> None:
         """Let fatrop end after this iteration: it knows no other way to be told."""
@@ -308,9 +201,6 @@ class _Run:
         stages, rows = self._stages, self._rows
         n_x, n_u, first = stages.n_x.tolist(), stages.n_u.tolist(), stages.first.tolist()
         inequalities, first_inequality = rows.inequalities.tolist(), rows.first_inequality.tolist()
-
-        def horizon(_: object) -> int:
-            return stages.count
 
         def bounds(lower: int, upper: int, k: int, _: object) -> int:
             offset, size = _DOUBLE * first_inequality[k], _DOUBLE * inequalities[k]
@@ -327,36 +217,33 @@ class _Run:
             return 0
 
         return {
-            "get_nx": number_of_stage(stages.n_x.tolist()),
-            "get_nu": number_of_stage(stages.n_u.tolist()),
-            "get_ng": number_of_stage(rows.equalities.tolist()),
-            "get_ng_ineq": number_of_stage(rows.inequalities.tolist()),
-            "get_horizon_length": horizon,
+            "get_nx": _look_up(n_x),
+            "get_nu": _look_up(n_u),
+            "get_ng": _look_up(rows.equalities.tolist()),
+            "get_ng_ineq": _look_up(inequalities),
+            "get_horizon_length": lambda *_: stages.count,
             "get_bounds": bounds,
             "get_initial_xk": initial_states,
             "get_initial_uk": initial_controls,
-            "full_eval_obj": self._guarded(self._evaluate_objective),
-            "full_eval_obj_grad": self._guarded(self._evaluate_gradient),
-            "full_eval_contr_viol": self._guarded(self._evaluate_violation),
-            "full_eval_constr_jac": self._guarded(self._evaluate_jacobian),
-            "full_eval_lag_hess": self._guarded(self._evaluate_hessian),
+            "full_eval_obj": self._guard(self._evaluate_objective),
+            "full_eval_obj_grad": self._guard(self._evaluate_gradient),
+            "full_eval_contr_viol": self._guard(self._evaluate_violation),
+            "full_eval_constr_jac": self._guard(self._evaluate_jacobian),
+            "full_eval_lag_hess": self._guard(self._evaluate_hessian),
         }
 
-    def _guarded(self, evaluate: Callable[..., None]) -> Callback:
-        """Return a callback that lets no exception escape into fatrop.
-
-        The exception is raised after the solve, which ends early.
-        """
+    def _guard(self, evaluate: Callable[..., None]) -> Callback:
+        """Return a callback whose exception is raised after the solve, which ends early: none may unwind fatrop."""
 
         def callback(*arguments: float) -> int:
             try:
                 evaluate(*arguments)
                 if OUTPUT.error is not None:
                     self._stop()
-            except BaseException as error:  # nothing may unwind through fatrop
+            except BaseException as error:
                 self._error = self._error or error
                 self._stop()
-            return EVALUATED
+            return _EVALUATED
 
         return callback
 
@@ -381,10 +268,10 @@ class _Run:
     ) -> None:
         functions, rows = self._functions, self._rows
         functions.w[:] = self._unknowns(unknowns)
-        memory, places = self._targets.constraints((dynamics, equalities, inequalities))
+        memory, places = self._buffers.constraints((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
-        drawn, seen = functions.linear(), self._residuals()
-        if not rows.jacobian.write(drawn, memory, rows.weights):
+        values, seen = functions.linear(), self._residuals()
+        if not rows.jacobian.write(values, memory, rows.weights):
             rows.jacobian.clean(memory)
         memory.doubles[places] = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
 
@@ -392,28 +279,24 @@ class _Run:
         self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
     ) -> None:
         functions, stages = self._functions, self._stages
-        self._count_step(restoring=factor == 0.0)
+        self._steps += 1
+        self._restoring = self._restoring + 1 if factor == 0.0 else 0  # a restoration leaves the objective out
+        if self._restoring > RESTORATION_MAX:
+            self._stop()
         functions.w[:] = self._unknowns(unknowns)
         functions.lam_f = factor
         both = self._multipliers(doubles_at(multipliers, len(self._rows.items)))
         functions.lam_g[:] = both[: stages.constraints]
-        drawn = functions.curved()
+        values = functions.curved()
         gradient = functions.gradient + both[stages.constraints :]
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
-        memory, slope = self._targets.costs(matrices)
-        finite = stages.hessian.write(drawn, memory)
+        memory, slope = self._buffers.costs(matrices)
+        finite = stages.hessian.write(values, memory)
         memory.doubles[slope] = gradient
         if not (finite and np.isfinite(gradient).all()):  # fatrop would add to the diagonal for ever
             self._not_finite = True
             stages.hessian.fill(stages.on_diagonal.astype(np.float64), memory)
             memory.doubles[slope] = 0.0
-            self._stop()
-
-    def _count_step(self, *, restoring: bool) -> None:
-        """Count the steps, one per Hessian; that of a restoration of feasibility leaves the objective out."""
-        self._steps += 1
-        self._restoring = self._restoring + 1 if restoring else 0
-        if self._restoring > RESTORATION_MAX:
             self._stop()
 
     def _unknowns(self, address: int) -> Array:
@@ -426,7 +309,8 @@ class _Run:
         values = self._values.take(self._rows.items, mode="clip")  # none is clipped
         values *= self._rows.factors
         values += self._rows.shifts
-        return _infinite(values)
+        values[np.isnan(values)] = np.inf
+        return values
 
     def _multipliers(self, dual: Array) -> Array:
         """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
@@ -434,7 +318,61 @@ class _Run:
         return np.bincount(self._rows.items, self._rows.factors * dual, count).astype(np.float64, copy=False)
 
 
-def _infinite(values: Array) -> Array:
-    """Return the values with infinity in place of NaN."""
-    values[np.isnan(values)] = np.inf
-    return values
+def _look_up(numbers: Sequence[int]) -> Callback:
+    """Return a callback with the number of stage k."""
+
+    def callback(k: int, _: object) -> int:
+        return numbers[k]
+
+    return callback
+
+
+class _OutputBuffers:
+    """The matrices of one solve. fatrop has a few sets of them and uses them in turn.
+
+    When a set is met first, zero is written to all of its entries; those that no pattern holds stay so.
+    """
+
+    def __init__(self, stages: Stages, rows: Rows) -> None:
+        self._stages = stages
+        self._rows = rows
+        self._known: dict[bytes, tuple[Memory, Indices]] = {}
+
+    def constraints(self, structs: Sequence[int]) -> tuple[Memory, Indices]:
+        """Return the memory of the matrices BAbt and both Ggt at these addresses, and the places of the residuals.
+
+        Raises:
+            SolverCrash: the matrices have other shapes.
+        """
+        rows, columns = self._rows, self._rows.columns
+        addresses = _addresses(rows.families, structs)
+        key = b"".join(one.tobytes() for one in addresses)
+        if key not in self._known:
+            memory = _zero(rows.families, addresses)
+            begins = memory.begins[columns.stages, columns.families]
+            bounded, offsets = rows.constants
+            memory.doubles[begins[bounded] + offsets] = rows.factors[bounded]
+            self._known[key] = memory, begins + rows.residual_offsets
+        return self._known[key]
+
+    def costs(self, structs: int) -> tuple[Memory, Indices]:
+        """Return the memory of the matrices RSQrqt, and the places of the gradient in it; otherwise the same."""
+        stages = self._stages
+        addresses = _addresses((stages.matrices,), (structs,))
+        key = addresses[0].tobytes()
+        if key not in self._known:
+            memory = _zero((stages.matrices,), addresses)
+            self._known[key] = memory, memory.begins[stages.stage_of_unknown, 0] + stages.gradient_offsets
+        return self._known[key]
+
+
+def _addresses(families: Sequence[MatrixFamily], structs: Sequence[int]) -> Sequence[Indices]:
+    return [family.addresses(address) for family, address in zip(families, structs, strict=True)]
+
+
+def _zero(families: Sequence[MatrixFamily], addresses: Sequence[Indices]) -> Memory:
+    """Return the memory of these matrices, whose entries are zero now."""
+    memory = memory_of(families, addresses)
+    for number, family in enumerate(families):
+        family.clear(memory.doubles, memory.begins[: len(family.rows), number])
+    return memory

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
-from airrace.optimal_control.sparse_assembly import Entries, Factors, SparseAssembly, StageAssembly, chosen, unique_rows
+from airrace.optimal_control.solvers.interface import Bounds
+from airrace.optimal_control.sparse_assembly import Entries, Factors, SparseAssembly, StageAssembly, unique_rows
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -30,10 +31,16 @@ The solver's tolerance holds for a side times its factor. With 1e-3 the limits o
 within 1e-5 and the solve took 17 iterations, with 1e-2 within 5e-7 in as many, and with 0.1 it took 21; 25 without
 factors.
 """
-
-
-RELAXED = 1e-8
+RELAXATION = 1e-8
 """The part of a bound, of 1 at least, by which fatrop relaxes it: its `bound_relax_factor`."""
+WIDE = 1e6
+"""The bound, in scaled units, that is given to one unknown of a problem without any inequality.
+
+fatrop 1.1.8 never brings the multipliers of such a problem to convergence. With one bound of 1e3 to 1e9 it solves a
+linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 the bound has no effect any more.
+"""
+INEQUALITIES = 2
+"""The number of the matrices of inequalities among those of constraints: BAbt, Ggt of equalities, Ggt of these."""
 
 
 @record
@@ -52,7 +59,7 @@ class PrimalDualPoint:
 
 
 @record
-class Sides:
+class ScaledInequalities:
     """Inequalities `lower <= factors * v[items] + shifts <= upper`, in the order of their rows.
 
     Attributes:
@@ -69,75 +76,47 @@ class Sides:
     upper: Array
 
 
-def plain(rows: Indices, lower: Array, upper: Array) -> Sides:
-    """Return the rows as they are, nothing known: places in v and their bounds, each of shape (rows,)."""
-    return Sides(rows, np.ones_like(rows), np.ones(len(rows)), np.zeros(len(rows)), lower, upper)
+def scale_by_multipliers(rows: Indices, lower: Array, upper: Array, start: PrimalDualPoint) -> ScaledInequalities:
+    """Scale inequalities so that their known multipliers become 1.
 
+    fatrop begins with multipliers of 1 for all bounds, whatever it is told, and finds those of the dynamics from them
+    by least squares. Where a multiplier z is known, the side `z (v - lower) >= 0` has 1. With the slack of that side
+    pushed off its limit by the barrier parameter mu, slack times multiplier is mu from the first iteration on, as on
+    the way to the optimum. A row that presses on one of its limits becomes two rows, for the far side has another
+    factor.
+    """
+    v, lam = start.values[rows], start.multipliers[rows]
+    equal = float(np.sqrt(start.barrier))  # the multiplier of a limit whose slack is as large
 
-def weighed(rows: Indices, lower: Array, upper: Array, known: PrimalDualPoint) -> Sides:
-    """Return the rows with factors by which their known multipliers become 1."""
-    v, lam = known.values[rows], known.multipliers[rows]
-    below = _multiplier(v - lower, np.maximum(-lam, 0.0), known.barrier)
-    above = _multiplier(upper - v, np.maximum(lam, 0.0), known.barrier)
-    pressing = np.maximum(below, above) >= _strongest_at_rest(known.barrier)
-    apart = np.isfinite(lower) & np.isfinite(upper) & pressing
+    def multiplier(slack: Array, known: Array) -> Array:
+        """The larger one of slack and multiplier is trusted, and is at least as large as where both are equal."""
+        return np.where(known >= slack, np.maximum(known, equal), start.barrier / np.maximum(slack, equal))
+
+    below, above = multiplier(v - lower, np.maximum(-lam, 0.0)), multiplier(upper - v, np.maximum(lam, 0.0))
+    apart = np.isfinite(lower) & np.isfinite(upper) & (np.maximum(below, above) >= equal)
     copies = 1 + apart.astype(np.int64)
-    first = np.cumsum(copies) - copies
+    first = (np.cumsum(copies) - copies)[apart]
     low, high, factors = (np.repeat(one, copies) for one in (lower, upper, np.maximum(below, above)))
-    high[first[apart]], factors[first[apart]] = np.inf, below[apart]
-    low[first[apart] + 1], factors[first[apart] + 1] = -np.inf, above[apart]
+    high[first], factors[first] = np.inf, below[apart]
+    low[first + 1], factors[first + 1] = -np.inf, above[apart]
     factors = np.maximum(factors, LEAST_FACTOR)
     shifts = -factors * np.where(np.isfinite(low), low, high)
-    return Sides(np.repeat(rows, copies), copies, factors, shifts, factors * low + shifts, factors * high + shifts)
+    items = np.repeat(rows, copies)
+    return ScaledInequalities(items, copies, factors, shifts, factors * low + shifts, factors * high + shifts)
 
 
-def _multiplier(slack: Array, multiplier: Array, barrier: float) -> Array:
-    """Return the multipliers with which a barrier begins: known ones, else the barrier over the slack.
-
-    The larger one of a pair of slack and multiplier is trusted, and is at least as large as where both are equal.
-    """
-    equal = _strongest_at_rest(barrier)
-    return np.where(multiplier >= slack, np.maximum(multiplier, equal), barrier / np.maximum(slack, equal))
-
-
-def _strongest_at_rest(barrier: float) -> float:
-    """Return the multiplier of a limit whose slack is as large: slack times multiplier is the barrier parameter."""
-    return float(np.sqrt(barrier))
-
-
-def unrelaxed(lower: Array, upper: Array) -> tuple[Array, Array]:
+def undo_relaxation(lower: Array, upper: Array) -> tuple[Array, Array]:
     """Return the bounds of inequalities that become these once fatrop has relaxed them, which no option forbids.
 
     A bound that is missed by 1e-8 is a complementarity error of 1e-6 where its multiplier is 100, however small
     fatrop's own errors are. Bounds that are closer to each other than that are brought together by a quarter each.
     """
     room = 0.25 * (upper - lower)
-
-    def kept(bound: Array) -> Array:
-        margin = np.minimum(RELAXED * np.maximum(1.0, np.abs(bound)), room)
-        return np.where(np.isfinite(bound), margin, 0.0)
-
-    return lower + kept(lower), upper - kept(upper)
-
-
-INEQUALITIES = 2
-"""The number of the matrices of inequalities among those of constraints: BAbt, Ggt of equalities, Ggt of these."""
-WIDE = 1e6
-"""The bound, in scaled units, that is given to one unknown of a problem without any inequality.
-
-fatrop 1.1.8 never brings the multipliers of such a problem to convergence. With one bound of 1e3 to 1e9 it solves a
-linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 the bound has no effect any more.
-"""
-
-
-@record
-class Bounds:
-    """The bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
-
-    lower: Array
-    upper: Array
-    g_lower: Array
-    g_upper: Array
+    margins = [
+        np.where(np.isfinite(bound), np.minimum(RELAXATION * np.maximum(1.0, np.abs(bound)), room), 0.0)
+        for bound in (lower, upper)
+    ]
+    return lower + margins[0], upper - margins[1]
 
 
 class Stages:
@@ -165,30 +144,23 @@ class Stages:
         self.matrices = MatrixFamily(self.sizes + 1, self.sizes)
 
     @cached_property
-    def alike(self) -> Indices:
-        """The numbers that tell stages with other constraints apart, shape (K, n)."""
-        return self.assembly.alike(rows=True)
-
-    @cached_property
     def _hessian(self) -> tuple[StageAssembly, NDArray[np.bool_]]:
-        """The Hessian's nonzeros, and which of those that stand for all are on the diagonal.
-
-        Raises:
-            ValueError: a second derivative reaches from one stage into another.
-        """
-        kind, first = unique_rows(self.assembly.alike(rows=False))
-        sums = self.assembly.hessian_of(chosen(first, self.count))
+        kind, first = unique_rows(self.assembly.structure_keys(rows=False))
+        sums = self.assembly.hessian_of(first)
         stage = self.stage_of_unknown[sums.rows]
         if (stage != self.stage_of_unknown[sums.columns]).any():
             raise ValueError("a second derivative reaches into another stage")
         row, column = self.place_in_stage[sums.rows], self.place_in_stage[sums.columns]
-        nothing = np.zeros_like(stage)
-        entries = Entries(stage, nothing, self.matrices.offsets(stage, row, column), nothing - 1)
+        entries = Entries(stage, self.matrices.offsets(stage, row, column))
         return StageAssembly(sums, entries, kind), row == column
 
     @property
     def hessian(self) -> StageAssembly:
-        """The nonzeros that are written to the matrices RSQrqt."""
+        """The nonzeros that are written to the matrices RSQrqt.
+
+        Raises:
+            ValueError: a second derivative reaches from one stage into another.
+        """
         return self._hessian[0]
 
     @property
@@ -227,10 +199,11 @@ class Rows:
         equalities: number of equalities per stage, shape (K,).
         inequalities: number of inequalities per stage, shape (K,).
         lower, upper: bounds of the inequalities.
+        weights: the factors of the inequalities, by which their nonzeros are multiplied.
     """
 
     def __init__(
-        self, stages: Stages, bounds: Bounds, known: PrimalDualPoint | None = None, *, exact: bool = False
+        self, stages: Stages, bounds: Bounds, start: PrimalDualPoint | None = None, *, exact: bool = False
     ) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
@@ -248,14 +221,19 @@ class Rows:
             between[free] = True
         self.equalities: Indices = np.bincount(stage[equal], minlength=stages.count)
         fixed, ranged = candidates[equal], candidates[between]
-        ends = lower[ranged], upper[ranged]
-        sides = plain(ranged, *ends) if known is None else weighed(ranged, *ends, known)
+        low, high, count = lower[ranged], upper[ranged], len(ranged)
+        if start is None:
+            once = np.ones(count, dtype=np.int64)
+            sides = ScaledInequalities(ranged, once, np.ones(count), np.zeros(count), low, high)
+        else:
+            sides = scale_by_multipliers(ranged, low, high, start)
         self.inequalities: Indices = np.bincount(np.repeat(stage[between], sides.copies), minlength=stages.count)
         self.items: Indices = np.concatenate([fixed, stages.gaps, sides.items])
         self.factors = np.concatenate([np.ones(len(fixed)), -np.ones(len(stages.gaps)), sides.factors])
         self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], sides.shifts])
-        self.lower, self.upper = unrelaxed(sides.lower, sides.upper) if exact else (sides.lower, sides.upper)
+        self.lower, self.upper = undo_relaxation(sides.lower, sides.upper) if exact else (sides.lower, sides.upper)
         self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
+        self.weights = Factors(sides.factors, self.first_inequality)
         self.families = (
             stages.dynamics,
             MatrixFamily(stages.sizes + 1, self.equalities),
@@ -263,7 +241,7 @@ class Rows:
         )
         copies = equal.astype(np.int64)
         copies[between] = 2 * sides.copies
-        self._copies = np.concatenate([[0], np.cumsum(np.bincount(stage, minlength=stages.count))]), copies
+        self._copies, self._stage = copies, stage
 
     @cached_property
     def columns(self) -> Columns:
@@ -274,13 +252,13 @@ class Rows:
         family = np.repeat((1, 0, 2), [len(at) for at in stage])
         return Columns(np.concatenate(stage), family, np.concatenate(number))
 
-    def _kinds(self) -> tuple[Indices, Indices]:
-        """Return the kind of each stage, and the first stage of each kind: alike are those with alike constraints."""
-        ends, copies = self._copies
-        places = np.arange(len(copies)) - np.repeat(ends[:-1], np.diff(ends))
-        told = np.full((self.stages.count, int(np.diff(ends).max())), -1)
-        told[np.repeat(np.arange(self.stages.count), np.diff(ends)), places] = copies
-        return unique_rows(np.hstack([self.stages.alike, told]))
+    def _structure_keys(self) -> Indices:
+        """Return what tells stages apart that have other constraints, shape (K, n)."""
+        counts = np.bincount(self._stage, minlength=self.stages.count)
+        places = np.arange(len(self._stage)) - np.repeat(np.cumsum(counts) - counts, counts)
+        copies = np.full((self.stages.count, int(counts.max())), -1)
+        copies[self._stage, places] = self._copies
+        return np.hstack([self.stages.assembly.structure_keys(rows=True), copies])
 
     @cached_property
     def jacobian(self) -> StageAssembly:
@@ -292,16 +270,16 @@ class Rows:
         Raises:
             ValueError: a constraint reaches into another stage, other than a gap to the next states.
         """
-        kind, first = self._kinds()
-        sums = self.stages.assembly.jacobian_of(chosen(first, self.stages.count))
+        kind, first = unique_rows(self._structure_keys())
+        sums = self.stages.assembly.jacobian_of(first)
         numbers, items = self.written(sums)
         family = self.columns.families[items]
         stage, column = self.columns.stages[items], self.columns.numbers[items]
         inequality = family == INEQUALITIES
         signs = np.where(inequality, 1.0, self.factors[items])
         row = self.stages.place_in_stage[sums.columns[numbers]]
-        entries = Entries(stage, family, self.offsets(items, row), np.where(inequality, column, -1))
-        return StageAssembly(sums.chosen(numbers, signs), entries, kind)
+        entries = Entries(stage, self.offsets(items, row), family, np.where(inequality, column, -1))
+        return StageAssembly(sums.choose(numbers, signs), entries, kind)
 
     def written(self, sums: SparseAssembly) -> tuple[Indices, Indices]:
         """Return which nonzeros are written, and to which items' columns."""
@@ -318,27 +296,20 @@ class Rows:
             or (stages.stage_of_unknown[columns[~ahead]] != stage_of_row[rows[~ahead]]).any()
         ):
             raise ValueError("a constraint reaches into another stage")
-        again = np.concatenate([[False], self.items[1:] == self.items[:-1]])
+        second = np.concatenate([[False], self.items[1:] == self.items[:-1]])
         numbers: list[Indices] = []
         items: list[Indices] = []
-        for some in (~again, again):
+        for some in (~second, second):
             item_of = np.full(stages.constraints + stages.unknowns, -1)
             item_of[self.items[some]] = np.flatnonzero(some)
             numbers.append(np.flatnonzero(~ahead & (item_of[rows] >= 0)))
             items.append(item_of[rows[numbers[-1]]])
         return np.concatenate(numbers), np.concatenate(items)
 
-    @property
-    def weights(self) -> Factors:
-        """The factors of the inequalities, by which their nonzeros are multiplied."""
-        first = len(self.items) - len(self.lower)
-        return Factors(self.factors[first:], self.first_inequality)
-
     @cached_property
     def residual_offsets(self) -> Indices:
         """The places that the residuals go to within the matrices of the items' columns."""
-        everywhere = np.arange(len(self.items))
-        return self.offsets(everywhere, self.stages.sizes[self.columns.stages])
+        return self.offsets(np.arange(len(self.items)), self.stages.sizes[self.columns.stages])
 
     @cached_property
     def constants(self) -> tuple[Indices, Indices]:

@@ -9,11 +9,12 @@ import pickle
 import queue
 import threading
 from collections.abc import Callable
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.records import record
 from airrace.system import Observation, System
 
@@ -62,6 +63,7 @@ class WorkerFailure:
 
 
 Reply = IterationReport | Notice | Solution | WorkerFailure
+Shared = System | Observation
 
 
 @record
@@ -69,7 +71,7 @@ class _Definition:
     """A shared object under the name by which later messages refer to it."""
 
     name: str
-    shared: System | Observation
+    shared: Shared
 
 
 class _Pickler(pickle.Pickler):
@@ -78,78 +80,62 @@ class _Pickler(pickle.Pickler):
         self._names = names
 
     def persistent_id(self, obj: Any) -> str | None:  # Any: pickle offers every object it meets
-        return self._names.get(id(obj)) if isinstance(obj, System | Observation) else None
+        return self._names.get(id(obj)) if isinstance(obj, Shared) else None
 
 
 class _Unpickler(pickle.Unpickler):
-    def __init__(self, stream: IO[bytes], shared: dict[str, System | Observation]) -> None:
+    def __init__(self, stream: IO[bytes], shared: dict[str, Shared]) -> None:
         super().__init__(stream)
         self._shared = shared
 
-    def persistent_load(self, pid: str) -> System | Observation:
+    def persistent_load(self, pid: str) -> Shared:
         return self._shared[pid]
 
 
 class Sender:
-    """A writer of messages, which sends every System and Observation once."""
+    """A writer of messages, which sends every System and Observation once.
+
+    Writing raises OSError where the other side is gone, ValueError where the stream is closed.
+    """
 
     def __init__(self, stream: IO[bytes]) -> None:
-        self._stream = stream
-        self._packed: list[bytes] = []
+        self.stream = stream
+        self._waiting: list[bytes] = []
         self._names: dict[int, str] = {}
-        self._kept: list[System | Observation] = []  # keeps the ids valid
+        self._sent: list[Shared] = []  # keeps the ids valid
 
     def send(self, message: SolveRequest | PreloadRequest) -> None:
-        """Write one message, after those that wait.
-
-        Raises:
-            OSError: the other side is gone.
-            ValueError: the stream is closed.
-        """
+        """Write one message, after those that wait."""
         self.pack(message)
         self.deliver()
 
     def pack(self, message: SolveRequest | PreloadRequest) -> None:
         """Get a message ready that is to wait until `deliver`."""
-        for shared in _shared(message):
-            if id(shared) not in self._names:
-                self._define(shared)
+        shared: list[Shared] = []
+        if isinstance(message, PreloadRequest):
+            shared.append(message.system)
+        else:
+            watches = [watch for phase in message.problem.phases for watch in phase.watches]
+            exact = [watch.exact for watch in watches if watch.exact is not None]
+            shared += [message.problem.system, *message.problem.observations, *exact]
+        for one in shared:
+            if id(one) not in self._names:
+                name = hashlib.sha256(pickle.dumps(one, protocol=pickle.HIGHEST_PROTOCOL)).hexdigest()
+                self._pack(_Definition(name, one))
+                self._names[id(one)] = name
+                self._sent.append(one)
         self._pack(message)
 
     def deliver(self) -> None:
-        """Write the messages that wait, if any.
-
-        Raises:
-            OSError: the other side is gone.
-            ValueError: the stream is closed.
-        """
-        while self._packed:
-            self._stream.write(self._packed.pop(0))
-            self._stream.flush()
-
-    def close(self) -> None:
-        """Close the stream."""
-        self._stream.close()
-
-    def _define(self, shared: System | Observation) -> None:
-        content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
-        name = hashlib.sha256(content).hexdigest()
-        self._pack(_Definition(name, shared))
-        self._names[id(shared)] = name
-        self._kept.append(shared)
+        """Write the messages that wait, if any."""
+        while self._waiting:
+            self.stream.write(self._waiting.pop(0))
+            self.stream.flush()
 
     def _pack(self, message: SolveRequest | PreloadRequest | _Definition) -> None:
         buffer = io.BytesIO()
         _Pickler(buffer, self._names).dump(message)
-        self._packed.append(buffer.getvalue())
-
-
-def _shared(message: SolveRequest | PreloadRequest) -> list[System | Observation]:
-    if isinstance(message, PreloadRequest):
-        return [message.system]
-    problem = message.problem
-    exact = [watch.exact for phase in problem.phases for watch in phase.watches if watch.exact is not None]
-    return [problem.system, *problem.observations, *exact]
+        self._waiting.append(buffer.getvalue())
 
 
 class Receiver:
@@ -157,7 +143,7 @@ class Receiver:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
-        self._shared: dict[str, System | Observation] = {}
+        self._shared: dict[str, Shared] = {}
 
     def receive(self) -> SolveRequest | PreloadRequest | None:
         """Return the next message; None at the end of the stream."""
@@ -166,10 +152,9 @@ class Receiver:
                 message = _Unpickler(self._stream, self._shared).load()
             except EOFError:
                 return None
-            if isinstance(message, _Definition):
-                self._shared.setdefault(message.name, message.shared)
-            else:
+            if not isinstance(message, _Definition):
                 return message
+            self._shared.setdefault(message.name, message.shared)
 
 
 class Outbox:
@@ -177,7 +162,7 @@ class Outbox:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
-        self._writing = threading.Lock()
+        self._lock = threading.Lock()
 
     def send(self, reply: Reply) -> None:
         """Write a reply.
@@ -186,13 +171,13 @@ class Outbox:
             OSError: the other side is gone.
         """
         content = pickle.dumps(reply, protocol=pickle.HIGHEST_PROTOCOL)
-        with self._writing:
+        with self._lock:
             self._stream.write(content)
             self._stream.flush()
 
 
 class Inbox:
-    """The messages of a stream, read by a thread: on every system one can wait for it with patience.
+    """The messages of a stream, read by a thread: on every system one can wait for it with a timeout.
 
     Args:
         stream: is closed when it has ended.
@@ -200,26 +185,31 @@ class Inbox:
     """
 
     def __init__(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:  # Any: whatever arrives
-        self._arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        threading.Thread(target=self._read, args=(stream, receive), daemon=True).start()
+        self._stream, self._receive = stream, receive
+        self._messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-    def next(self, patience: float | None = None) -> Any:  # Any: see above
-        """Return the next message, waited for `patience` seconds at most (None: for ever).
+    def start(self) -> Self:
+        """Begin to read."""
+        threading.Thread(target=self._read, daemon=True).start()
+        return self
+
+    def next(self, timeout: float | None = None) -> Any:  # Any: see above
+        """Return the next message, waited for so many seconds at most (None: for ever).
 
         Raises:
             queue.Empty: there is none yet.
             Exception: that of `receive`, once all messages were returned.
         """
-        message = self._arrived.get(timeout=patience)
+        message = self._messages.get(timeout=timeout)
         if isinstance(message, Exception):
-            self._arrived.put(message)
+            self._messages.put(message)
             raise message
         return message
 
-    def _read(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:
-        with stream:
+    def _read(self) -> None:
+        with self._stream:
             try:
                 while True:
-                    self._arrived.put(receive())
+                    self._messages.put(self._receive())
             except Exception as error:
-                self._arrived.put(error)
+                self._messages.put(error)

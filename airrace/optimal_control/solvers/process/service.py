@@ -20,18 +20,11 @@ from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
+from airrace.optimal_control.solvers.process import messages
 from airrace.optimal_control.solvers.process.idle_processes import acquire
-from airrace.optimal_control.solvers.process.messages import (
-    Inbox,
-    IterationReport,
-    Notice,
-    PreloadRequest,
-    Reply,
-    Sender,
-    SolveRequest,
-    WorkerFailure,
-)
-from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.process.messages import IterationReport, Reply
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.system import System
 
 STALL_SECONDS = 120.0
@@ -41,6 +34,10 @@ An iteration that hangs never ends. Of those that end, the slowest of the proble
 of the soaring glider on 800 intervals, evaluated by casadi), and those of a whole six-dof race with native kernels
 less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
 """
+POLL_INTERVAL = 1.0
+"""The time that is waited at once for an iteration, s."""
+EXIT_GRACE = 0.5
+"""The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
 
 class SolverTimeout(Exception):
@@ -52,12 +49,6 @@ class SolverEnded(SolverCrash):
 
     def __init__(self) -> None:
         super().__init__("the solver process was ended")
-
-
-POLL_INTERVAL = 1.0
-"""The time that is waited at once for an iteration, s."""
-EXIT_GRACE = 0.5
-"""The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
 
 class SolverService:
@@ -101,11 +92,10 @@ class SolverService:
     def preload(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
         """Let the process make the kernels of a system ready that will be flown.
 
-        While the process works on a problem, what is announced waits for the solution: the process reads nothing before
-        it has written that, and a pipe holds so little that each would wait for the other to read.
+        Queued while a solve is running: the worker does not read its input then, and a full pipe would deadlock.
         """
         if self._process is not None:
-            self._sender.pack(PreloadRequest(system, scheme))
+            self._sender.pack(messages.PreloadRequest(system, scheme))
             if not self._solving:
                 self._deliver()
 
@@ -115,9 +105,9 @@ class SolverService:
             self._sender.deliver()
 
     def defer(self, call: Callable[[], None]) -> None:
-        """Put something off until the process works on the next problem, while this one would only wait.
+        """Put a call off until the process works on the next problem, while this one would only wait.
 
-        It is done once, by the thread that waits, and its errors are those of `solve`.
+        It is made once, by the thread that waits, and its errors are those of `solve`.
         """
         self._deferred.append(call)
 
@@ -139,7 +129,7 @@ class SolverService:
             threads, stall_seconds: for this solve; None for those of the service.
 
         Raises:
-            Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
+            SolverTimeout: no iteration was finished for `stall_seconds`; the process was restarted.
             OutOfTime: the deadline has passed; the process was stopped.
             SolverEnded: `end` was called, before the solve or meanwhile.
             MemoryError: the process ended for lack of memory.
@@ -147,63 +137,55 @@ class SolverService:
         """
         if self._process is None:
             self._start()
-        request = SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
+        request = messages.SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
         try:
-            with self._alive():
+            with self._diagnose_death():
                 self._sender.send(request)
-            with self._working():
+            self._solving = True
+            try:
                 while self._deferred:
                     self._deferred.pop(0)()
-                return self._answered(stall_seconds or self._stall_seconds, on_iteration)
+                solution = self._solution(stall_seconds or self._stall_seconds, on_iteration)
+            finally:
+                self._solving = False
+            self._deliver()
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
             raise
+        return solution
 
-    @contextlib.contextmanager
-    def _working(self) -> Generator[None]:
-        """Let announcements wait until the process has answered."""
-        self._solving = True
-        try:
-            yield
-        finally:
-            self._solving = False
-        self._deliver()
-
-    def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
+    def _solution(self, timeout: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
         """Return the solution of the request that the process works on."""
         while True:
-            with self._alive():
-                reply = self._receive(longest)
+            with self._diagnose_death():
+                reply = self._receive(timeout)
             if isinstance(reply, Solution):
                 return reply
-            if isinstance(reply, WorkerFailure):
+            if isinstance(reply, messages.WorkerFailure):
                 raise SolverCrash(f"the solver process failed:\n{reply.text}")
-            if isinstance(reply, Notice):
-                self._notice(reply.text)
+            if isinstance(reply, messages.Notice):
+                if self._on_notice is not None:
+                    self._on_notice(reply.text)
             elif on_iteration is not None:
                 on_iteration(reply)
 
     @contextlib.contextmanager
-    def _alive(self) -> Generator[None]:
+    def _diagnose_death(self) -> Generator[None]:
         """Turn errors of the pipes into the one that the process is dead; of nothing else."""
         try:
             yield
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            process = self._process
+            process, status = self._process, None
             if process is not None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(EXIT_GRACE)
                 process.kill()  # whatever lives without its pipes is of no use
-            status = None if process is None else process.wait()
+                status = process.wait()
             if self._ended:
                 raise SolverEnded from error
             if status == memory.CODE:
                 raise MemoryError from error
             raise SolverCrash(f"the solver process died (status {status})") from error
-
-    def _notice(self, text: str) -> None:
-        if self._on_notice is not None:
-            self._on_notice(text)
 
     def stop(self) -> None:
         """Kill the process, if there is one; the next solve starts another."""
@@ -212,7 +194,7 @@ class SolverService:
                 self._process.kill()
                 self._process.wait()
                 with contextlib.suppress(OSError):
-                    self._sender.close()
+                    self._sender.stream.close()
                 self._process = None
 
     def end(self) -> None:
@@ -229,33 +211,31 @@ class SolverService:
         if self._ended:
             raise SolverEnded
         worker = acquire()
-        assert worker.stdin is not None  # `start` asks for both
+        assert worker.stdin is not None  # it was started with both
         assert worker.stdout is not None
         with self._stopping:
             self._process = worker
-            self._sender = Sender(worker.stdin)
-            self._replies = Inbox(worker.stdout, partial(pickle.load, worker.stdout))
+            self._sender = messages.Sender(worker.stdin)
+            self._replies = messages.Inbox(worker.stdout, partial(pickle.load, worker.stdout)).start()
             self._starter = threading.get_ident()
         if self._ended:  # meanwhile
             self.stop()
             raise SolverEnded
 
-    def _receive(self, patience: float) -> Reply:
-        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline.
+    def _receive(self, timeout: float) -> Reply:
+        """Return the next reply, waited for so many seconds at most, and not beyond the deadline.
 
         Time in which this process itself stood still is none in which the solver could have worked, so no part of the
         waiting counts for more than it was meant to take.
         """
-        left = patience
+        left = timeout
         while True:
             part = max(0.0, min(left, POLL_INTERVAL, self._deadline - time.monotonic()))
             try:
-                reply: Reply = self._replies.next(part)
+                return self._replies.next(part)
             except queue.Empty:
                 left -= part
                 if time.monotonic() >= self._deadline:
                     raise OutOfTime("there is no time left") from None
                 if left <= 0.0:
-                    raise SolverTimeout(f"no iteration finished within {patience:g} s") from None
-            else:
-                return reply
+                    raise SolverTimeout(f"no iteration finished within {timeout:g} s") from None

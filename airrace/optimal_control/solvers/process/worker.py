@@ -1,8 +1,7 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
 `idle_processes.py` starts it through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
-to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
-structure, so that a homotopy pays for its set-up once.
+to Python's `sys.stdout` only; here it is read line by line and turned into reports.
 """
 
 import contextlib
@@ -29,11 +28,12 @@ from airrace.optimal_control.solvers.process.messages import (
     Outbox,
     PreloadRequest,
     Receiver,
+    Shared,
     SolveRequest,
     WorkerFailure,
 )
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
-from airrace.system import Observation, System
+from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.system import System
 
 PREPARED_INTERVALS = 600
 """The number of intervals of all problems together that are kept ready for the next request.
@@ -41,8 +41,6 @@ PREPARED_INTERVALS = 600
 A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
 (six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
 """
-
-
 LARGE = 4000
 """The number of intervals of a problem from which on its memory is given back to the system when it is forgotten.
 
@@ -51,7 +49,6 @@ Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has 
 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
-
 
 Structure = tuple[str, bytes]
 """All that the prepared functions of a problem depend on; `bytes` are of its rows."""
@@ -68,8 +65,7 @@ class ProgressReader(io.TextIOBase):
         *lines, self._line = (self._line + text).split("\n")
         for line in lines:
             if match := _ITERATION.match(line):
-                report = IterationReport(int(match[1]), float(match[2]), float(match[3]))
-                self._replies.send(report)
+                self._replies.send(IterationReport(int(match[1]), float(match[2]), float(match[3])))
         return len(text)
 
 
@@ -88,22 +84,20 @@ class SolveServer:
     """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
     def __init__(self) -> None:
-        self._known: list[System | Observation] = []
+        self._shared: list[Shared] = []
         self._kernels: dict[tuple[int, RungeKutta], Kernels] = {}
-        self._prepared: dict[Structure, PreparedProblem] = {}
-        self._sizes: dict[Structure, int] = {}
+        self._prepared: dict[Structure, tuple[PreparedProblem, int]] = {}
 
     def solve(self, request: SolveRequest) -> Solution:
         """Solve a request, with what was prepared for an earlier one of the same structure."""
         layout = Layout(request.problem)
         key = self._key(layout, request)
-        prepared = self._prepared.pop(key, None)
+        prepared, _ = self._prepared.pop(key, (None, 0))
         if prepared is None:
             self._make_room(layout.intervals)
-            solver, problem = SOLVERS[request.solver], request.problem
-            kernels = self._kernels_of(problem.system, problem.scheme)
-            prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
-        self._prepared[key], self._sizes[key] = prepared, layout.intervals
+            kernels = self._kernels_of(request.problem.system, request.problem.scheme)
+            prepared = PreparedProblem(layout, kernels, request.solver, request.options, request.threads)
+        self._prepared[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
     def preload(self, request: PreloadRequest) -> None:
@@ -112,19 +106,19 @@ class SolveServer:
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
-        largest = max((self._sizes[key] for key in self._prepared), default=0)
-        while self._prepared and intervals + sum(self._sizes[key] for key in self._prepared) > PREPARED_INTERVALS:
+        largest = max((size for _, size in self._prepared.values()), default=0)
+        while self._prepared and intervals + sum(size for _, size in self._prepared.values()) > PREPARED_INTERVALS:
             del self._prepared[next(iter(self._prepared))]
         if largest > LARGE:
             memory.give_back()
 
-    def _number(self, shared: System | Observation) -> int:
+    def _number(self, shared: Shared) -> int:
         """Return the number of a system or observation; equal ones are one object here, see `Receiver`."""
-        for number, known in enumerate(self._known):
+        for number, known in enumerate(self._shared):
             if known is shared:
                 return number
-        self._known.append(shared)
-        return len(self._known) - 1
+        self._shared.append(shared)
+        return len(self._shared) - 1
 
     def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
         key = (self._number(system), scheme)
@@ -135,16 +129,16 @@ class SolveServer:
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
         """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
-        observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.output_samples]
-        observed_last = problem.objective.observation
+        samples = [(self._number(one.observation), one.offset, one.jump) for one in layout.output_samples]
+        final = problem.objective.observation
         cost = (
             replace(problem.objective, observation=None, values=()),
-            None if observed_last is None else self._number(observed_last),
+            None if final is None else self._number(final),
         )
         parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
         solving = (request.solver, request.options, request.threads)
-        told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
-        return told, layout.rows.structure
+        key = repr((parts, layout.first_node.tolist(), len(layout.jump_at), samples, solving))
+        return key, layout.rows.structure
 
 
 def main() -> None:
@@ -156,7 +150,7 @@ def main() -> None:
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = ProgressReader(replies)
     interposition.install()  # before fatrop is loaded
-    requests = Inbox(asked, partial(_received, Receiver(asked)))
+    requests = Inbox(asked, partial(_receive, Receiver(asked))).start()
     with contextlib.suppress(SolverCrash):  # which the first solve tells
         require_known_interface()  # while the other process prepares what is to be solved
     server = SolveServer()
@@ -172,11 +166,11 @@ def main() -> None:
         except Exception as error:  # whatever it is, the other side must hear of it
             if is_lack_of_memory(error):
                 raise
-            if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
+            if isinstance(request, SolveRequest):  # what is only preloaded is tried again when it is to be solved
                 replies.send(WorkerFailure(traceback.format_exc()))
 
 
-def _received(receiver: Receiver) -> SolveRequest | PreloadRequest:
+def _receive(receiver: Receiver) -> SolveRequest | PreloadRequest:
     """Return the next request; after the last one end this process, whatever it is at."""
     request = receiver.receive()
     if request is None:
