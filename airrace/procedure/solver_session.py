@@ -18,6 +18,7 @@ from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
+from airrace.procedure.start import InitialBarrier
 
 POOL_MAX = 8
 """The largest number of solver processes; quick exploring rarely has more jobs than that at once."""
@@ -25,11 +26,6 @@ KNOWN_ITERATIONS_MAX = 60
 """The largest number of iterations of a solve that begins with known multipliers.
 
 They took it from 25 to 17 iterations on Rovinj in 5 kt of wind; where they mislead, it is solved without them.
-"""
-NEAR_BARRIER = 1e-5
-"""The largest first value of the barrier parameter of a solve that begins near its optimum.
-
-From another stage, with 1e-4, predictor-corrector steps lead astray: they took as long as fatrop, or failed.
 """
 POLISH = 1e-2
 """The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
@@ -132,7 +128,7 @@ class SolverSession:
         """
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        near = multipliers is not None and barrier <= NEAR_BARRIER
+        near = multipliers is not None and barrier in InitialBarrier.NEAR_OPTIMUM
         algorithm = "predictor-corrector" if near else "line-search"
         options = SolverOptions(max(chosen.tolerance, rough), most, barrier, algorithm=algorithm)
         solution = self._first_success(

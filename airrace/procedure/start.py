@@ -30,6 +30,8 @@ class InitialBarrier:
     of 31 in one case, and 47 instead of 43 in another."""
     COARSER_MESH = 1e-6
     """An optimum on a coarser mesh."""
+    NEAR_OPTIMUM = (OTHER_MESH, COARSER_MESH)
+    """Where predictor-corrector steps lead to the optimum; from another stage they fail or take as long as fatrop."""
 
 
 @record
