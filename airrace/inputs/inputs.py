@@ -12,7 +12,6 @@ from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AIRCRAFT_SCHEMA, AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references
 from airrace.inputs.document import AIRCRAFT, TRACKS, Collection, Document, read_document
-from airrace.inputs.kinds.kind import base_name
 from airrace.inputs.nodes import JSON, MappingNode, Place, Reporter, ScalarNode, dotted
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
@@ -214,7 +213,7 @@ class _Run:
             raise InputError(shorten(self.findings), len(self.findings))
         race = Race(scene.course, flown, scene.air)
         check_together(race, track.reporter)
-        passed = {base_name(passage.element.name) for passage in race.course.passages}
+        passed = {passage.element.base_name for passage in race.course.passages}
         if self.findings:
             raise InputError(shorten(self.findings), len(self.findings))
         return Inputs(
@@ -328,7 +327,7 @@ def check_together(race: Race, track: Reporter) -> None:
     gates = {passage.element.name: passage.element for passage in race.course.passages}
     remarked: set[str] = set()
     for gate in gates.values():
-        name, misfit = base_name(gate.name), gate.misfit(aircraft.airframe.b, aircraft.name)
+        name, misfit = gate.base_name, gate.misfit(aircraft.airframe.b, aircraft.name)
         if misfit is not None and name not in remarked:
             key, text = misfit
             track.value(("gates", name, key), text)

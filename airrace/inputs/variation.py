@@ -1,6 +1,6 @@
 """The inputs of a run with one number changed: what `--set` would make of it, without reading the files again."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import TypeVar, cast
 
@@ -17,6 +17,7 @@ from airrace.inputs.rules import LimitsEntry, with_preset
 from airrace.inputs.schema import Schema
 from airrace.inputs.track import TRACK_SCHEMA, TrackEntry, build_course, track_language
 from airrace.inputs.validation import read_mapping, validate
+from airrace.parameters import Parameter
 from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
@@ -41,8 +42,8 @@ class Variation:
         self._aircraft = _root(inputs.aircraft, AIRCRAFT, AircraftEntry, inputs.overrides)
 
     @cached_property
-    def numbers(self) -> dict[str, float]:
-        """The number behind every key that `--set` reaches in track and aircraft, with its present value.
+    def parameters(self) -> dict[str, Parameter[Race]]:
+        """The parameters of track and aircraft by the key that `--set` takes.
 
         Numbers that the files leave to a preset or to the language are among them; limits that nobody sets, and whole
         numbers that count, are not.
@@ -53,7 +54,10 @@ class Variation:
         if track is None or aircraft is None:
             raise InputError(reporter.findings)
         found = [*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))]
-        return {dotted(key): value for key, value in found}
+        return {dotted(key): Parameter(dotted(key), value, self._setter(dotted(key))) for key, value in found}
+
+    def _setter(self, key: str) -> Callable[[Race, float], Race]:
+        return lambda _, value: self.race(key, value)
 
     def race(self, key: str, value: float) -> Race:
         """Return the race with one number set to another value.

@@ -19,10 +19,14 @@ from airrace.procedure.conclusion import conclude
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
-from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
-from airrace.procedure.infeasibility.diagnosis import attribution, diagnose
-from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
-from airrace.procedure.infeasibility.relaxed_routes import Relaxations, torn
+from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
+from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
+from airrace.procedure.infeasibility.local_infeasibility import (
+    LocalInfeasibility,
+    binding_limit,
+    diagnose_window,
+    find_local_infeasibility,
+)
 from airrace.procedure.models import iterate_of
 from airrace.procedure.multistart.budget import EFFORTS, SearchBudget
 from airrace.procedure.multistart.coarse_solution import InitialGuess
@@ -86,8 +90,8 @@ class FidelityContinuation:
         self._flights: dict[Stage, Flight] = {}
         self._pilots: dict[Stage, TrackingSimulator] = {}
         self._pieces: StageResult | None = None
-        self._contradiction: LocalInfeasibility | None = None
-        self._relaxed: Relaxations | None = None
+        self._local_infeasibility: LocalInfeasibility | None = None
+        self._relaxed: RelaxedRoutes | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -173,7 +177,8 @@ class FidelityContinuation:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
         refine = None if self.proves(stage) else solve_single_mesh
         # Of the point mass all conflicts are analysed, see `diagnose_infeasibility`.
-        return solve_with_refinement(session, starts, refine, diagnose=None if stage is Stage.POINT_MASS else diagnose)
+        diagnose = None if stage is Stage.POINT_MASS else diagnose_window
+        return solve_with_refinement(session, starts, refine, diagnose=diagnose)
 
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
         """Optima of one stage, proved where their meshes may hide which of them is the fastest.
@@ -211,8 +216,8 @@ class FidelityContinuation:
 
         The one that the user prefers comes first.
         """
-        if self._contradiction is not None:
-            return self._impossible(self._contradiction, session)
+        if self._local_infeasibility is not None:
+            return self._infeasible(self._local_infeasibility, session)
         known = self._first_starts(session)
         effort = EFFORTS.get(self._settings.search)
         if effort is None:
@@ -259,20 +264,20 @@ class FidelityContinuation:
         def concatenate_phases() -> Start | StageResult:
             where = ""
             if flown is None:  # nor has the plan led anywhere
-                self._relaxed = Relaxations(self._race, flight, session)
-                where = torn(self._relaxed)
+                self._relaxed = RelaxedRoutes(self._race, flight, session)
+                where = conflict_location(self._relaxed)
             first = self._homotopy(session, plain=bool(where))
             if where and first.notes:  # phases could not be added
-                return self._torn(where, session)
-            if self._contradiction is not None:
-                return self._impossible(self._contradiction, session)
+                return self._conflicting(where, session)
+            if self._local_infeasibility is not None:
+                return self._infeasible(self._local_infeasibility, session)
             pieces = first.trajectory
             return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), InitialBarrier.PIECES)
 
         return (concatenate_phases, planned) if flown else (planned, concatenate_phases)
 
     def _homotopy(self, session: SolverSession, *, plain: bool = False) -> StageResult:
-        """Return the pieces of the homotopy, which is flown once; `plain` as of `contradiction`."""
+        """Return the pieces of the homotopy, which is flown once; `plain` as of `primary_only`."""
         if self._pieces is None:
             flown = self.done.get(Stage.HOMOTOPY)
             infeasible = self._infeasibility_test(session, plain=plain)
@@ -282,22 +287,22 @@ class FidelityContinuation:
     def _infeasibility_test(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
         """Return the question whether a phase contradicts itself, whose answer is kept."""
 
-        def window_is_infeasible(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
-            self._contradiction = contradiction(session, problem, torn, guesses, plain=plain)
-            return self._contradiction is not None
+        def window_is_infeasible(problem: Problem, phase: int, guesses: Sequence[Iterate]) -> bool:
+            self._local_infeasibility = find_local_infeasibility(session, problem, phase, guesses, primary_only=plain)
+            return self._local_infeasibility is not None
 
         return window_is_infeasible
 
-    def _torn(self, where: str, session: SolverSession) -> StageResult:
+    def _conflicting(self, where: str, session: SolverSession) -> StageResult:
         """Return the result of a race whose limits contradict each other at a place."""
         flight = self.flight(Stage.POINT_MASS)
         mesh = first_mesh(flight.plan, session.settings.mesh)
         problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
         return conclude(flight, session, problem, guess(flight.plan, mesh), outcome=Outcome.INFEASIBLE, message=message)
 
-    def _impossible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
+    def _infeasible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
         """Return the result of a race that cannot be flown, which says what stands in the way."""
-        message = attribution(session, found.problem, found.torn, found.guess, found.worst)
+        message = binding_limit(session, found)
         flight = self.flight(Stage.POINT_MASS)
         return conclude(flight, session, found.problem, found.guess, outcome=Outcome.INFEASIBLE, message=message)
 

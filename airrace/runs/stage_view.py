@@ -14,6 +14,7 @@ from airrace.export.extras import extra
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
+from airrace.parameters import ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, State
@@ -23,7 +24,7 @@ from airrace.results.derivation import table_columns
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
-from airrace.sensitivity.sensitivity import ParameterGroup, Price
+from airrace.sensitivity.sensitivity import Price
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escaped, one_line

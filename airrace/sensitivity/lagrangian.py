@@ -22,12 +22,14 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.parameters import Parameter, ParameterGroup
+from airrace.planning.race import Race
 from airrace.procedure.models import iterate_of
 from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.result import Outcome, StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price, group_of, unit_of, usual_step
+from airrace.sensitivity.sensitivity import Activity, Price
 from airrace.trajectory import Array
 
 SHARE = 1e-5
@@ -351,19 +353,19 @@ def prices(
     """
     if not result.holds:
         raise NotCertified(_uncertified(result))
-    variation = Variation(inputs)
+    parameters = Variation(inputs).parameters.values()
     varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
     worth = _lagrangian_sensitivity(varied, inputs, result)
 
-    def value(key: str, number: float) -> Value | None:
+    def value(parameter: Parameter[Race], number: float) -> Value | None:
         try:
-            return worth.value(varied.problem(variation.race(key, number)))
+            return worth.value(varied.problem(parameter.set(inputs.race, number)))
         except (InputError, OtherStructureError):
             return None
 
     pricer = _ParameterSensitivity(worth.value(varied.problem(inputs.race)), value)
-    chosen = {key: number for key, number in variation.numbers.items() if group_of(key) in groups}
-    priced = [price for key, number in chosen.items() if (price := pricer.price(key, number)) is not None]
+    found = [pricer.price(parameter) for parameter in parameters if parameter.group in groups]
+    priced = [price for price in found if price is not None]
     return {price.key: price for price in sorted(priced, key=lambda one: (-one.weight, one.key))}
 
 
@@ -404,20 +406,20 @@ class _ParameterSensitivity:
     """A pricer of numbers, one by one; `now` is the value of the race as flown, `value` that with a number changed."""
 
     now: Value
-    value: Callable[[str, float], Value | None]
+    value: Callable[[Parameter[Race], float], Value | None]
 
-    def price(self, key: str, number: float) -> Price | None:
+    def price(self, parameter: Parameter[Race]) -> Price | None:
         """Return the price of a number; None if it can be changed to neither side."""
-        step = usual_step(key, number)
-        up, down = self._slopes(key, number, STEP * step), self._slopes(key, number, -STEP * step)
+        step = parameter.usual_step
+        up, down = self._slopes(parameter, STEP * step), self._slopes(parameter, -STEP * step)
         if up is None and down is None:
             return None
         upward, downward, activity, note = _judged(up, down, step)
         return Price(
-            key=key,
-            group=group_of(key),
-            unit=unit_of(key),
-            value=number,
+            key=parameter.key,
+            group=parameter.group,
+            unit=parameter.unit,
+            value=parameter.value,
             upward=upward,
             downward=downward,
             usual_step=step,
@@ -425,8 +427,8 @@ class _ParameterSensitivity:
             note=note,
         )
 
-    def _slopes(self, key: str, number: float, change: float) -> _Slopes | None:
-        after = self.value(key, number + change)
+    def _slopes(self, parameter: Parameter[Race], change: float) -> _Slopes | None:
+        after = self.value(parameter, parameter.value + change)
         if after is None:
             return None
         return _Slopes((after.strong - self.now.strong) / change, (after.weak - self.now.weak) / change)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any
 
+from airrace.parameters import Parameter
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.track.polygons import Point
@@ -126,6 +127,11 @@ class Element(ABC):
     def type_name(self) -> str:
         """The name of its kind in tables, which is that in a track file."""
 
+    @property
+    def base_name(self) -> str:
+        """The name of its entry in the file: `q` of `q/1`."""
+        return self.name.partition("/")[0]
+
     # Its place.
 
     @property
@@ -233,6 +239,13 @@ class Element(ABC):
     @property
     def sight_values(self) -> tuple[float, ...]:
         """The values of its sight's parameters."""
+        return ()
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        """Return the numbers of its passing that may be relaxed, by their keys in the entry; an element is the model.
+
+        Where a course cannot be flown, they are tried one by one (`airrace.procedure.infeasibility`).
+        """
         return ()
 
     # Its part in pictures and remarks.

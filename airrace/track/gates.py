@@ -1,11 +1,13 @@
 """The kinds of elements that airrace brings along: gates, pylons, manoeuvres. A further kind is one more class."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
+from airrace.parameters import SINE, TANGENT, Parameter, attribute_parameter
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.element import Crossing, Direction, Drawing, Element, Frame, Standing, climb_condition
@@ -16,6 +18,11 @@ NOT_POSITIVE = Interval(upper=0.0)
 ZERO = Interval.exactly(0.0)
 STEP = math.radians(10.0)
 """The angle from one course to the next among those that a plan chooses from, rad."""
+
+HIGHEST = 5000.0
+"""The largest height that the track language knows, m."""
+ANGLE_MAX, ANGLE_AT_QUADS_MAX = 85.0, 40.0
+"""The angles up to which climb and crossing are relaxed, and a crossing at a quad, deg."""
 
 
 class Passing(Enum):
@@ -60,6 +67,31 @@ class Tolerant(Standing):
     @property
     def climbs(self) -> Interval:
         return Interval() if self.passing is Passing.POINT else self.tolerances.climb
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        """Return what a passing tolerates; a `point` passing ignores heights and clearance."""
+        crossing_max = ANGLE_AT_QUADS_MAX if "/" in self.name else ANGLE_MAX
+        angles = [
+            self._tolerance("crossing_max_deg", "crossing", "crossing angle", 10.0, crossing_max, scale=TANGENT),
+            self._tolerance("climb_max_deg", "climb.upper", "climb angle", 10.0, ANGLE_MAX, scale=SINE),
+            self._tolerance("climb_min_deg", "climb.lower", "climb angle", -10.0, -ANGLE_MAX, scale=SINE),
+        ]
+        if self.passing is Passing.POINT:
+            return angles
+        lowest, nearer = min(self.tolerances.height.lower, 0.0), -max(0.5, 0.1 * self.tolerances.clearance)
+        return [
+            *angles,
+            self._tolerance("height_max_m", "height.upper", "height", 5.0, HIGHEST),
+            self._tolerance("height_min_m", "height.lower", "height", -5.0, lowest),
+            self._tolerance("clearance_m", "clearance", "clearance", nearer, 0.0, digit=0.1),
+        ]
+
+    def _tolerance(
+        self, key: str, path: str, label: str, step: float, limit: float, **declared: Any
+    ) -> Parameter["Tolerant"]:
+        return attribute_parameter(
+            self, key, f"tolerances.{path}", label=label, relaxing_step=step, limit=limit, **declared
+        )
 
 
 def offsets(most: int, crossing: float) -> Array:
@@ -158,6 +190,15 @@ class Gate(Tolerant):
             crossing_tan=math.tan(self.tolerances.crossing),
             half_span=0.0 if self.passing is Passing.POINT else span / 2,
         )
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        if self.passing is Passing.POINT:
+            return super().parameters()
+        return [
+            *super().parameters(),
+            self._tolerance("bank_tolerance_deg", "bank", "bank tolerance", 5.0, 89.0, scale=TANGENT),
+            attribute_parameter(self, "width_m", "width", label="width", relaxing_step=1.0, limit=100.0, digit=0.1),
+        ]
 
     def drawing(self) -> Drawing:
         """Return two pylons, and the window left between their clearances."""
@@ -260,6 +301,12 @@ class Pylon(Tolerant):
             crossing_tan=math.tan(self.tolerances.crossing),
             half_span=0.0 if self.passing is Passing.POINT else span / 2,
         )
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        if self.passing is Passing.POINT:
+            return super().parameters()
+        reach = attribute_parameter(self, "reach_m", "reach", label="reach", relaxing_step=10.0, limit=1000.0)
+        return [*super().parameters(), reach]
 
     def drawing(self) -> Drawing:
         """Return a dot, and the stretch in which the passing counts."""
@@ -384,6 +431,16 @@ class Manoeuvre(Element):
         Where its course is free any frame would do, and one flight must not be described in several.
         """
         return Frame(axis=self.heading or 0.0, bank=self.bank or 0.0)
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        """Return the ends of its range of heights; none where the height is exact."""
+        if self.height.lower == self.height.upper:
+            return ()
+        ends = (("height_min_m", "lower", -10.0, min(self.height.lower, 0.0)), ("height_max_m", "upper", 10.0, HIGHEST))
+        return [
+            attribute_parameter(self, key, f"height.{end}", label="height", relaxing_step=step, limit=limit)
+            for key, end, step, limit in ends
+        ]
 
     def drawing(self) -> Drawing:
         return Drawing(legend="manoeuvre")

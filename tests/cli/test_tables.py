@@ -21,10 +21,11 @@ from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.parameters import ParameterGroup
 from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
 from airrace.procedure.stage import STAGES
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
+from airrace.sensitivity.sensitivity import Activity, Price
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 

@@ -15,6 +15,7 @@ from pydantic import Field
 from airrace.environment.elementary import sqrt
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
 from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
+from airrace.parameters import Parameter, attribute_parameter
 from airrace.quantities import Interval, Quantity
 from airrace.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
 from airrace.track.gates import NOT_POSITIVE, ZERO, offsets
@@ -86,6 +87,9 @@ class Ring(Standing):
     @property
     def sight_values(self) -> tuple[float, ...]:
         return (self.height,)
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        return [attribute_parameter(self, "diameter_m", "diameter", label="diameter", relaxing_step=1.0, limit=100.0)]
 
     def drawing(self) -> Drawing:
         half, right = self.diameter / 2, self.heading + math.pi / 2

@@ -15,7 +15,7 @@ from airrace.planning.race import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.homotopy import held
-from airrace.procedure.infeasibility.diagnosis import relaxations
+from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshSettings, Settings
@@ -116,11 +116,11 @@ def test_certificate_tells_a_start_that_is_not_settled() -> None:
 
 def test_settled_end_is_named_among_what_may_stand_in_the_way() -> None:
     problem = problem_of(ended(SMALL, SETTLED, SETTLED))
-    named = dict(relaxations(problem, 0))
+    named = dict(without_one_limit(problem, 0))
     assert asked(named["a settled start"].start, problem) == set()
     assert asked(named["a settled finish"].phases[-1].end, problem) == set()
     assert named["a settled start"].start.bounds.keys() == problem_of(ended(SMALL, FREE, FREE)).start.bounds.keys()
-    free = dict(relaxations(problem_of(ended(SMALL, FREE, FREE)), 0))
+    free = dict(without_one_limit(problem_of(ended(SMALL, FREE, FREE)), 0))
     assert not any("settled" in what for what in free)
 
 

@@ -17,29 +17,32 @@ from airrace.environment.air import Air
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.parameters import Parameter, attribute_parameter
+from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.race import Race
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, fly_homotopy
-from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxed
-from airrace.procedure.infeasibility.local_infeasibility import contradiction
-from airrace.procedure.infeasibility.parameters import relaxables
-from airrace.procedure.infeasibility.relaxed_routes import CLEAR, Relaxation, torn
-from airrace.procedure.infeasibility.suggestions import (
-    EFFORT_MAX,
-    MARGINS,
-    NOTHING,
-    OF_AIRCRAFT,
-    OF_RULES,
-    Flown,
-    Option,
-    Trials,
+from airrace.procedure.infeasibility.conflicts import (
+    AIRCRAFT as AIRCRAFT_KIND,
 )
+from airrace.procedure.infeasibility.conflicts import (
+    MARGINS,
+    RULES_AND_GATES,
+    SETTINGS,
+    Relaxation,
+    Repair,
+    conflict_location,
+)
+from airrace.procedure.infeasibility.diagnose import WORK_MAX, TrialFlight, Validation
+from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
+from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.course import Course, Crowd, CrowdShape
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.track.polygons import Point
@@ -85,29 +88,47 @@ def suggested_changes(race: Race) -> dict[str, SuggestedChange]:
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tracks").glob("*.yaml")), ids=lambda path: path.stem)
-def test_a_lever_changes_what_set_changes_by_its_key(path: Path) -> None:
+def test_a_parameter_changes_what_set_changes_by_its_key(path: Path) -> None:
     inputs = load_inputs(path)
     variation = Variation(inputs)
-    known = [one for one in relaxables(inputs.race) if one.settable(one.milder)]
+    known = [one for one in relaxable_parameters(inputs.race) if one.bounds.lower <= one.milder]
     assert len(known) >= 10
-    for relaxable in known:
+    for parameter in known:
         changed, expected = (
-            relaxable.changed(inputs.race, relaxable.milder),
-            variation.race(relaxable.key, relaxable.milder),
+            parameter.set(inputs.race, parameter.milder),
+            variation.race(parameter.key, parameter.milder),
         )
-        assert (changed.course, changed.aircraft) == (expected.course, expected.aircraft), relaxable.key
-        assert relaxable.value == pytest.approx(variation.numbers[relaxable.key], rel=1e-9), relaxable.key
+        assert (changed.course, changed.aircraft) == (expected.course, expected.aircraft), parameter.key
+        assert parameter.value == pytest.approx(variation.parameters[parameter.key].value, rel=1e-9), parameter.key
 
 
-def test_levers_are_relaxed_to_the_milder_side_and_rounded_to_it() -> None:
+def test_parameters_are_relaxed_to_the_milder_side_and_rounded_to_it() -> None:
     race = level_turn(2.0)
-    for relaxable in relaxables(race):
-        assert (relaxable.at_steps(1.0) - relaxable.value) * relaxable.step > 0.0
-        assert relaxable.at_steps(relaxable.steps_max) == pytest.approx(relaxable.furthest)
-        told = relaxable.rounded(relaxable.at_steps(0.3))
-        assert (told - relaxable.at_steps(0.3)) * relaxable.step >= 0.0
-    n_z = next(one for one in relaxables(race) if one.key == "rules.n_z_max")
-    assert [n_z.rounded(value) for value in (2.31, 2.3, 99.0)] == [2.4, 2.3, n_z.furthest]
+    for parameter in relaxable_parameters(race):
+        assert (parameter.at_steps(1.0) - parameter.value) * parameter.relaxing_step > 0.0
+        assert parameter.at_steps(parameter.steps_max) == pytest.approx(parameter.limit)
+        told = parameter.round_milder(parameter.at_steps(0.3))
+        assert (told - parameter.at_steps(0.3)) * parameter.relaxing_step >= 0.0
+    n_z = next(one for one in relaxable_parameters(race) if one.key == "rules.n_z_max")
+    assert [n_z.round_milder(value) for value in (2.31, 2.3, 99.0)] == [2.4, 2.3, n_z.limit]
+
+
+@record
+class Hoop(Gate):
+    """A kind of gate from outside."""
+
+    def parameters(self) -> Sequence[Parameter[Any]]:
+        return [attribute_parameter(self, "hoop_m", "width", label="hoop", relaxing_step=1.0, limit=30.0)]
+
+
+def test_gate_kinds_from_outside_take_part_by_what_they_declare() -> None:
+    gate = level("g", 250.0, 0.0, 0.0)
+    hoop = Hoop(**{one.name: getattr(gate, one.name) for one in dataclasses.fields(gate)})
+    race = Race(course("hoop", level("a", 0.0, 0.0, 0.0), hoop), EDGE_540, Air())
+    wider = next(one for one in relaxable_parameters(race) if one.key == "gates.g.hoop_m")
+    assert (wider.at, wider.label, wider.unit) == ("g", "hoop", "m")
+    widths = [one.element.width for one in wider.set(race, 20.0).course.passages if isinstance(one.element, Gate)]
+    assert widths == [gate.width, 20.0]
 
 
 # What is told.
@@ -211,7 +232,7 @@ def sixteen() -> tuple[Problem, Iterate]:
 def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: bool, solvers: list[str]) -> None:
     used = session(*verdicts)
     problem, made = sixteen()
-    result = contradiction(used, problem, TORN, [made, made])
+    result = find_local_infeasibility(used, problem, TORN, [made, made])
     assert (result is not None) is found
     assert [solver for solver, _, _ in asked(used)] == solvers
     assert all([phase.name for phase in one.phases] == list(names(problem, TORN)) for _, _, one in asked(used))
@@ -227,7 +248,7 @@ def test_a_single_solver_contradicts_nothing() -> None:
         used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
     )
     problem, made = sixteen()
-    assert contradiction(used, problem, TORN, [made]) is None
+    assert find_local_infeasibility(used, problem, TORN, [made]) is None
     assert asked(used) == []
 
 
@@ -280,10 +301,11 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     assert len(asked(used)) - explaining == len(before) + len(FOUND_OUT) + 2  # two limits are taken away
 
 
-KNOWN = {one.key: one for one in relaxables(SMALL)}
+KNOWN = {one.key: one for one in relaxable_parameters(SMALL)}
 NOBODY = cast(ElasticSolver, None)  # no trial of these tests asks what relaxed it
-CERTIFIED, FLOWN = Flown(20.0, certified=True, effort=0.1), Flown(20.0, certified=False, effort=0.1)
-HARD = Flown(20.0, certified=False, effort=1.0)
+NOTHING = TrialFlight(None, certified=False, work=0.0)
+CERTIFIED, FLOWN = TrialFlight(20.0, certified=True, work=0.1), TrialFlight(20.0, certified=False, work=0.1)
+HARD = TrialFlight(20.0, certified=False, work=1.0)
 
 
 def relaxed(steps: float) -> Relaxed:
@@ -291,29 +313,29 @@ def relaxed(steps: float) -> Relaxed:
     return Relaxed(flight, steps, {}, {}, np.zeros((1, 1)), {"a -> b": 1.0})
 
 
-def options(*keys: str) -> list[Option]:
-    return [Option(KNOWN[key], NOBODY, relaxed(1.0)) for key in keys]
+def options(*keys: str) -> list[Repair]:
+    return [Repair(KNOWN[key], NOBODY, relaxed(1.0)) for key in keys]
 
 
 class Flights:
     """Trials that end as they are told to; `asked` counts them by key."""
 
-    def __init__(self, tried: Sequence[Option], ends: Mapping[str, Sequence[Flown]]) -> None:
-        self._keys = {id(one.relaxed): one.relaxable.key for one in tried}
+    def __init__(self, tried: Sequence[Repair], ends: Mapping[str, Sequence[TrialFlight]]) -> None:
+        self._keys = {id(one.relaxed): one.parameter.key for one in tried}
         self._ends = ends
         self.asked = Counter[str]()
 
-    def __call__(self, race: Race, relaxer: ElasticSolver, near: Relaxed) -> Flown:
+    def __call__(self, race: Race, solver: ElasticSolver, near: Relaxed) -> TrialFlight:
         key = self._keys[id(near)]
         self.asked[key] += 1
         return self._ends.get(key, [CERTIFIED])[self.asked[key] - 1]
 
 
-def told(tried: Sequence[Option], **ends: Any) -> tuple[list[tuple[str, float]], Counter[str]]:  # Any: `Flown`s
+def told(tried: Sequence[Repair], **ends: Any) -> tuple[list[tuple[str, float]], Counter[str]]:  # Any: `Flown`s
     """The keys that are told with their values, and how often each was tried; ends by the last part of the key."""
     by_key = {key: ends[key.rpartition(".")[2]] for key in KNOWN if key.rpartition(".")[2] in ends}
     fly = Flights(tried, by_key)
-    return [(one.option.relaxable.key, one.value) for one in Trials(SMALL, fly).flown(tried)], fly.asked
+    return [(one.repair.parameter.key, one.value) for one in Validation(SMALL, fly).validate(tried)], fly.asked
 
 
 RULE_KEYS = [key for key in KNOWN if key.startswith(("rules.", "gates."))]
@@ -321,9 +343,9 @@ AIRCRAFT = ["aircraft.airframe.mass_kg", "aircraft.propulsion.power_max_kW", "ai
 
 
 def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
-    assert len(RULE_KEYS) > OF_RULES.suggested_max
+    assert len(RULE_KEYS) > RULES_AND_GATES.suggested_max
     keys = [key for key, _ in told(options(*RULE_KEYS, *AIRCRAFT))[0]]
-    assert keys == [*RULE_KEYS[: OF_RULES.suggested_max], *AIRCRAFT[: OF_AIRCRAFT.suggested_max]]
+    assert keys == [*RULE_KEYS[: RULES_AND_GATES.suggested_max], *AIRCRAFT[: AIRCRAFT_KIND.suggested_max]]
 
 
 def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:
@@ -339,7 +361,7 @@ def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> Non
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
     assert value == one.value(MARGINS[certified])
-    assert asked[one.relaxable.key] == certified + 1
+    assert asked[one.parameter.key] == certified + 1
 
 
 def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
@@ -351,13 +373,16 @@ def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
 def test_hard_trials_are_not_repeated_without_end_but_the_first_is() -> None:
     tried = options(*AIRCRAFT[:2], *RULE_KEYS[:3])
     ends = {key.rpartition(".")[2]: [HARD] * len(MARGINS) for key in KNOWN}
-    assert len(tried) > EFFORT_MAX
+    assert len(tried) > WORK_MAX
     told_, asked = told(tried, **ends)
     assert [key for key, _ in told_] == [*RULE_KEYS[:3], *AIRCRAFT[:2]]
     assert asked == {RULE_KEYS[0]: len(MARGINS), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
 
 
 def test_limits_clearly_contradict_each_other_only_where_they_do_on_all_ways_round() -> None:
-    much, little = Relaxation(NOBODY, relaxed(2.0 * CLEAR)), Relaxation(NOBODY, relaxed(0.5 * CLEAR))
-    assert torn([much, much]) == "a -> b"
-    assert [torn(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]
+    much, little = (
+        Relaxation(NOBODY, relaxed(2.0 * SETTINGS.plain_steps)),
+        Relaxation(NOBODY, relaxed(0.5 * SETTINGS.plain_steps)),
+    )
+    assert conflict_location([much, much]) == "a -> b"
+    assert [conflict_location(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]

@@ -15,7 +15,7 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs import load_inputs
 from airrace.procedure import results_api
 from airrace.procedure import run as procedure
-from airrace.procedure.infeasibility.analysis import told
+from airrace.procedure.infeasibility.diagnose import describe_conflicts
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult, State, SuggestedChange
 from airrace.procedure.settings import MeshCheck
@@ -89,7 +89,7 @@ def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
         "race_time_s": 9.5,
     }
     assert first["suggested_changes"][1]["key"] is None  # no key moves a line
-    sentence = told(suggested_changes)
+    sentence = describe_conflicts(suggested_changes)
     assert "a -> b cannot be flown with n_z of 2 g: it takes 2.8 g (rules.n_z_max=2.8), or the margin" in sentence
     assert sentence.endswith(
         "; and the limits contradict each other at c, and no single number was found that resolves it"

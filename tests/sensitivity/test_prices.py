@@ -9,13 +9,14 @@ from sensitivity_courses import COURSE, CROWDED, inputs, mirrored_text, optimum,
 from airrace.errors import CheckpointError, NotCertified
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.parameters import ParameterGroup
 from airrace.procedure.models import iterate_of
 from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.solver_session import SolverSession
 from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup
+from airrace.sensitivity.sensitivity import Activity
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
@@ -97,7 +98,7 @@ def test_prices_come_with_the_dearest_usual_step_first() -> None:
 
 
 def test_every_number_of_the_documents_has_a_price() -> None:
-    assert priced().keys() == Variation(inputs()).numbers.keys()
+    assert priced().keys() == Variation(inputs()).parameters.keys()
 
 
 def test_only_the_groups_that_are_asked_for_are_priced() -> None:

@@ -58,11 +58,6 @@ class CompositeElement:
         return None if position is None else (Point(position[0], position[1]), position[2])
 
 
-def base_name(name: str) -> str:
-    """Return the name in the file of an element that is one part of a composite one: `q` of `q/1`."""
-    return name.partition("/")[0]
-
-
 class PassingEntry(Schema):
     """The keys that gates and pylons have in common; an absent one takes the value of `gate_defaults`."""
 

@@ -1,48 +1,176 @@
 """The conflicts of a race for which no flight was found: what has to give way, by how much, and what else would do.
 
-All parameters give way together first, each by as many usual steps. That solution tells which of them are to blame, and
-about how far each would have to give way alone: the steps of all together, divided by its share of the blame. Those for
-which that is possible are relaxed one by one. Where none helps alone, there are several conflicts: the parameters of
-other places are set free, until the first conflict is resolved, and the next is looked for in the race without it.
-Every suggestion is flown on the whole race before it is told.
+All parameters are relaxed together first, each by as many usual steps. The multipliers of that solution attribute the
+relaxation to parameters, and the steps of all together divided by its share estimate how far each would have to give
+way alone. Those for which that is possible are relaxed one by one. Where none helps alone, there are several conflicts:
+the parameters of other places are freed until the first conflict is resolved, and the next is looked for in the race
+without it.
 """
 
+import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from airrace.optimal_control.problem import Iterate
+from airrace.parameters import Parameter
+from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.race import Race
-from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxed
-from airrace.procedure.infeasibility.parameters import relaxables
-from airrace.procedure.infeasibility.relaxable import RelaxableParameter
-from airrace.procedure.infeasibility.relaxed_routes import Relaxation, relaxation
-from airrace.procedure.infeasibility.suggestions import BUDGETS, Fly, Option, Trials
-from airrace.procedure.result import StageResult, SuggestedChange
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
+from airrace.procedure.perturbed import with_passages
+from airrace.procedure.result import StageResult
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight
 from airrace.records import record
 
-CONFLICTS_MAX = 4
-"""The largest number of conflicts that are looked for."""
-MAX_PLAN_PENALTY = 12.0
-"""The factor on the least estimate of parameters of a kind (usual steps) above which a parameter is not relaxed alone.
 
-Those that helped on courses spoilt by one limit each were estimated at up to 6 times the least of them.
-"""
-LEAST_SHARE = 1e-3
-"""The least share of the blame (1) with which a relaxable parameter is considered."""
-OPTIMISM = 1.0
-"""The factor by which a parameter may have to give way farther than is possible, by the estimate, and still be relaxed.
+@record
+class ConflictSettings:
+    """The settings of the search for conflicts; steps are usual steps.
 
-The estimate is the tangent at the solution for all parameters, mostly less than it takes in the end: on the half Cuban
-eight with a ceiling of 100 m it was 7.3 steps for the ceiling, which took 7.9, and 10.1 for the largest lift
-coefficient, which took 13.
-"""
-FREED = 5.0
-"""The steps by which the parameters of other places are set free besides those of all parameters together."""
-SHARES = (0.2, 1.0)
-"""The shares of the largest blame (1) from which on local parameters belong to the first conflict, tried in turn.
+    Attributes:
+        conflicts_max: the most conflicts that are looked for.
+        milder_steps: by which all parameters give way in the race whose plan is a second route. Where an angle of
+            crossing is too small, the plan loops; with a larger one it goes straight.
+        plain_steps: relaxation of all from which it is plain that a route has no flight.
+        estimate_ratio_max: factor on the least estimate of a kind above which a parameter is not relaxed alone. Those
+            that helped on courses spoilt by one limit each were estimated at up to 6 times the least of them.
+        share_min: attribution from which a parameter is considered.
+        estimate_slack: factor by which an estimate may exceed what is possible. It is a tangent, mostly less than it
+            takes in the end: on the half Cuban eight with a ceiling of 100 m 7.3 steps for the ceiling, which took 7.9,
+            and 10.1 for the largest lift coefficient, which took 13.
+        freeing_steps: by which the parameters of other places are freed besides those of all together.
+        local_shares: shares of the largest attribution from which local parameters belong to the first conflict, tried
+            in turn: two conflicts that ask for about as much both have attribution.
+    """
 
-Where two conflicts ask for about as much, both have blame, and only the relaxable parameter with most of it is kept.
+    conflicts_max: int = 4
+    milder_steps: float = 4.0
+    plain_steps: float = 0.1
+    estimate_ratio_max: float = 12.0
+    share_min: float = 1e-3
+    estimate_slack: float = 1.0
+    freeing_steps: float = 5.0
+    local_shares: tuple[float, ...] = (0.2, 1.0)
+
+
+SETTINGS = ConflictSettings()
+
+
+@record
+class RepairKind:
+    """The parameters of rules and gates, or those of the aircraft, and how many are considered for a conflict.
+
+    Attributes:
+        of_aircraft: whether they are the aircraft's, which no race director can change.
+        single_max: parameters that are relaxed alone.
+        suggested_max: suggestions.
+    """
+
+    of_aircraft: bool
+    single_max: int
+    suggested_max: int
+
+    def includes(self, parameter: Parameter[Race]) -> bool:
+        """Tell whether a parameter is of this kind."""
+        return parameter.key.startswith("aircraft.") is self.of_aircraft
+
+
+RULES_AND_GATES = RepairKind(of_aircraft=False, single_max=5, suggested_max=3)
+AIRCRAFT = RepairKind(of_aircraft=True, single_max=3, suggested_max=2)
+KINDS = (RULES_AND_GATES, AIRCRAFT)
+"""In the order in which they are tried and suggested: a director's first; the aircraft may be at fault as much."""
+MARGINS = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
+"""The factors on the least relaxation, and the usual steps on top, with which a repair is tried in turn.
+
+The least relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine ones: with
+ceilings of 182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 1603, 1440 and 276 intervals; 179 m are
+the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 and 41 deg/s were not certified in 28 s,
+65 deg/s in 2 s.
 """
+
+
+@record
+class Repair:
+    """A parameter that resolves a conflict alone, with the relaxed flight, and what relaxed it."""
+
+    parameter: Parameter[Race]
+    solver: ElasticSolver
+    relaxed: Relaxed
+
+    @property
+    def rank(self) -> tuple[bool, bool, float, str]:
+        """The order of repairs: those that the inputs allow, rules and gates, then by usual steps."""
+        parameter = self.parameter
+        steps = abs((parameter.at_steps(self.relaxed.steps) - parameter.value) / parameter.relaxing_step)
+        not_allowed = self.value(MARGINS[0]) < parameter.bounds.lower
+        return not_allowed, AIRCRAFT.includes(parameter), steps, parameter.key
+
+    def value(self, margin: tuple[float, float]) -> float:
+        """Return the value that is tried with a margin: see `MARGINS`."""
+        factor, extra = margin
+        return self.parameter.round_milder(self.parameter.at_steps(factor * self.relaxed.steps + extra))
+
+    def apply(self, race: Race) -> Race:
+        """Return a race in which the conflict is resolved, with a margin to spare."""
+        return self.parameter.set(race, self.value(MARGINS[1]))
+
+
+@record
+class Relaxation:
+    """A race whose limits give way together, and what relaxed it along one route."""
+
+    solver: ElasticSolver
+    relaxed: Relaxed
+
+
+def relax(race: Race, solver: ElasticSolver, start: Iterate) -> Relaxation | None:
+    """Return a race with all its limits relaxed, from a flight to begin with; None if that is not found."""
+    relaxed = solver.solve_all(race, relaxable_parameters(race), start)
+    return None if relaxed is None else Relaxation(solver, relaxed)
+
+
+class RelaxedRoutes:
+    """A race relaxed along its plan, then along the plan of a milder race; None where that is not found.
+
+    Each is solved for when it is first asked for.
+    """
+
+    def __init__(self, race: Race, flight: Flight, session: SolverSession) -> None:
+        self._found: list[Relaxation | None] = []
+        self._coming = (relax(race, solver, start) for solver, start in _routes(race, flight, session))
+
+    def __iter__(self) -> Iterator[Relaxation | None]:
+        yield from tuple(self._found)
+        for relaxation in self._coming:
+            self._found.append(relaxation)
+            yield relaxation
+
+
+def _routes(race: Race, flight: Flight, session: SolverSession) -> Iterator[tuple[ElasticSolver, Iterate]]:
+    milder = race
+    for parameter in relaxable_parameters(race):
+        milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
+    before: Iterate | None = None
+    for plan in (flight.plan, with_passages(milder.plan, race.course)):
+        mesh = first_mesh(plan, session.settings.mesh)
+        start = guess(plan, mesh)
+        if before is None or not np.array_equal(before.state, start.state):
+            yield ElasticSolver(session, race, dataclasses.replace(flight, plan=plan), mesh), start
+        before = start
+
+
+def conflict_location(routes: Iterable[Relaxation | None]) -> str:
+    """Return the place of a conflict that is plain on every route; empty if there is none."""
+    where = ""
+    for route in routes:
+        if route is None or route.relaxed.steps < SETTINGS.plain_steps:
+            return ""
+        where = where or route.relaxed.where
+    return where
 
 
 @record
@@ -50,118 +178,92 @@ class Conflict:
     """A place at which limits contradict each other, and what would resolve that, the least change first."""
 
     where: str
-    options: Sequence[Option]
+    repairs: Sequence[Repair]
 
 
 @dataclass
-class Search:
-    """A search for the conflicts of a race.
+class ConflictSearch:
+    """The search for the conflicts of a race.
 
     Attributes:
-        begun: the race with all limits relaxed, on every route on which that was found; the least of them counts.
         race: the race.
-        fly: tries suggestions in flight.
-        found: a certified flight of the race as it is, if the search came across one.
+        certify: returns a certified flight of the race as it is near a relaxed one that needs no relaxation, or None.
+        flight: what `certify` found, which ends the search.
     """
 
-    begun: Sequence[Relaxation]
     race: Race
-    fly: Fly
-    found: StageResult | None = None
+    certify: Callable[[ElasticSolver, Relaxed], StageResult | None]
+    flight: StageResult | None = None
 
-    def suggested_changes(self) -> tuple[SuggestedChange, ...]:
-        """Return what would resolve the conflicts; nothing where none is found, or a flight (`found`)."""
-        conflicts = list(self._conflicts())
-        if self.found is not None:
-            return ()
-        suggested_changes: list[SuggestedChange] = []
-        for number, conflict in enumerate(conflicts, start=1):
-            others = [one.options[0] for one in conflicts if one is not conflict and one.options]
-            flown = Trials(self.race, self.fly, others).flown(conflict.options)
-            nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
-            suggested_changes += [one.suggested_change(number, conflict.where) for one in flown] or [nothing]
-        return tuple(suggested_changes)
+    def conflicts(self, routes: Iterable[Relaxation | None]) -> Iterator[Conflict]:
+        """Yield the conflicts on the route with the least relaxation."""
+        found = [one for one in routes if one is not None]
+        race, relaxation = self.race, min(found, key=lambda one: one.relaxed.steps, default=None)
+        for _ in range(SETTINGS.conflicts_max):
+            if relaxation is None or self._needs_nothing(race, relaxation.solver, relaxation.relaxed):
+                return
+            parameters = relaxable_parameters(race)
+            repairs, is_last = self._repairs(race, parameters, relaxation), True
+            for share in SETTINGS.local_shares:
+                if self.flight is None and not repairs:
+                    freed = _free_other_places(race, parameters, relaxation, share)
+                    repairs, is_last = self._repairs(freed, parameters, relaxation), False
+            if self.flight is not None:
+                return
+            yield Conflict(relaxation.relaxed.where, repairs)
+            if is_last or not repairs:
+                return
+            race = repairs[0].apply(race)
+            relaxation = relax(race, relaxation.solver, relaxation.relaxed.flight)
 
-    # What is in conflict.
-
-    def _conflicts(self) -> Iterator[Conflict]:
-        race, begun = self.race, min(self.begun, key=lambda one: one.relaxed.steps, default=None)
-        for _ in range(CONFLICTS_MAX):
-            if begun is None:
-                return
-            known, relaxer, together = relaxables(race), begun.relaxer, begun.relaxed
-            if self._needs_nothing(race, relaxer, together):
-                return
-            options, last = self._options(race, known, relaxer, together), True
-            for share in SHARES:
-                if self.found is None and not options:
-                    freed = _freed(race, known, relaxer, together, share)
-                    options, last = self._options(freed, known, relaxer, together), False
-            if self.found is not None:
-                return
-            yield Conflict(together.where, options)
-            if last or not options:
-                return
-            race = options[0].applied(race)
-            begun = relaxation(race, relaxer, together.flight)
-
-    def _options(
-        self, race: Race, known: Sequence[RelaxableParameter], relaxer: ElasticSolver, together: Relaxed
-    ) -> list[Option]:
-        """Return the relaxable parameters that resolve the conflict alone, the least change first."""
-        attribution = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known]
-        estimates = [(together.steps / blame, relaxable) for blame, relaxable in attribution if blame > LEAST_SHARE]
+    def _repairs(self, race: Race, parameters: Sequence[Parameter[Race]], relaxation: Relaxation) -> list[Repair]:
+        """Return the parameters that resolve the conflict alone, the least change first."""
+        solver, relaxed = relaxation.solver, relaxation.relaxed
+        shares = [(solver.attribution(race, one, relaxed), one) for one in parameters]
+        estimates = [(relaxed.steps / share, one) for share, one in shares if share > SETTINGS.share_min]
         possible = sorted(
-            ((steps, relaxable) for steps, relaxable in estimates if steps <= OPTIMISM * relaxable.steps_max),
+            ((steps, one) for steps, one in estimates if steps <= SETTINGS.estimate_slack * one.steps_max),
             key=lambda one: (one[0], one[1].key),
         )
-        options: list[Option] = []
-        for budget in BUDGETS:
-            of_a_kind = [one for one in possible if one[1].of_aircraft is budget.of_aircraft][: budget.alone_max]
-            cheap = [one for one in of_a_kind if one[0] <= MAX_PLAN_PENALTY * of_a_kind[0][0]]
-            options += itertools.islice(self._helping(race, cheap, relaxer, together), budget.suggested_max)
-            if self.found is not None:
+        repairs: list[Repair] = []
+        for kind in KINDS:
+            own = [one for one in possible if kind.includes(one[1])][: kind.single_max]
+            likely = [one for one in own if one[0] <= SETTINGS.estimate_ratio_max * own[0][0]]
+            repairs += itertools.islice(self._solve_single(race, likely, relaxation), kind.suggested_max)
+            if self.flight is not None:
                 break
-        return sorted(
-            options, key=lambda one: (not one.settable, one.relaxable.of_aircraft, one.cost, one.relaxable.key)
-        )
+        return sorted(repairs, key=lambda one: one.rank)
 
-    def _helping(
-        self, race: Race, known: Sequence[tuple[float, RelaxableParameter]], relaxer: ElasticSolver, together: Relaxed
-    ) -> Iterator[Option]:
-        """Yield those parameters, with their estimates, that help alone until one shows that no limit has to."""
-        for estimate, relaxable in known:
-            relaxed = relaxer.alone(race, relaxable, together, estimate)
+    def _solve_single(
+        self, race: Race, estimates: Sequence[tuple[float, Parameter[Race]]], relaxation: Relaxation
+    ) -> Iterator[Repair]:
+        """Yield the parameters that help alone, until one shows that no limit has to give way."""
+        for estimate, parameter in estimates:
+            relaxed = relaxation.solver.solve_single(race, parameter, relaxation.relaxed, estimate)
             if relaxed is None:
                 continue
-            if self._needs_nothing(race, relaxer, relaxed):
+            if self._needs_nothing(race, relaxation.solver, relaxed):
                 return
-            yield Option(relaxable, relaxer, relaxed)
+            yield Repair(parameter, relaxation.solver, relaxed)
 
-    def _needs_nothing(self, race: Race, relaxer: ElasticSolver, relaxed: Relaxed) -> bool:
+    def _needs_nothing(self, race: Race, solver: ElasticSolver, relaxed: Relaxed) -> bool:
         """Tell whether a race needs no relaxation after all; the race as it is given is then flown."""
         if relaxed.needed:
             return False
-        if race is self.race and self.found is None:
-            self.found = self.fly(race, relaxer, relaxed).result
-        return race is not self.race or self.found is not None
+        if race is self.race and self.flight is None:
+            self.flight = self.certify(solver, relaxed)
+        return race is not self.race or self.flight is not None
 
 
-def _freed(
-    race: Race, known: Sequence[RelaxableParameter], relaxer: ElasticSolver, together: Relaxed, share: float
+def _free_other_places(
+    race: Race, parameters: Sequence[Parameter[Race]], relaxation: Relaxation, share_min: float
 ) -> Race:
-    """Return the race with the relaxable parameters of other places set free.
-
-    Args:
-        race: the race.
-        known: its relaxable parameters.
-        relaxer: what relaxed it.
-        together: the race with all relaxable parameters relaxed.
-        share: of the largest blame; local relaxable parameters with as much of it stay as they are.
-    """
-    local = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known if relaxable.local]
-    most = max((blame for blame, _ in local), default=0.0)
-    for blame, relaxable in local:
-        if blame < share * most:
-            race = relaxable.changed(race, relaxable.at_steps(min(together.steps + FREED, 0.95 * relaxable.steps_max)))
+    """Return the race without the local limits whose attribution is less than a share of the largest."""
+    solver, relaxed = relaxation.solver, relaxation.relaxed
+    local = [(solver.attribution(race, one, relaxed), one) for one in parameters if one.local]
+    most = max((share for share, _ in local), default=0.0)
+    for share, parameter in local:
+        if share < share_min * most:
+            steps = min(relaxed.steps + SETTINGS.freeing_steps, 0.95 * parameter.steps_max)
+            race = parameter.set(race, parameter.at_steps(steps))
     return race

@@ -1,62 +1,175 @@
-"""Limits that contradict each other, found out while the first flight is pieced together.
+"""The legs around a phase as a problem of their own: whether they can be flown, and without which limit.
 
-A phase that the homotopy cannot add is looked at with the legs around it, which may begin in any way that the gate
-before them allows, and which nothing follows. A race that asks for legs that cannot be flown by themselves has no
-flight either, so nothing else need be tried from which all of it would be solved in vain.
+The window begins in any way that the gate before it allows, and nothing follows it. If it is infeasible, so is the
+whole race.
 """
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure.infeasibility.diagnosis import OPTIONS, window_around
+from airrace.optimal_control.replay import replay
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.procedure.boundary_conditions import unsettled
+from airrace.procedure.phase_segments import joined, phase_piece
 from airrace.procedure.solver_session import SolverSession
+from airrace.quantities import Interval, Quantity
 from airrace.records import record
 
-ITERATIONS_MAX = 300
-"""The largest number of iterations in which a solver may make its claim; IPOPT took 90 to 260 where it made one."""
+OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)
+"""A feasible flight is enough."""
+CLAIM_ITERATIONS_MAX = 300
+"""The iterations in which a solver may claim that there is no flight; IPOPT took 90 to 260 where it did."""
+REACH = 2
+"""The number of legs before and after the infeasible one in a window."""
+POSITION = ("along", "right", "height", "x", "y", "z")
+"""The names of the conditions on the position."""
+LIMITS = (
+    ("z", "height between floor and ceiling", "m", -1.0),
+    ("n_z", "load factor", "g", 1.0),
+    ("C_L", "lift coefficient", "", 1.0),
+    ("p_Kbar", "roll rate", "deg/s", 180.0 / math.pi),
+    ("V_K", "speed", "m/s", 1.0),
+)
+"""The limits along the path in the order in which they are left out: name, text, unit, factor from SI."""
 
 
 @record
 class LocalInfeasibility:
-    """The place of a contradiction: the phase `torn` of a problem, around which a guess leads to no flight.
-
-    `worst` is the condition that the last solver violated most.
-    """
+    """A phase around which no guess leads to a flight; `worst` is the condition that was violated most."""
 
     problem: Problem
     guess: Iterate
-    torn: int
+    phase: int
     worst: str
 
 
-def contradiction(
-    session: SolverSession, problem: Problem, torn: int, guesses: Sequence[Iterate], *, plain: bool = False
+def find_local_infeasibility(
+    session: SolverSession, problem: Problem, phase: int, guesses: Sequence[Iterate], *, primary_only: bool = False
 ) -> LocalInfeasibility | None:
-    """Return the contradiction around a phase; None unless all agree that there is one.
+    """Return the infeasibility of the window around a phase; None unless all solvers agree.
 
-    The primary solver has to fail from every guess, and the fallback has to claim that there is no flight near. Finding
-    none is not enough, and where both are one solver nobody can claim it.
+    The primary solver has to fail from every guess, and the fallback has to claim that there is no flight near. Where
+    both are one solver nobody can claim it.
 
     Args:
-        bench: what solves.
+        session: solves.
         problem: of the race.
-        torn: the phase that could not be added.
-        guesses: of the race, flights of which that phase and those around it are used.
-        plain: whether limits are known to have to give way along the plan; then the fallback is not asked.
+        phase: that could not be added.
+        guesses: of the race.
+        primary_only: whether limits are known to have to give way along the plan; then the fallback is not asked.
     """
     primary, *others = session.solvers
-    worst = ""
-    if plain:
-        others = []
-    elif not others:
+    if not primary_only and not others:
         return None
-    for solver in (primary, *others):
+    worst = ""
+    options = dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX)
+    for solver in (primary,) if primary_only else (primary, *others):
         for guess in guesses:
-            window, start, _ = window_around(problem, torn, guess)
-            options = dataclasses.replace(OPTIONS, iterations_max=ITERATIONS_MAX)
+            window, start, _ = window_around(problem, phase, guess)
             solution = session.attempt(window, start, "the legs around it alone", solver, options)
             if solution is None or solution.success or (solver != primary and not solution.infeasible):
                 return None
             worst = solution.worst
-    return LocalInfeasibility(problem, guesses[0], torn, worst)
+    return LocalInfeasibility(problem, guesses[0], phase, worst)
+
+
+def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, guess: Iterate, worst: str) -> str | None:
+    """Return which limit stands in the way, and where; None if the legs around the place can be flown as they are.
+
+    Args:
+        session: solves.
+        problem: without a solution.
+        end: where the solver gave up.
+        guess: where it started.
+        worst: the condition that is violated most there; told where no limit is found, for a solver spreads a conflict
+            over what gives way most easily.
+    """
+    defects = np.abs(replay(problem, end).defect).max(axis=0)
+    interval = int(np.nanargmax(defects)) if np.isfinite(defects).any() else 0
+    phase = int(np.searchsorted(problem.first_node, interval, side="right")) - 1
+    window, start, _ = window_around(problem, phase, guess)
+    if _is_feasible(session, window, start, "the legs around it alone"):
+        return None
+    return binding_limit(session, LocalInfeasibility(problem, guess, phase, worst))
+
+
+def binding_limit(session: SolverSession, found: LocalInfeasibility) -> str:
+    """Return the sentence of `diagnose_window` for a window that is known to be infeasible."""
+    window, start, first = window_around(found.problem, found.phase, found.guess)
+    where = f"the limits contradict each other at {found.problem.phases[found.phase].name}"
+    for what, relaxed in without_one_limit(window, found.phase - first):
+        session.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
+        if _is_feasible(session, relaxed, start, f"without {what}"):
+            return f"{where}; without the limit of {what} there is a flight"
+    return f"{where}; no single limit is to blame" + (f"; most violated: {found.worst}" if found.worst else "")
+
+
+def window_around(problem: Problem, phase: int, guess: Iterate) -> tuple[Problem, Iterate, int]:
+    """Return the problem of the legs around a phase, a guess's part of it, and the index of its first leg."""
+    first, last = max(0, phase - REACH), min(len(problem.phases), phase + REACH + 1)
+    start = problem.start
+    if first > 0:
+        before = problem.phases[first - 1].end
+        start = dataclasses.replace(before, bounds={**before.bounds, "attitude_norm": Interval.exactly(1.0)})
+    window = dataclasses.replace(problem, start=start, phases=problem.phases[first:last])
+    return window, joined([phase_piece(guess, problem, index) for index in range(first, last)]), first
+
+
+def _is_feasible(session: SolverSession, problem: Problem, guess: Iterate, purpose: str) -> bool:
+    solution = session.attempt(problem, guess, purpose, session.settings.solver.primary, OPTIONS, beyond_budget=True)
+    return solution is not None and solution.success
+
+
+def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
+    """Yield what a limit is, and the problem without it: lines and crowd, the path, the ends, gates around a phase."""
+    for name in dict.fromkeys(watch.name for one in problem.phases for watch in one.watches):
+        phases = (
+            dataclasses.replace(one, watches=tuple(watch for watch in one.watches if watch.name != name))
+            for one in problem.phases
+        )
+        yield name, dataclasses.replace(problem, phases=tuple(phases))
+    for name, text, unit, factor in LIMITS:
+        for quantity in (*problem.system.states, *problem.system.path):
+            if quantity.name == name:
+                lower, upper = sorted((factor * quantity.lower, factor * quantity.upper))
+                allowed = f"{lower:.4g} to {upper:.4g}" if math.isfinite(upper) else f"at least {lower:.4g}"
+                yield f"{text} ({f'{allowed} {unit}'.rstrip()})", _without_path_limit(problem, name)
+    start, last = unsettled(problem.start), problem.phases[-1]
+    if start.bounds != problem.start.bounds:
+        yield "a settled start", dataclasses.replace(problem, start=start)
+    finish = unsettled(last.end)
+    if finish.bounds != last.end.bounds:
+        phases = (*problem.phases[:-1], dataclasses.replace(last, end=finish))
+        yield "a settled finish", dataclasses.replace(problem, phases=phases)
+    for index in (phase, phase - 1):
+        if index >= 0:
+            name = problem.phases[index].end.name
+            yield f"attitude and course at gate {name}", _position_only(problem, index)
+
+
+def _without_path_limit(problem: Problem, name: str) -> Problem:
+    """Return the problem without a limit along the path; speeds stay positive, which the equations need."""
+
+    def free(declared: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
+        return tuple(
+            dataclasses.replace(one, lower=0.3 * one.lower if one.unit == "m/s" else -math.inf, upper=math.inf)
+            if one.name == name
+            else one
+            for one in declared
+        )
+
+    system = problem.system
+    system = dataclasses.replace(system, states=free(system.states), path=free(system.path))
+    return dataclasses.replace(problem, system=system)
+
+
+def _position_only(problem: Problem, index: int) -> Problem:
+    """Return the problem with only the position prescribed at the end of a phase."""
+    phase = problem.phases[index]
+    position = {name: bounds for name, bounds in phase.end.bounds.items() if name in POSITION}
+    changed = dataclasses.replace(phase, end=dataclasses.replace(phase.end, bounds=position))
+    return dataclasses.replace(problem, phases=(*problem.phases[:index], changed, *problem.phases[index + 1 :]))

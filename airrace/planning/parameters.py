@@ -1,0 +1,128 @@
+"""The parameters of a race that a director may relax: rules, gates, surroundings, then the aircraft's own limits.
+
+Limits that nobody has set, and those that something stricter covers, are none.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from airrace.parameters import Parameter, attribute_parameter, lift
+from airrace.planning.race import Race
+from airrace.quantities import KNOT, Interval
+from airrace.track.element import Element
+from airrace.track.gates import HIGHEST
+
+ALPHA_MAX, START_SPEED_MAX = 45.0, 500.0
+"""The values up to which the angle of attack (deg) and the start speed (kt) are relaxed."""
+N_Z_MAX, ROLL_RATE_MAX, SPEED_MAX, SPEED_MIN = 25.0, 1000.0, 300.0, 5.0
+"""The values up to which an aircraft's limits are relaxed: g, deg/s, m/s."""
+
+
+def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
+    """Return all parameters of a race that may be relaxed, in the order in which they are stated."""
+    found = [*_rules(race), *_gates(race), *_surroundings(race), *_aircraft(race)]
+    return [one for one in found if one.can_relax]
+
+
+def _rules(race: Race) -> Iterator[Parameter[Race]]:
+    envelope, own = race.aircraft.envelope, race.aircraft.point_mass
+
+    def rule(key: str, path: str, label: str, step: float, limit: float, digit: float = 0.0) -> Parameter[Race]:
+        return attribute_parameter(
+            race, f"rules.{key}", f"course.{path}", label=label, relaxing_step=step, limit=limit, digit=digit
+        )
+
+    yield rule("n_z_max", "rules.n_z.upper", "n_z", 0.5, envelope.n_z.upper)
+    yield rule("n_z_min", "rules.n_z.lower", "n_z", -0.5, envelope.n_z.lower)
+    yield rule("ceiling_m", "rules.height.upper", "the ceiling", 10.0, HIGHEST)
+    yield rule("floor_m", "rules.height.lower", "the floor", -5.0, min(race.course.rules.height.lower, 0.0))
+    if race.course.rules.p < own.p:
+        yield rule("roll_rate_max_deg_s", "rules.p", "roll rate", 20.0, math.degrees(own.p))
+    yield rule("C_L_max", "rules.C_L.upper", "C_L", 0.1, race.aircraft.lift.C_L_max, 0.01)
+    yield rule("alpha_max_deg", "rules.alpha_A.upper", "angle of attack", 1.0, ALPHA_MAX, 0.1)
+    fastest = min(START_SPEED_MAX, math.floor(envelope.V.upper / KNOT))
+    yield rule("start_speed_max_kt", "passages.0.speed.upper", "start speed", 10.0, fastest)
+
+
+def _gates(race: Race) -> Iterator[Parameter[Race]]:
+    """Yield what the elements declare, for each entry of `gates` once: both passings of a quad are one entry."""
+    seen: dict[str, Element] = {}
+    for passage in race.course.passages:
+        seen.setdefault(passage.element.base_name, passage.element)
+    for name, element in seen.items():
+        change = _change_elements(name, type(element))
+        for parameter in element.parameters():
+            yield lift(parameter, f"gates.{name}.", change, at=name)
+
+
+def _change_elements(name: str, kind: type[Element]) -> Callable[[Race, Callable[[Any], Any]], Race]:
+    """Return what changes all elements of one entry of `gates` that are of one kind."""
+
+    def change(race: Race, make: Callable[[Any], Any]) -> Race:
+        passages = tuple(
+            dataclasses.replace(one, element=make(one.element))
+            if one.element.base_name == name and isinstance(one.element, kind)
+            else one
+            for one in race.course.passages
+        )
+        return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=passages))
+
+    return change
+
+
+def _surroundings(race: Race) -> Iterator[Parameter[Race]]:
+    for line in race.course.safety_lines:
+        yield Parameter(
+            f"safety_lines.{line.name}.margin_m",
+            line.margin,
+            _change_margin(line.name),
+            label=f"the margin of safety line {line.name}",
+            relaxing_step=-10.0,
+            limit=-1000.0,
+            bounds=Interval(lower=0.0),
+        )
+    for index, crowd in enumerate(race.course.crowd):
+        key, path = f"crowd.{crowd.name}.distance_m", f"course.crowd.{index}.distance"
+        label = f"the distance of crowd {crowd.name}"
+        yield attribute_parameter(race, key, path, label=label, relaxing_step=-10.0, limit=1.0)
+
+
+def _change_margin(name: str) -> Callable[[Race, float], Race]:
+    """Return what changes a safety line, which several passages hold."""
+
+    def change(race: Race, margin: float) -> Race:
+        passages = [
+            dataclasses.replace(
+                passage,
+                safety_lines=tuple(
+                    dataclasses.replace(line, margin=margin) if line.name == name else line
+                    for line in passage.safety_lines
+                ),
+            )
+            for passage in race.course.passages
+        ]
+        return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=tuple(passages)))
+
+    return change
+
+
+def _aircraft(race: Race) -> Iterator[Parameter[Race]]:
+    aircraft, rules = race.aircraft, race.course.rules
+    C_L_max, m, kilowatts = aircraft.lift.C_L_max, aircraft.airframe.m, aircraft.propulsion.P_max / 1000.0
+
+    def own(key: str, path: str, label: str, step: float, limit: float, digit: float = 0.0) -> Parameter[Race]:
+        return attribute_parameter(
+            race, f"aircraft.{key}", f"aircraft.{path}", label=label, relaxing_step=step, limit=limit, digit=digit
+        )
+
+    if aircraft.envelope.n_z.upper <= rules.n_z.upper:
+        yield own("envelope.n_z_max", "envelope.n_z.upper", "the aircraft's n_z", 0.5, N_Z_MAX)
+    yield own("envelope.speed_max_m_s", "envelope.V.upper", "the aircraft's top speed", 5.0, SPEED_MAX)
+    yield own("envelope.speed_min_m_s", "envelope.V.lower", "the aircraft's least speed", -2.0, SPEED_MIN)
+    if aircraft.point_mass.p <= rules.p:
+        yield own("point_mass.roll_rate_max_deg_s", "point_mass.p", "the aircraft's roll rate", 20.0, ROLL_RATE_MAX)
+    yield own("lift.C_L_max", "lift.C_L_max", "the aircraft's C_L", 0.1, max(2.0, 1.5 * C_L_max), 0.01)
+    yield own("airframe.mass_kg", "airframe.m", "the mass", -0.1 * m, 0.4 * m)
+    yield own("propulsion.power_max_kW", "propulsion.P_max", "the power", 0.1 * kilowatts, 10.0 * kilowatts, 1.0)
