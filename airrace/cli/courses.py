@@ -58,7 +58,7 @@ def check(
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
             tables = course_tables(course.race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
-            view = plan_view(course.map_model, course.race.air.wind, columns=columns, plain=plain)
+            view = plan_view(course.map_model, columns=columns, plain=plain)
             answer.texts += [*map(rendered, tables), rendered(view)]
             answer.texts += [remarks_text(course.warnings)] if course.warnings else []
 

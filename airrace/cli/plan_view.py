@@ -11,10 +11,10 @@ from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import edges
 from airrace.trajectory import Array
-from airrace.views.map_model import MapModel, Mark, round_length
+from airrace.views.map_model import MapLine, MapModel, Mark, coordinates, round_length
 
 ACROSS, DOWN = 2, 4
 """The dots of a cell; it is twice as high as wide, so the dots lie on a square grid."""
@@ -145,29 +145,29 @@ _PLAIN_ARROWS = "^>>>v<<<"
 _AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -3), (-2, 0), (2, 0))
 
 
-def plan_view(seen: MapModel, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
+def plan_view(map_: MapModel, *, columns: int = COLUMNS, plain: bool = False) -> Group:
     """Return the picture with its scale, wind and legend.
 
     Args:
         columns: the width of the terminal.
         plain: whether only ASCII is drawn.
     """
-    canvas = _canvas(seen, max(columns, 40))
-    _draw_surroundings(canvas, seen)
-    _draw_ways(canvas, seen)
-    if len(seen.marks) <= MARKS_MAX:
-        for mark in seen.marks:
+    canvas = _canvas(map_, max(columns, 40))
+    _draw_surroundings(canvas, map_)
+    _draw_ways(canvas, map_)
+    if len(map_.marks) <= MARKS_MAX:
+        for mark in map_.marks:
             _draw_mark(canvas, mark, plain=plain)
-    if len(seen.marks) <= LABELS_MAX:
-        for mark in seen.marks:
+    if len(map_.marks) <= LABELS_MAX:
+        for mark in map_.marks:
             _write_beside(canvas, mark.north, mark.east, mark.label, LABEL)
-    for crowd in seen.course.crowd:
+    for crowd in map_.crowd:
         _write_beside(canvas, crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
-    for line in seen.lines:
-        _write_beside(canvas, line.start.north, line.start.east, line.name, SAFETY.style)
-    if len(seen.ways) <= ARROWS_MAX:
-        _write_arrows(canvas, seen, plain=plain)
-    return Group(*_trimmed(canvas.drawn(plain=plain)), Text(""), *_notes(canvas, seen, wind, plain=plain))
+    for line in map_.lines:
+        _write_beside(canvas, line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
+    if len(map_.ways) <= ARROWS_MAX:
+        _write_arrows(canvas, map_, plain=plain)
+    return Group(*_trimmed(canvas.drawn(plain=plain)), Text(""), *_notes(canvas, map_, plain=plain))
 
 
 def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
@@ -176,30 +176,28 @@ def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
     return rows[filled[0] : filled[-1] + 1] if filled else []
 
 
-def _canvas(seen: MapModel, columns: int) -> Canvas:
+def _canvas(map_: MapModel, columns: int) -> Canvas:
     """Return a canvas as large as what is to be seen, within the limits."""
-    names = max((len(mark.label) for mark in seen.marks), default=0) if len(seen.marks) <= LABELS_MAX else 0
+    names = max((len(mark.label) for mark in map_.marks), default=0) if len(map_.marks) <= LABELS_MAX else 0
     across = (columns - 2 * MARGIN - min(names, columns // 4)) * ACROSS
     down = (ROWS - NOTES - 2 * MARGIN) * DOWN
-    height, width = seen.north - seen.south, seen.east - seen.west
+    height, width = map_.north - map_.south, map_.east - map_.west
     dot = max(width / across, height / down)
     return Canvas(
         columns=min(columns, math.ceil(width / dot / ACROSS) + 2 * MARGIN + names),
         rows=min(ROWS - NOTES, math.ceil(height / dot / DOWN) + 2 * MARGIN),  # what fits exactly may be rounded up
-        north=seen.north + MARGIN * DOWN * dot,
-        west=seen.west - MARGIN * ACROSS * dot,
+        north=map_.north + MARGIN * DOWN * dot,
+        west=map_.west - MARGIN * ACROSS * dot,
         dot=dot,
     )
 
 
-def _draw_surroundings(canvas: Canvas, seen: MapModel) -> None:
-    corners = seen.course.airspace
-    if corners:
-        border = np.array([[corner.north, corner.east] for corner in (*corners, corners[0])])
-        canvas.line(AIRSPACE, border, on=1, off=2)
-    for crowd in seen.course.crowd:
+def _draw_surroundings(canvas: Canvas, map_: MapModel) -> None:
+    if map_.airspace is not None:
+        canvas.line(AIRSPACE, map_.airspace, on=1, off=2)
+    for crowd in map_.crowd:
         _draw_crowd(canvas, crowd)
-    for line in seen.lines:
+    for line in map_.lines:
         _draw_safety_line(canvas, line)
 
 
@@ -213,27 +211,25 @@ def _draw_crowd(canvas: Canvas, crowd: Crowd) -> None:
     if closed:
         canvas.paint(CROWD, (away == 0.0) & raster)
     for a, b in edges(crowd.corners, closed=closed):
-        canvas.line(CROWD, np.array([[a.north, a.east], [b.north, b.east]]))
+        canvas.line(CROWD, coordinates((a, b)))
     if crowd.shape is CrowdShape.POINT:
         canvas.paint(CROWD, away < canvas.dot)
 
 
-def _draw_safety_line(canvas: Canvas, line: SafetyLine) -> None:
+def _draw_safety_line(canvas: Canvas, line: MapLine) -> None:
     """Draw a line from border to border, with a shade on the side that is forbidden."""
     centres = canvas.centres
-    along = np.array([line.end.north - line.start.north, line.end.east - line.start.east])
-    along /= np.hypot(*along)
-    offset = centres - (line.start.north, line.start.east)
-    right = offset[..., 1] * along[0] - offset[..., 0] * along[1]
-    forbidden = -right if line.keep_right else right
+    forbidden = (centres - line.ends[0]) @ line.forbidden
     down, across = np.ogrid[: centres.shape[0], : centres.shape[1]]
     shade = (down + 2 * across) % 5 == 0
-    canvas.paint(SAFETY, (np.abs(right) < 0.5 * canvas.dot) | ((forbidden > 0) & (forbidden < 4 * canvas.dot) & shade))
+    canvas.paint(
+        SAFETY, (np.abs(forbidden) < 0.5 * canvas.dot) | ((forbidden > 0) & (forbidden < 4 * canvas.dot) & shade)
+    )
 
 
-def _draw_ways(canvas: Canvas, seen: MapModel) -> None:
+def _draw_ways(canvas: Canvas, map_: MapModel) -> None:
     """Draw later laps first, so that the first one is seen where they coincide."""
-    for way in reversed(seen.ways):
+    for way in reversed(map_.ways):
         canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
 
 
@@ -243,9 +239,8 @@ def _lap(lap: int) -> Layer:
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
     """Draw what is flown through as a stroke across its axis, long enough to be seen, and all else as a dot."""
-    across = mark.element.drawing().across
-    if across is not None:
-        ends = np.array([[end.north, end.east] for end in across])
+    ends = mark.stroke
+    if ends is not None:
         middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
         half *= max(1.0, 3.0 * canvas.dot / float(np.hypot(*half)))
         canvas.line(GATE, np.array([middle - half, middle + half]))
@@ -265,10 +260,10 @@ def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: s
             return
 
 
-def _write_arrows(canvas: Canvas, seen: MapModel, *, plain: bool) -> None:
+def _write_arrows(canvas: Canvas, map_: MapModel, *, plain: bool) -> None:
     """Draw an arrow in the direction of flight in the middle of every way that is long enough."""
     arrows = _PLAIN_ARROWS if plain else _ARROWS
-    for way in seen.ways:
+    for way in map_.ways:
         middle = len(way.line) // 2
         step = way.line[middle] - way.line[middle - 1]
         if np.ptp(way.line, axis=0).max() < 8 * DOWN * canvas.dot * 0.5:
@@ -278,25 +273,25 @@ def _write_arrows(canvas: Canvas, seen: MapModel, *, plain: bool) -> None:
         canvas.write(*canvas.cell(float(where[0]), float(where[1])), arrows[octant], _lap(way.lap).style)
 
 
-def _notes(canvas: Canvas, seen: MapModel, wind: StaticWind | None, *, plain: bool) -> list[Text]:
+def _notes(canvas: Canvas, map_: MapModel, *, plain: bool) -> list[Text]:
     """Return the scale, north and wind in one row, and the legend in another."""
     metres, cells = _bar(canvas)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
     bar = f"{left}{rule * (cells - 2)}{right}"
     north = "north is up" if plain else "\u2191 north"
-    scale = f"{bar} {metres:g} m   {north}   {_wind(wind, plain=plain)}"
-    return [Text(scale, no_wrap=True, overflow="ignore"), _legend(seen, plain=plain)]
+    scale = f"{bar} {metres:g} m   {north}   {_wind(map_.wind, plain=plain)}"
+    return [Text(scale, no_wrap=True, overflow="ignore"), _legend(map_, plain=plain)]
 
 
-def _legend(seen: MapModel, *, plain: bool) -> Text:
+def _legend(map_: MapModel, *, plain: bool) -> Text:
     """Return the legend of what there is to see, in its colours; in ASCII with its character."""
-    laps = sorted({max(way.lap, 1) for way in seen.ways})
+    laps = sorted({max(way.lap, 1) for way in map_.ways})
     entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]
     entries += [
-        ("gate", GATE, any(mark.element.drawing().across for mark in seen.marks)),
-        ("crowd and its distance", CROWD, bool(seen.course.crowd)),
-        ("safety line, shaded where forbidden", SAFETY, bool(seen.lines)),
-        ("airspace", AIRSPACE, bool(seen.course.airspace)),
+        ("gate", GATE, any(mark.stroke is not None for mark in map_.marks)),
+        ("crowd and its distance", CROWD, bool(map_.crowd)),
+        ("safety line, shaded where forbidden", SAFETY, bool(map_.lines)),
+        ("airspace", AIRSPACE, map_.airspace is not None),
     ]
     texts = [Text(f"{layer.plain} {name}" if plain else name, layer.style) for name, layer, shown in entries if shown]
     legend = Text("  ").join(texts)
@@ -312,7 +307,7 @@ def _bar(canvas: Canvas) -> tuple[float, int]:
 
 
 def _wind(wind: StaticWind | None, *, plain: bool) -> str:
-    if wind is None or wind.speed == 0.0:
+    if wind is None:
         return "no wind"
     towards = round((math.degrees(wind.origin) + 180.0) / 45.0) % 8
     arrow = "" if plain else f"{_ARROWS[towards]} "

@@ -52,13 +52,11 @@ from dataclasses import field
 
 import numpy as np
 
-from airrace.quantities import Interval
 from airrace.records import record
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import CrowdShape
 from airrace.track.element import Element
-from airrace.track.polygons import Point
 from airrace.trajectory import Array
-from airrace.views.map_model import MapModel
+from airrace.views.map_model import MapModel, coordinates
 
 FORMAT = "airrace-report/1"
 POSE = ("north", "east", "height", "q0", "q1", "q2", "q3")
@@ -199,75 +197,56 @@ ENDLESS = 0.15
 """The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
 
 
-def course_contents(seen: MapModel, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
+def course_contents(map_: MapModel, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
     """Return the object that the module describes.
 
     Args:
-        seen: the course from above.
+        map_: the race from above.
         passed: where the first flight passed the elements, by their names: north, east, height, m.
     """
-    course = seen.course
-    labels = {mark.element.name: mark.label for mark in seen.marks}
-    elements = {passage.element.name: passage.element for passage in course.passages}
-    extent = max(seen.north - seen.south, seen.east - seen.west)
+    labels = {mark.element.name: mark.label for mark in map_.marks}
+    elements = {passage.element.name: passage.element for passage in map_.race.course.passages}
+    beyond = ENDLESS * max(map_.north - map_.south, map_.east - map_.west)
     return {
         "elements": [
-            {"name": one.name, "label": labels.get(one.name, one.name), **_element(one, passed)}
-            for one in elements.values()
-            if _placed(one, passed)
+            {"name": name, "label": labels.get(name, name), **_element(one, place)}
+            for name, one in elements.items()
+            if (place := one.position or passed.get(name)) is not None
         ],
-        "crowd": [_crowd(crowd) for crowd in course.crowd],
-        "lines": [_line(line, ENDLESS * extent) for line in seen.lines],
-        "airspace": [_place(corner) for corner in course.airspace],
-        "frame": [seen.south, seen.north, seen.west, seen.east],
+        "crowd": [
+            {
+                "name": crowd.name,
+                "corners": coordinates(crowd.corners).tolist(),
+                "closed": crowd.shape is CrowdShape.AREA,
+                "distance": crowd.distance,
+                "height": crowd.height,
+            }
+            for crowd in map_.crowd
+        ],
+        "lines": [
+            {
+                "name": one.line.name,
+                "start": (one.ends[0] - beyond * one.along).tolist(),
+                "end": (one.ends[1] + beyond * one.along).tolist(),
+                "keep_right": one.line.keep_right,
+            }
+            for one in map_.lines
+        ],
+        "airspace": [] if map_.airspace is None else map_.airspace[:-1].tolist(),
+        "frame": [map_.south, map_.north, map_.west, map_.east],
     }
 
 
-def _placed(element: Element, passed: Mapping[str, tuple[float, float, float]]) -> bool:
-    return element.position is not None or element.name in passed
-
-
-def _element(element: Element, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
-    drawing = element.drawing()
-    place = element.position or passed[element.name]
-    low, high = _heights(element.heights, place[2])
+def _element(element: Element, place: tuple[float, float, float]) -> dict[str, object]:
+    """Return an element whose passings have bounded heights, also where its rules leave them free."""
+    drawing, allowed = element.drawing(), element.heights
+    low = allowed.lower if math.isfinite(allowed.lower) else 0.0
+    high = allowed.upper if math.isfinite(allowed.upper) else place[2] + INFLATED
     return {
-        "posts": [_place(post) for post in drawing.posts],
+        "posts": coordinates(drawing.posts).tolist(),
         "top": max(INFLATED, high + ABOVE) if high < place[2] + 4.0 * INFLATED else place[2] + INFLATED,
-        "window": None if drawing.window is None else [_place(end) for end in drawing.window],
-        "reach": None if drawing.reach is None else [_place(end) for end in drawing.reach],
+        "window": None if drawing.window is None else coordinates(drawing.window).tolist(),
+        "reach": None if drawing.reach is None else coordinates(drawing.reach).tolist(),
         "heights": [low, high],
         "place": list(place),
     }
-
-
-def _heights(allowed: Interval, nominal: float) -> tuple[float, float]:
-    """Return the heights of a passing, cut off where they have no bounds."""
-    low = allowed.lower if math.isfinite(allowed.lower) else 0.0
-    return low, allowed.upper if math.isfinite(allowed.upper) else nominal + INFLATED
-
-
-def _crowd(crowd: Crowd) -> dict[str, object]:
-    return {
-        "name": crowd.name,
-        "corners": [_place(corner) for corner in crowd.corners],
-        "closed": crowd.shape is CrowdShape.AREA,
-        "distance": crowd.distance,
-        "height": crowd.height,
-    }
-
-
-def _line(line: SafetyLine, beyond: float) -> dict[str, object]:
-    """Return a stretch of the line: between its two points, and some way beyond."""
-    north, east = line.end.north - line.start.north, line.end.east - line.start.east
-    share = beyond / math.hypot(north, east)
-    return {
-        "name": line.name,
-        "start": [line.start.north - share * north, line.start.east - share * east],
-        "end": [line.end.north + share * north, line.end.east + share * east],
-        "keep_right": line.keep_right,
-    }
-
-
-def _place(point: Point) -> list[float]:
-    return [point.north, point.east]

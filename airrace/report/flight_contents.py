@@ -148,17 +148,17 @@ def _times(flight: Flight, leg: Leg) -> Array:
     return np.interp(SHARES[1:], flown / flown[-1], flight.time[leg.rows])
 
 
-def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: MapModel) -> Contents:
+def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], map_: MapModel) -> Contents:
     """Return all that the script is told of some flights.
 
     Args:
         flights: the first is what the page is about, the others are its ghosts.
         comparisons: of the others with the first, in their order.
-        seen: the course of the first from above.
+        map_: the race of the first from above.
     """
     first = flights[0]
     return Contents(
-        course=course_contents(seen, places_passed(first)),
+        course=course_contents(map_, places_passed(first)),
         flights=[flight_contents(*one) for one in zip(flights, short_labels(flights), strict=True)],
         strips=strips_of(flights),
         colours=colours_of(first),

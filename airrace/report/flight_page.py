@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from airrace.quantities import KNOT, Quantity
+from airrace.quantities import KNOT
 from airrace.report.flight_contents import READINGS, contents_of, started
 from airrace.report.page import Page
 from airrace.report.sections import number, table_section
@@ -13,7 +13,6 @@ from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.leg_facts import Range, leg_facts
-from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Cell, Column, Table
@@ -148,7 +147,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     first = flights[0]
     comparisons = [compare_flights(first, other) for other in flights[1:]]
     losses = [comparison_section(one) for one in comparisons]
-    seen = map_model(first.race)
+    map_ = map_model(first.race)
     return Page(
         title=first.course.name,
         subtitle=_subtitle(first),
@@ -156,10 +155,10 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         verdict=first.source.verdict or "recorded",
         good=not first.source.doubtful,
         readings=[one for one in READINGS if one.history in first],
-        plan=plan_svg(seen, _ground_track(first)),
+        plan=plan_svg(map_.with_track(np.stack([first["x"], first["y"]], axis=1)), first["V_K"]),
         sections=[one for one in (flights_section(flights), legs_section(first), *losses, *sections) if one],
         footer=footer,
-        contents=contents_of(flights, comparisons, seen),
+        contents=contents_of(flights, comparisons, map_),
     )
 
 
@@ -170,19 +169,3 @@ def _subtitle(flight: Flight) -> str:
     if wind is not None and wind.speed > 0.0:
         blowing = f"wind {wind.speed / KNOT:.0f} kt from {round(math.degrees(wind.origin)) % 360:03d}°"
     return ", ".join(text for text in (flight.aircraft.name, flight.source.stage, blowing) if text)
-
-
-def _ground_track(flight: Flight) -> Trajectory:
-    """Return as much of a flight as the drawing from above needs, as one phase."""
-    shown = (Quantity("x", "m"), Quantity("y", "m"), Quantity("V_K", "m/s"))
-    last = len(flight.time) - 1
-    return Trajectory(
-        phases=(flight.label,),
-        first_node=np.array([0, last]),
-        durations=np.array([flight.time[-1] - flight.time[0]]),
-        time=flight.time,
-        states=shown,
-        state=np.stack([flight[one.name] for one in shown]),
-        controls=(),
-        control=np.zeros((0, last)),
-    )

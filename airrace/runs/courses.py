@@ -222,7 +222,7 @@ class CourseCheck:
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
-        draw_course(self.race, self.map_model, Path(path))
+        draw_course(self.map_model, Path(path))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:
@@ -235,7 +235,7 @@ class CourseCheck:
         return f"<CourseCheck {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
 
     def _repr_html_(self) -> str:
-        return course_page(self.race, self.map_model, [remark.text for remark in self.warnings])
+        return course_page(self.map_model, [remark.text for remark in self.warnings])
 
 
 def check_course(

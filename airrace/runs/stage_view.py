@@ -220,7 +220,9 @@ def _flight_html(race: Race, result: StageResult) -> str:
     """Return splits and picture as HTML; empty if no flight was found."""
     if not result.is_flight:
         return ""
-    return f"{Splits(result.splits).to_html()}{plan_svg(map_model(race), result.trajectory)}"
+    track = np.stack([result.trajectory.of("x"), result.trajectory.of("y")], axis=1)
+    plan = plan_svg(map_model(race).with_track(track), result.trajectory.of("V_K"))
+    return f"{Splits(result.splits).to_html()}{plan}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

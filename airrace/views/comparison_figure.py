@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from airrace.quantities import KNOT
 from airrace.results.comparison import Comparison
@@ -13,6 +12,7 @@ from airrace.results.flight import Flight
 from airrace.results.legs import legs_of, way
 from airrace.trajectory import Array
 from airrace.views.drawing import BLACK, COLOURS, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
+from airrace.views.flight_figure import without_jumps
 
 WIDTH, STRIP, LOSS = 11.0, 1.45, 2.3  # inches: of the drawing, heights of a strip and of the strip of time lost
 NAMES_MAX = 40  # passings; of longer courses none are named
@@ -62,8 +62,8 @@ def _draw_loss(axes: Axes, comparisons: Sequence[Comparison]) -> None:
     axes.set_ylabel("time lost\ns")
     axes.axhline(0.0, color=BLACK, linewidth=1.0, label=comparisons[0].reference.label)
     for number, one in enumerate(comparisons, start=1):
-        told = f"{one.other.label}: {one.difference:+.3f} s"
-        axes.plot(one.progress.distance, one.progress.difference, color=_colour(number), linewidth=1.8, label=told)
+        label = f"{one.other.label}: {one.difference:+.3f} s"
+        axes.plot(one.progress.distance, one.progress.difference, color=_colour(number), linewidth=1.8, label=label)
     axes.legend(loc="best", fontsize=9, frameon=True, framealpha=0.85)
 
 
@@ -75,26 +75,17 @@ def _draw_strip(axes: Axes, flight: Flight, passings: Array, name: str, factor: 
         flown = way(flight, leg)
         values = factor * flight.values(name)[leg.rows]
         if name == "mu":
-            values = np.where(np.abs(np.diff(values, append=values[-1])) > 180.0, np.nan, values)
+            values = without_jumps(values)
         axes.plot(first + (last - first) * flown / flown[-1], values, color=colour, linewidth=1.1)
 
 
 def _name_passings(axes: Axes, reference: Flight, passings: Array) -> None:
     if len(passings) > NAMES_MAX:
         return
+    style: dict[str, Any] = {"rotation": 60, "fontsize": 7, "color": GREY, "ha": "left", "va": "bottom"}
+    above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 3.0)}
     for crossing, place in zip(reference.crossings, passings.tolist(), strict=True):
-        axes.annotate(
-            crossing.name,
-            (place, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0.0, 3.0),
-            textcoords="offset points",
-            rotation=60,
-            fontsize=7,
-            color=GREY,
-            ha="left",
-            va="bottom",
-        )
+        axes.annotate(crossing.name, (place, 1.0), textcoords="offset points", **above, **style)
 
 
 def _colour(number: int) -> str:

@@ -1,7 +1,7 @@
 """A course as a drawing in a file. It needs matplotlib, which comes with the extra `plot`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +9,9 @@ import numpy as np
 
 from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
-from airrace.planning.race import Race
 from airrace.quantities import KNOT
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import Drawing
-from airrace.track.polygons import Point
 from airrace.trajectory import Array
 from airrace.views.drawing import (
     AMBER,
@@ -29,27 +27,45 @@ from airrace.views.drawing import (
     save_figure,
 )
 from airrace.views.labels import Box, placed
-from airrace.views.map_model import MapModel, Mark
+from airrace.views.map_model import MapLine, MapModel, Mark, coordinates
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 ARROW = 0.045  # of the extent, through gates
 RASTER = 300  # points along an edge, for the distance from people
+LONGER_EDGE, SHORTER_EDGE_MIN = 9.0, 4.0  # of the map, inches
+LEGEND_WIDTH = 2.4  # inches
+LABELS_MAX = 60  # elements; of longer courses no names are written
+ARROWS_MAX = 120  # ways
+LAPS_MAX = 6  # with an entry of their own in the legend
+PAD = 0.06  # of the extent, around what is drawn
 
 
-def draw_surroundings(axes: Axes, seen: MapModel, frame: Box) -> None:
-    for crowd in seen.course.crowd:
+def frame_of(map_: MapModel) -> Box:
+    """Return the rectangle to be drawn, east and north, m: the map's frame with some room around it."""
+    pad = PAD * max(map_.north - map_.south, map_.east - map_.west)
+    width, height = map_.east - map_.west + 2 * pad, map_.north - map_.south + 2 * pad
+    return Box(map_.west - pad, map_.south - pad, width, height)
+
+
+def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) -> None:
+    """Draw the map on axes of equal scale, north up, with its tracks or without."""
+    axes.set(
+        xlim=(frame.left, frame.left + frame.width), ylim=(frame.bottom, frame.bottom + frame.height), aspect="equal"
+    )
+    axes.grid(color="#e6e6e6", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for crowd in map_.crowd:
         _draw_crowd(axes, crowd, frame)
-    if seen.course.crowd:
+    if map_.crowd:
         axes.plot([], [], color=RED, linewidth=3.0, label="crowd, shaded within its distance")
-    for line in seen.lines:
-        held = [passage.element.name for passage in seen.course.passages if line in passage.safety_lines]
-        names = list(dict.fromkeys(held))
-        legs = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
-        _draw_safety_line(axes, line, frame, f"{line.name}: hatched side forbidden\non the way to {legs}")
-    corners = seen.course.airspace
-    if corners:
-        north, east = ([getattr(corner, name) for corner in (*corners, corners[0])] for name in ("north", "east"))
+    for line in map_.lines:
+        _draw_safety_line(axes, line, frame)
+    if map_.airspace is not None:
+        north, east = map_.airspace.T
         axes.plot(east, north, color=BLUE, linewidth=1.2, linestyle=(0, (8, 3, 2, 3)), label="airspace", zorder=2)
+    if tracks:
+        _draw_ways(axes, map_)
+    _draw_elements(axes, map_, ARROW * max(frame.width, frame.height))
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
@@ -60,121 +76,99 @@ def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
     axes.contourf(east, north, away, levels=[0.0, crowd.distance], colors=[RED], alpha=0.12, zorder=1)
     if away.min() < crowd.distance < away.max():
         axes.contour(east, north, away, levels=[crowd.distance], colors=[RED], linewidths=0.8, linestyles="dashed")
-    places = np.array([[corner.east, corner.north] for corner in crowd.corners])
+    north, east = coordinates(crowd.corners).T
     if crowd.shape is CrowdShape.AREA:
-        axes.fill(*places.T, facecolor=RED, edgecolor=RED, alpha=0.6, zorder=2)
+        axes.fill(east, north, facecolor=RED, edgecolor=RED, alpha=0.6, zorder=2)
     elif crowd.shape is CrowdShape.LINE:
-        axes.plot(*places.T, color=RED, linewidth=3.0, solid_capstyle="round", zorder=2)
+        axes.plot(east, north, color=RED, linewidth=3.0, solid_capstyle="round", zorder=2)
     else:
-        axes.plot(*places.T, color=RED, marker="o", markersize=7, linestyle="none", zorder=2)
+        axes.plot(east, north, color=RED, marker="o", markersize=7, linestyle="none", zorder=2)
 
 
-def _draw_safety_line(axes: Axes, line: SafetyLine, frame: Box, label: str) -> None:
+def _draw_safety_line(axes: Axes, line: MapLine, frame: Box) -> None:
     """Draw a safety line from border to border: hatched on the forbidden side, dashed where its margin ends."""
-    start = np.array([line.start.east, line.start.north])
-    along = np.array([line.end.east - line.start.east, line.end.north - line.start.north])
-    along /= np.hypot(*along)
-    right = np.array([along[1], -along[0]])
-    forbidden = -right if line.keep_right else right
+    legs = ", ".join(line.legs[:3]) + (", ..." if len(line.legs) > 3 else "")
+    label = f"{line.line.name}: hatched side forbidden\non the way to {legs}"
+    start, along, forbidden = line.ends[0, ::-1], line.along[::-1], line.forbidden[::-1]
     reach = math.hypot(frame.width, frame.height) + math.dist(start, (frame.left, frame.bottom))
     ends = np.array([start - reach * along, start + reach * along])
     band = np.concatenate([ends, ends[::-1] + 0.025 * reach * forbidden])
     axes.fill(*band.T, facecolor="none", edgecolor=AMBER, hatch="////", linewidth=0.0, zorder=1)
     axes.plot(*ends.T, color=AMBER, linewidth=1.8, zorder=2, label=label)
-    if line.margin:
-        axes.plot(*(ends - line.margin * forbidden).T, color=AMBER, linewidth=0.9, linestyle="dashed", zorder=2)
+    if line.line.margin:
+        margin = (ends - line.line.margin * forbidden).T
+        axes.plot(*margin, color=AMBER, linewidth=0.9, linestyle="dashed", zorder=2)
 
 
-def joined(lines: list[Array]) -> Array:
-    """Return some lines as one, with gaps between, shape (n, 2)."""
+def _joined(lines: Iterable[Array]) -> Array:
+    """Return north and east of some lines as one with gaps between, shape (2, n)."""
     gap = np.full((1, 2), np.nan)
-    return np.concatenate([piece for line in lines for piece in (line, gap)])
+    return np.concatenate([piece for line in lines for piece in (line, gap)]).T
 
 
-def draw_elements(axes: Axes, seen: MapModel, frame: Box) -> None:
-    """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places."""
+def _draw_elements(axes: Axes, map_: MapModel, arrow: float) -> None:
+    """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places.
+
+    Elements that look alike share an entry of the legend.
+    """
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
-    for mark in seen.marks:
+    for mark in map_.marks:
         drawing = mark.element.drawing()
         groups.setdefault(drawing.legend, []).append((mark, drawing))
-    for legend, group in sorted(groups.items(), key=lambda entry: _rank(entry[1][0][1])):
-        if any(drawing.window for _, drawing in group):
-            _draw_courses(axes, [mark for mark, _ in group], ARROW * max(frame.width, frame.height))
-        _draw_group(axes, group, legend)
-
-
-def _rank(drawing: Drawing) -> int:
-    return 0 if drawing.window else 1 if drawing.posts else 2
-
-
-def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> None:
-    """Draw elements that look alike, with their entry in the legend."""
-    drawings = [drawing for _, drawing in group]
-    windows = [_places(one.window) for one in drawings if one.window]
-    reaches = [_places(one.reach) for one in drawings if one.reach]
-    posts = [_places(one.posts) for one in drawings if one.posts]
-    size = 3.5 if windows else 6
-    marker = "o" if posts else "none"
-    entry: dict[str, Any] = {"color": BLACK, "marker": marker, "markersize": size, "linestyle": "none"}
-    if windows:
-        north, east = joined(windows).T
-        axes.plot(east, north, color=BLACK, linewidth=2.0, zorder=5, solid_capstyle="butt")
-        entry |= {"linewidth": 2.0, "linestyle": "solid"}
-    if reaches:
-        north, east = joined(reaches).T
-        axes.plot(east, north, color=GREY, linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=4)
-        entry |= {"color": GREY, "mec": BLACK, "mfc": BLACK, "linestyle": ":"}
-    if posts:
-        north, east = np.concatenate(posts).T
-        axes.plot(east, north, color=BLACK, marker="o", markersize=size, linestyle="none", zorder=6)
-    if not (windows or reaches or posts):
-        north, east = [mark.north for mark, _ in group], [mark.east for mark, _ in group]
-        axes.plot(east, north, color=BLACK, marker="+", markersize=10, linestyle="none", zorder=6)
-        entry |= {"marker": "+", "markersize": 10}
-    axes.plot([], [], label=legend, **entry)
-
-
-def _places(points: Sequence[Point]) -> Array:
-    """Return north and east of some points, shape (n, 2), m."""
-    return np.array([[point.north, point.east] for point in points])
+    ranked = sorted(groups.items(), key=lambda one: 0 if one[1][0][1].window else 1 if one[1][0][1].posts else 2)
+    for legend, group in ranked:
+        windows = [coordinates(one.window) for _, one in group if one.window]
+        reaches = [coordinates(one.reach) for _, one in group if one.reach]
+        posts = [coordinates(one.posts) for _, one in group if one.posts]
+        size = 3.5 if windows else 6
+        marker = "o" if posts else "none"
+        entry: dict[str, Any] = {"color": BLACK, "marker": marker, "markersize": size, "linestyle": "none"}
+        if windows:
+            _draw_courses(axes, [mark for mark, _ in group], arrow)
+            north, east = _joined(windows)
+            axes.plot(east, north, color=BLACK, linewidth=2.0, zorder=5, solid_capstyle="butt")
+            entry |= {"linewidth": 2.0, "linestyle": "solid"}
+        if reaches:
+            north, east = _joined(reaches)
+            axes.plot(east, north, color=GREY, linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=4)
+            entry |= {"color": GREY, "mec": BLACK, "mfc": BLACK, "linestyle": ":"}
+        if posts:
+            north, east = np.concatenate(posts).T
+            axes.plot(east, north, color=BLACK, marker="o", markersize=size, linestyle="none", zorder=6)
+        if not (windows or reaches or posts):
+            north, east = [mark.north for mark, _ in group], [mark.east for mark, _ in group]
+            axes.plot(east, north, color=BLACK, marker="+", markersize=10, linestyle="none", zorder=6)
+            entry |= {"marker": "+", "markersize": 10}
+        axes.plot([], [], label=legend, **entry)
 
 
 def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
     """Draw an arrow for every course flown through an element."""
     arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
-    axes.quiver(
-        arrows[:, 0],
-        arrows[:, 1],
-        length * np.sin(arrows[:, 2]),
-        length * np.cos(arrows[:, 2]),
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color=BLACK,
-        width=0.0025,
-        headwidth=5.0,
-        zorder=5,
-    )
+    east, north, heading = arrows.T
+    style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.0025, "headwidth": 5.0}
+    axes.quiver(east, north, length * np.sin(heading), length * np.cos(heading), color=BLACK, zorder=5, **style)
 
 
-def write_labels(figure: Figure, axes: Axes, seen: MapModel, frame: Box) -> None:
-    """Write names with the numbers of their passings, and names of crowds, where they hide least."""
+def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None:
+    """Write names with the numbers of their passings, and names of crowds, where they hide least; none if too many."""
+    if len(map_.marks) > LABELS_MAX:
+        return
     named = [
-        (f"{mark.label}  {_numbers(mark, seen)}", (mark.east, mark.north), BLACK) for mark in seen.marks if mark.label
+        (f"{mark.label}  {_numbers(mark, map_)}", (mark.east, mark.north), BLACK) for mark in map_.marks if mark.label
     ]
-    for crowd in seen.course.crowd:
-        middle = np.mean([[corner.east, corner.north] for corner in crowd.corners], axis=0)
-        named.append((f"{crowd.name}, {crowd.distance:g} m", (float(middle[0]), float(middle[1])), RED))
+    for crowd in map_.crowd:
+        north, east = coordinates(crowd.corners).mean(axis=0).tolist()
+        named.append((f"{crowd.name}, {crowd.distance:g} m", (east, north), RED))
     pixel = figure.dpi / 72.0
     to_pixels = axes.transData.transform
-    places = [to_pixels(place) for _, place, _ in named]
     lines = [
-        *(way.line for way in seen.ways),
-        *(_span(mark, ARROW * max(frame.width, frame.height)) for mark in seen.marks),
+        *(way.line for way in map_.ways),
+        *(_span(mark, ARROW * max(frame.width, frame.height)) for mark in map_.marks),
     ]
     window = axes.get_window_extent()
     boxes = placed(
-        [(float(across), float(up)) for across, up in places],
+        [(float(across), float(up)) for across, up in (to_pixels(place) for _, place, _ in named)],
         [(5.4 * pixel * len(text), 12.0 * pixel) for text, _, _ in named],
         np.asarray(to_pixels(np.concatenate(lines)[:, ::-1])),
         Box(window.x0, window.y0, window.width, window.height),
@@ -190,109 +184,78 @@ def _span(mark: Mark, arrow: float) -> Array:
     centre, reach = np.array([mark.north, mark.east]), mark.element.drawing().reach
     tips = [arrow * np.array([math.cos(heading), math.sin(heading)]) for heading in mark.headings]
     if reach is not None:
-        tips = [_places(reach)[1] - centre]
+        tips = [coordinates(reach)[1] - centre]
     points = [np.outer(np.linspace(0.0, 1.0, 12), tip) for tip in tips]
     return centre + np.concatenate([np.zeros((1, 2)), *points])
 
 
-def _numbers(mark: Mark, seen: MapModel) -> str:
+def _numbers(mark: Mark, map_: MapModel) -> str:
     """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
-    here = [one for one in seen.marks if one is mark or (not one.label and _same_spot(one, mark))]
-    return ", ".join(str(number) for number in sorted(number for one in here for number, _ in one.passings))
+    here = (mark.north, mark.east)
+    marks = [one for one in map_.marks if one is mark or (not one.label and (one.north, one.east) == here)]
+    return ", ".join(str(number) for number in sorted(number for one in marks for number, _ in one.passings))
 
 
-def _same_spot(one: Mark, other: Mark) -> bool:
-    return (one.north, one.east) == (other.north, other.east)
-
-
-LONGER_EDGE, SHORTER_EDGE_MIN = 9.0, 4.0  # of the map, inches
-LEGEND_WIDTH = 2.4  # inches
-LABELS_MAX = 60  # elements; of longer courses no names are written
-ARROWS_MAX = 120  # ways
-LAPS_MAX = 6  # with an entry of their own in the legend
-PAD = 0.06  # of the extent, around what is drawn
-
-
-def draw_course(race: Race, seen: MapModel, path: Path) -> None:
-    """Draw a course into a file, replacing it as a whole.
+def draw_course(map_: MapModel, path: Path) -> None:
+    """Draw a race from above into a file, replacing it as a whole.
 
     Raises:
         StorageError: the system refused.
     """
-    save_figure(course_figure(race, seen), path)
+    save_figure(course_figure(map_), path)
 
 
 @names_as_they_are
-def course_figure(race: Race, seen: MapModel) -> Figure:
+def course_figure(map_: MapModel) -> Figure:
     """Return the drawing: equal axes in metres, north up."""
-    pad = PAD * max(seen.north - seen.south, seen.east - seen.west)
-    frame = Box(seen.west - pad, seen.south - pad, seen.east - seen.west + 2 * pad, seen.north - seen.south + 2 * pad)
+    race, frame = map_.race, frame_of(map_)
     scale = LONGER_EDGE / max(frame.width, frame.height)
     size = (max(scale * frame.width, SHORTER_EDGE_MIN), max(scale * frame.height, SHORTER_EDGE_MIN))
     figure = new_figure(size[0] + LEGEND_WIDTH + 1.0, size[1] + 1.0, layout="compressed")
     axes = figure.add_subplot()
-    axes.set(
-        xlim=(frame.left, frame.left + frame.width),
-        ylim=(frame.bottom, frame.bottom + frame.height),
-        xlabel="east, m",
-        ylabel="north, m",
-        aspect="equal",
-    )
-    axes.grid(color="#e6e6e6", linewidth=0.6)
-    axes.set_axisbelow(True)
-    figure.suptitle(seen.course.name, x=0.02, ha="left", fontweight="bold", fontsize=14)
-    axes.set_title(_subtitle(race), loc="left", fontsize=9, color=GREY)
-    draw_surroundings(axes, seen, frame)
-    _draw_ways(axes, seen)
-    draw_elements(axes, seen, frame)
+    figure.suptitle(map_.name, x=0.02, ha="left", fontweight="bold", fontsize=14)
+    n_z = min(race.course.rules.n_z.upper, race.aircraft.envelope.n_z.upper)
+    told = f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
+    axes.set_title(told, loc="left", fontsize=9, color=GREY)
+    draw_map(axes, map_, frame, tracks=True)
+    axes.set(xlabel="east, m", ylabel="north, m")
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     figure.draw_without_rendering()  # the positions of the axes are known only afterwards
-    _draw_wind(axes, seen, race.air.wind)
-    if len(seen.marks) <= LABELS_MAX:
-        write_labels(figure, axes, seen, frame)
+    if map_.wind is not None:
+        _draw_wind(axes, map_, map_.wind)
+    write_labels(figure, axes, map_, frame)
     return figure
 
 
-def _subtitle(race: Race) -> str:
-    n_z = min(race.course.rules.n_z.upper, race.aircraft.envelope.n_z.upper)
-    return f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
+def _draw_ways(axes: Axes, map_: MapModel) -> None:
+    """Draw one colour per lap, with an arrowhead in the middle of every way.
 
-
-def _draw_ways(axes: Axes, seen: MapModel) -> None:
-    """Draw one colour per lap; earlier laps are wider, so that all are seen where they coincide."""
-    if not all(way.planned for way in seen.ways):
+    Earlier laps are wider, so that all are seen where they coincide.
+    """
+    if not all(way.planned for way in map_.ways):
         axes.plot([], [], color=GREY, linewidth=1.4, linestyle=(0, (2, 2)), label="straight, turns not planned")
-    laps = sorted({max(way.lap, 1) for way in seen.ways})
+    laps = sorted({max(way.lap, 1) for way in map_.ways})
     for number, lap in enumerate(laps):
+        ways = [way for way in map_.ways if max(way.lap, 1) == lap]
         colour = COLOURS[number % len(COLOURS)]
         width = 1.4 + 1.6 * (min(len(laps), 4) - 1 - min(number, 3))
-        for planned in (True, False):
-            lines = [way.line for way in seen.ways if max(way.lap, 1) == lap and way.planned is planned]
+        for planned, style in ((True, "solid"), (False, (0, (2, 2)))):
+            lines = [way.line for way in ways if way.planned is planned]
             if lines:
-                north, east = joined(lines).T
-                style = "solid" if planned else (0, (2, 2))
+                north, east = _joined(lines)
                 axes.plot(east, north, color=colour, linewidth=width, linestyle=style, alpha=0.85, zorder=3)
         if number < LAPS_MAX:
             axes.plot([], [], color=colour, linewidth=width, label=f"lap {lap}, as planned")
-        if len(seen.ways) <= ARROWS_MAX:
-            _draw_directions(axes, [way.line for way in seen.ways if max(way.lap, 1) == lap], colour)
+        for way in ways if len(map_.ways) <= ARROWS_MAX else ():
+            head, tail = (tuple(way.line[len(way.line) // 2 - back, ::-1].tolist()) for back in (0, 1))
+            if head != tail:
+                arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.0, "mutation_scale": 15}
+                axes.annotate("", xy=head, xytext=tail, arrowprops=arrow, zorder=4)
 
 
-def _draw_directions(axes: Axes, lines: list[Array], colour: str) -> None:
-    """Draw an arrowhead in the middle of every way."""
-    for line in lines:
-        middle = len(line) // 2
-        (north, east), (before_north, before_east) = line[middle], line[middle - 1]
-        if (north, east) != (before_north, before_east):
-            style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.0, "mutation_scale": 15}
-            axes.annotate("", xy=(east, north), xytext=(before_east, before_north), arrowprops=style, zorder=4)
-
-
-def _draw_wind(axes: Axes, seen: MapModel, wind: StaticWind | None) -> None:
+def _draw_wind(axes: Axes, map_: MapModel, wind: StaticWind) -> None:
     """Draw an arrow of the wind in the corner that has least in it."""
-    if wind is None or wind.speed == 0.0:
-        return
-    lines = [way.line for way in seen.ways] or [np.array([[mark.north, mark.east]]) for mark in seen.marks]
+    lines = [way.line for way in map_.ways] or [np.array([[mark.north, mark.east]]) for mark in map_.marks]
     points = np.concatenate(lines)[:, ::-1]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     share = (points - (left, bottom)) / (right - left, top - bottom)

@@ -179,12 +179,13 @@ ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
 
-def course_page(race: Race, seen: MapModel, warnings: Sequence[str]) -> str:
+def course_page(map_: MapModel, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
+    race = map_.race
     cells = [
         (row.passage.name, row.kind, row.north, row.east, row.height, _degrees(row.heading))
         for row in rows(race)[:ROWS_MAX]
     ]
     table = Table(f"{race.course.name}, flown by {race.aircraft.name}", COLUMNS, cells)
     listed = "".join(f"<li>{escaped(text)}</li>" for text in warnings)
-    return f"<div>{table.html()}{plan_svg(seen)}{f'<ul>{listed}</ul>' if listed else ''}</div>"
+    return f"<div>{table.html()}{plan_svg(map_)}{f'<ul>{listed}</ul>' if listed else ''}</div>"

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,12 +10,11 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.trajectory import Array
-from airrace.views.course_figure import write_labels
+from airrace.views.course_figure import draw_map, frame_of, write_labels
 from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, names_as_they_are, new_figure, save_figure
-from airrace.views.flown_line import draw_coloured, draw_map, flight_map
+from airrace.views.map_model import MapModel, map_model
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
-LABELS_MAX = 60  # elements; of longer courses no names are written
 NAMES_MAX = 40  # passings; likewise
 LOAD = "n_z"
 DEGREES = 180.0 / math.pi
@@ -63,8 +63,9 @@ def flight_figure(flight: Flight) -> Figure:
     left, right = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     plan_place, profile_place = left.subgridspec(2, 1, height_ratios=(3.2, 1.0))
     plan, profile = figure.add_subplot(plan_place), figure.add_subplot(profile_place)
-    seen, frame = flight_map(flight)
-    line = draw_map(plan, flight, seen, frame, LOAD)
+    map_ = flight_map(flight)
+    draw_map(plan, map_, frame_of(map_))
+    line = draw_coloured(plan, flight["y"], flight["x"], flight.values(LOAD), width=2.4)
     plan.set(xlabel="east, m", ylabel="north, m")
     figure.colorbar(line, ax=plan, label="load, g", shrink=0.6, pad=0.01)
     _draw_profile(profile, flight)
@@ -73,9 +74,25 @@ def flight_figure(flight: Flight) -> Figure:
         for axes, strip in zip(places[:, 0].tolist(), strips, strict=True):
             _draw_strip(axes, flight, strip)
     figure.draw_without_rendering()  # only then is it known where the axes lie
-    if len(seen.marks) <= LABELS_MAX:
-        write_labels(figure, plan, seen, frame)
+    write_labels(figure, plan, map_, frame_of(map_))
     return figure
+
+
+def flight_map(flight: Flight) -> MapModel:
+    """Return the map with the line flown in the place of the planned tracks."""
+    return map_model(flight.race).with_track(np.stack([flight["x"], flight["y"]], axis=1))
+
+
+def draw_coloured(axes: Axes, across: Array, up: Array, values: Array, *, width: float) -> Any:
+    """Return a line in the colours of some values at its points, each of shape (n,)."""
+    from matplotlib.collections import LineCollection
+
+    points = np.stack([across, up], axis=1)
+    pieces = LineCollection(np.stack([points[:-1], points[1:]], axis=1).tolist(), cmap="viridis", linewidths=width)
+    pieces.set_array(0.5 * (values[1:] + values[:-1]))
+    pieces.set_capstyle("round")
+    pieces.set_zorder(3)
+    return axes.add_collection(pieces)
 
 
 def _title(flight: Flight) -> str:
@@ -98,7 +115,7 @@ def _draw_strip(axes: Axes, flight: Flight, strip: Strip) -> None:
     for number, (name, words) in enumerate(known):
         values = strip.factor * flight[name]
         if name == "mu":
-            values = _open_jumps(values)
+            values = without_jumps(values)
         axes.plot(flight.time, values, color=COLOURS[number], linewidth=2.2 - 0.6 * number, label=words)
     axes.set_ylabel(strip.label, fontsize=8)
     axes.tick_params(labelsize=8)
@@ -128,19 +145,12 @@ def _draw_passings(axes: Axes, flight: Flight, *, named: bool) -> None:
     for crossing in found:
         axes.axvline(crossing.time, color="#c8c8c8", linewidth=0.6, zorder=0)
     if named and len(found) <= NAMES_MAX:
-        for crossing in found:
-            axes.annotate(
-                crossing.passage.element.name,
-                (crossing.time, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0.0, 2.0),
-                textcoords="offset points",
-                fontsize=7,
-                color=GREY,
-                ha="center",
-            )
+        above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
+        for one in found:
+            name, place = one.passage.element.name, (one.time, 1.0)
+            axes.annotate(name, place, textcoords="offset points", fontsize=7, color=GREY, **above)
 
 
-def _open_jumps(values: Array) -> Array:
+def without_jumps(values: Array) -> Array:
     """Return a bank in degrees with gaps where it jumps by a full turn."""
     return np.where(np.abs(np.diff(values, append=values[-1:])) > 180.0, np.nan, values)

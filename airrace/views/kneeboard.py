@@ -7,15 +7,29 @@ import numpy as np
 
 from airrace.quantities import KNOT
 from airrace.results import Flight
-from airrace.results.leg_facts import LegFacts, leg_facts
+from airrace.results.leg_facts import leg_facts
+from airrace.views.course_figure import draw_map, frame_of
 from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
-from airrace.views.flown_line import draw_map, flight_map
+from airrace.views.flight_figure import draw_coloured, flight_map
 from airrace.views.labels import Box
 from airrace.views.map_model import round_length
+from airrace.views.tables import Column, Table
 
 WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
 ROWS_MAX = 44  # in one column of the table
-HEADS = ("", "gate", "time s", "IAS kt", "track°", "hgt m", "bank°", "climb°", "g at", "g most", "roll °/s")
+COLUMNS = (
+    Column("", form="d"),
+    Column("gate"),
+    Column("time s", form=".2f"),
+    Column("IAS kt", form=".0f"),
+    Column("track°", form="03.0f"),
+    Column("hgt m", form=".0f"),
+    Column("bank°", form="z.0f"),
+    Column("climb°", form="z.0f"),
+    Column("g at", form=".1f"),
+    Column("g most", form=".1f"),
+    Column("roll °/s", form=".0f"),
+)
 PLACES = (0.03, 0.055, 0.255, 0.355, 0.45, 0.54, 0.63, 0.73, 0.80, 0.89, 1.0)
 """The ends of the columns of the table, as shares of its width; of the second, left-aligned one the beginning."""
 GRID_LINES = 4
@@ -41,16 +55,17 @@ def kneeboard_figure(flight: Flight) -> Figure:
     table_height = min(0.6, 0.0185 * (rows + 2))
     plan = figure.add_axes((0.04, 0.05 + table_height, 0.92, 0.88 - table_height))
     plan.set_anchor("C")
-    seen, frame = flight_map(flight)
-    line = draw_map(plan, flight, seen, frame, "n_z")
-    _draw_grid(plan, frame)
+    map_ = flight_map(flight)
+    draw_map(plan, map_, frame_of(map_))
+    line = draw_coloured(plan, flight["y"], flight["x"], flight.values("n_z"), width=2.4)
+    _draw_grid(plan, frame_of(map_))
     bar = figure.colorbar(line, ax=plan, shrink=0.5, pad=0.01, aspect=30)
     bar.set_label("g", fontsize=7)
     bar.ax.tick_params(labelsize=6)
     _number_gates(plan, flight)
     table = figure.add_axes((0.04, 0.03, 0.92, table_height))
     table.axis("off")
-    _draw_table(table, flight, leg_facts(flight))
+    _draw_table(table, flight)
     figure.text(0.04, 0.014, _footnote(flight), fontsize=5.5, color=GREY, va="center")
     return figure
 
@@ -66,8 +81,8 @@ def _footnote(flight: Flight) -> str:
     limit = flight.limit("n_z")
     bound = f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
     verdict = f"; {flight.source.verdict}" if flight.source.certified is False else ""
-    told = "bank + right wing down; track over ground, from true north; heights above the track's origin"
-    return f"{told}{bound}{verdict}"
+    signs = "bank + right wing down; track over ground, from true north; heights above the track's origin"
+    return f"{signs}{bound}{verdict}"
 
 
 def _draw_grid(axes: Axes, frame: Box) -> None:
@@ -109,18 +124,17 @@ def _number_gates(axes: Axes, flight: Flight) -> None:
         )
 
 
-def _draw_table(axes: Axes, flight: Flight, facts: tuple[LegFacts, ...]) -> None:
-    cells = [_cells(flight, number, facts) for number in range(len(flight.crossings))]
-    shown = (
-        cells if len(cells) <= ROWS_MAX else [*cells[: ROWS_MAX - 2], ("", "...", *[""] * (len(HEADS) - 2)), cells[-1]]
-    )
-    step = 1.0 / (len(shown) + 1.5)
+def _draw_table(axes: Axes, flight: Flight) -> None:
+    heads, *texts = _table(flight).texts()
+    if len(texts) > ROWS_MAX:
+        texts = [*texts[: ROWS_MAX - 2], ["", "...", *[""] * (len(COLUMNS) - 2)], texts[-1]]
+    step = 1.0 / (len(texts) + 1.5)
     size = min(8.0, 560.0 * step * axes.get_position().height)
-    for row, texts in enumerate((HEADS, *shown)):
+    for row, line in enumerate((heads, *texts)):
         height = 1.0 - step * (row + 0.5)
         if row % 2 == 0 and row:
             axes.axhspan(height - 0.5 * step, height + 0.5 * step, color="#f1f1f1", zorder=0)
-        for column, (place, text) in enumerate(zip(PLACES, texts, strict=True)):
+        for column, (place, text) in enumerate(zip(PLACES, line, strict=True)):
             weight = "bold" if column == 0 or row == 0 else "normal"
             side = "left" if column == 1 else "right"
             colour = GREY if row == 0 else BLACK
@@ -128,24 +142,14 @@ def _draw_table(axes: Axes, flight: Flight, facts: tuple[LegFacts, ...]) -> None
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
 
 
-def _cells(flight: Flight, number: int, facts: tuple[LegFacts, ...]) -> tuple[str, ...]:
-    """Return the cells of one passing: when and how it is made, and what the leg that leads to it asks for."""
-    crossing = flight.crossings[number]
-    leg = facts[number - 1] if number else None
-    return (
-        str(number),
-        crossing.name[:16],
-        _told(crossing.time, "{:.2f}"),
-        _told(crossing.value("V_I") / KNOT, "{:.0f}"),
-        _told(math.degrees(crossing.value("chi")) % 360.0, "{:03.0f}"),
-        _told(crossing.value("height"), "{:.0f}"),
-        _told(math.degrees(crossing.value("mu")), "{:z.0f}"),
-        _told(math.degrees(crossing.value("gamma")), "{:z.0f}"),
-        _told(crossing.value("n_z"), "{:.1f}"),
-        "" if leg is None else _told(leg.n_z.greatest, "{:.1f}"),
-        "" if leg is None else _told(math.degrees(leg.roll_rate), "{:.0f}"),
-    )
-
-
-def _told(value: float, form: str) -> str:
-    return form.format(value) if math.isfinite(value) else "-"
+def _table(flight: Flight) -> Table:
+    """Return a table of when and how every passing is made, and of what the leg that leads to it asks for."""
+    rows: list[tuple[str | float, ...]] = []
+    for number, (one, leg) in enumerate(zip(flight.crossings, (None, *leg_facts(flight)), strict=True)):
+        angles = [math.degrees(one.value(name)) for name in ("chi", "mu", "gamma")]
+        asked = ("", "") if leg is None else (leg.n_z.greatest, math.degrees(leg.roll_rate))
+        speed, height = one.value("V_I") / KNOT, one.value("height")
+        rows.append(
+            (number, one.name[:16], one.time, speed, angles[0] % 360.0, height, *angles[1:], one.value("n_z"), *asked)
+        )
+    return Table("", COLUMNS, rows)

@@ -1,20 +1,26 @@
-"""The scenery of a course from above: ways, gates, pylons, people, lines. All pictures of it are drawn from this."""
+"""The map of a course: gates, pylons, tracks, people, lines, borders and wind. All pictures of it are drawn from this.
+
+Places are north and east of the track's origin, m.
+"""
 
 import itertools
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.environment.air import StaticWind
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.results.legs import legs_of
 from airrace.results.planned import is_planned, planned_flight
-from airrace.track.course import Course, Direction, Passage, SafetyLine
+from airrace.track.course import Course, Crowd, Direction, SafetyLine
 from airrace.track.element import Element
+from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 SAMPLE = 10.0
@@ -23,6 +29,11 @@ LEAST_EXTENT = 200.0
 """The extent of a course that stands on one spot, m."""
 BEYOND = 0.4
 """The share of the course's extent in which people and borders beside it are still shown."""
+
+
+def coordinates(points: Iterable[Point]) -> Array:
+    """Return north and east of some points, shape (n, 2), m."""
+    return np.array([[point.north, point.east] for point in points])
 
 
 @record
@@ -47,10 +58,16 @@ class Mark:
         courses = {round(heading, 9): heading for _, heading in self.passings if heading is not None}
         return list(courses.values())
 
+    @property
+    def stroke(self) -> Array | None:
+        """The ends of a stroke across the way through it, shape (2, 2), m; None for what is drawn as a dot."""
+        across = self.element.drawing().across
+        return None if across is None else coordinates(across)
+
 
 @record
 class Way:
-    """A part of a lap: north and east, shape (n, 2), m; either `planned` or straight from place to place."""
+    """A track: north and east, shape (n, 2), m; flown or `planned`, or else straight from place to place."""
 
     lap: int
     line: Array
@@ -58,62 +75,117 @@ class Way:
 
 
 @record
-class MapModel:
-    """A course from above, and the frame to show: least and largest north and east, m."""
+class MapLine:
+    """A safety line.
 
-    course: Course
+    Attributes:
+        line: its name, its margin, m, and the side to keep to.
+        ends: two points of it, shape (2, 2), m; it has no ends itself.
+        along, forbidden: unit vectors from the first point to the second, and to the forbidden side, shape (2,).
+        legs: the names of the elements on the way to which it holds.
+    """
+
+    line: SafetyLine
+    ends: Array
+    along: Array
+    forbidden: Array
+    legs: tuple[str, ...]
+
+
+@record
+class MapModel:
+    """A race from above.
+
+    Attributes:
+        race: course, aircraft and air.
+        marks: the elements that have a place, in the order first flown.
+        ways: the tracks, in the order flown.
+        lines: the safety lines.
+        airspace: its border, closed, shape (n, 2), m; None where it has none.
+        south, north, west, east: the frame to show, m.
+    """
+
+    race: Race
     marks: tuple[Mark, ...]
     ways: tuple[Way, ...]
-    lines: tuple[SafetyLine, ...]
+    lines: tuple[MapLine, ...]
+    airspace: Array | None
     south: float
     north: float
     west: float
     east: float
 
+    @property
+    def name(self) -> str:
+        """The name of the course."""
+        return self.race.course.name
+
+    @property
+    def crowd(self) -> tuple[Crowd, ...]:
+        """Where people are."""
+        return self.race.course.crowd
+
+    @property
+    def wind(self) -> StaticWind | None:
+        """The wind; None in calm air."""
+        wind = self.race.air.wind
+        return None if wind is None or wind.speed == 0.0 else wind
+
+    def with_track(self, line: Array) -> "MapModel":
+        """Return the map with a flown track, shape (n, 2), m, in the place of the planned ones, within its frame."""
+        (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
+        return replace(
+            self,
+            ways=(Way(1, line, planned=True),),
+            south=min(south, self.south),
+            north=max(north, self.north),
+            west=min(west, self.west),
+            east=max(east, self.east),
+        )
+
 
 def map_model(race: Race, planned: Flight | None = None) -> MapModel:
-    """Return all there is to see of a course.
+    """Return all there is to see of a race.
 
-    Ways are those of the planned flight, before anything is optimised, on very long courses straight.
+    Tracks are those of the planned flight, before anything is optimised, on very long courses straight.
 
     Args:
-        race: whose course it is.
+        race: course, aircraft and air.
         planned: of `planned_flight`, where it is at hand.
     """
     course = race.course
     marks = _marks(course)
     long = len(course.passages) > PLANNED_MAX
     ways = _straight(course) if long else _planned(planned_flight(race) if planned is None else planned)
-    lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
-    south, north, west, east = _frame(course, marks, ways, tuple(lines.values()))
-    return MapModel(course, marks, ways, tuple(lines.values()), south, north, west, east)
+    lines = tuple(_line(course, line) for line in course.safety_lines)
+    airspace = coordinates((*course.airspace, course.airspace[0])) if course.airspace else None
+    beside = [*(line.ends for line in lines), *(coordinates(crowd.corners) for crowd in course.crowd)]
+    frame = _frame(marks, ways, beside if airspace is None else [*beside, airspace])
+    return MapModel(race, marks, ways, lines, airspace, *frame)
+
+
+def _line(course: Course, line: SafetyLine) -> MapLine:
+    ends = coordinates((line.start, line.end))
+    along = ends[1] - ends[0]
+    along = along / np.hypot(*along)
+    right = np.array([-along[1], along[0]])
+    legs = (one.element.name for one in course.passages if any(other.name == line.name for other in one.safety_lines))
+    return MapLine(line, ends, along, -right if line.keep_right else right, tuple(dict.fromkeys(legs)))
 
 
 def _marks(course: Course) -> tuple[Mark, ...]:
-    """Return one mark per element that has a place, in the order first flown."""
     marks: dict[str, Mark] = {}
     for number, passage in enumerate(course.passages):
         name, where = passage.element.name, place(passage)
         if where is None:
             continue
-        if name not in marks:
-            marks[name] = Mark(_label(name), passage.element, where[0], where[1], ())
-        marks[name] = replace(marks[name], passings=(*marks[name].passings, (number, _heading(passage))))
+        quad, slash, half = name.rpartition("/")  # of the two gates of a quad the first carries its name
+        label = name if not slash or half not in ("1", "2") else quad if half == "1" else ""
+        mark = marks.get(name) or Mark(label, passage.element, where[0], where[1], ())
+        reverse = passage.direction is Direction.REVERSE  # a gate still to be planned has the course of its axis
+        heading = passage.element.course(Direction.REVERSE if reverse else Direction.FORWARD)
+        marks[name] = replace(mark, passings=(*mark.passings, (number, heading)))
     return tuple(marks.values())
-
-
-def _label(name: str) -> str:
-    """Return the name at a mark; of the two gates of a quad the first carries its name."""
-    quad, slash, number = name.rpartition("/")
-    if not slash or number not in ("1", "2"):
-        return name
-    return quad if number == "1" else ""
-
-
-def _heading(passage: Passage) -> float | None:
-    """Return the course through an element, rad; of a gate still to be planned, its axis."""
-    reverse = passage.direction is Direction.REVERSE
-    return passage.element.course(Direction.REVERSE if reverse else Direction.FORWARD)
 
 
 def _planned(flight: Flight) -> tuple[Way, ...]:
@@ -129,14 +201,10 @@ def _planned(flight: Flight) -> tuple[Way, ...]:
         before = []
         line = np.stack([flight["x"][rows], flight["y"][rows]], axis=1)
         if np.isfinite(line).all():
-            ways.append(Way(leg.lap, _thinned(line) if planned else line[[0, -1]], planned))
+            count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / SAMPLE))
+            thinned = np.unique(np.linspace(0, len(line) - 1, count).round().astype(np.int64))
+            ways.append(Way(leg.lap, line[thinned] if planned else line[[0, -1]], planned))
     return tuple(ways)
-
-
-def _thinned(line: Array) -> Array:
-    """Return about every tenth metre of a line, and both of its ends."""
-    count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / SAMPLE))
-    return line[np.unique(np.linspace(0, len(line) - 1, count).round().astype(np.int64))]
 
 
 def _straight(course: Course) -> tuple[Way, ...]:
@@ -151,20 +219,16 @@ def _straight(course: Course) -> tuple[Way, ...]:
     return tuple(ways)
 
 
-def _frame(
-    course: Course, marks: tuple[Mark, ...], ways: tuple[Way, ...], lines: tuple[SafetyLine, ...]
-) -> tuple[float, float, float, float]:
-    """Return the frame of the course, with what lies beside it as long as that does not dwarf it."""
-    flown = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
-    points = np.concatenate(flown) if flown else np.zeros((1, 2))
+def _frame(marks: Sequence[Mark], ways: Sequence[Way], beside: Sequence[Array]) -> tuple[float, float, float, float]:
+    """Return south, north, west and east of a course, with what lies beside it as long as that does not dwarf it."""
+    shown = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
+    points = np.concatenate(shown) if shown else np.zeros((1, 2))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     extent = max(float(np.ptp(points, axis=0).max()), LEAST_EXTENT)
     least = np.minimum(points.min(axis=0), middle - 0.5 * LEAST_EXTENT)
     largest = np.maximum(points.max(axis=0), middle + 0.5 * LEAST_EXTENT)
-    beside = [*course.airspace, *(end for line in lines for end in (line.start, line.end))]
-    beside += [corner for crowd in course.crowd for corner in crowd.corners]
     if beside:
-        corners = np.array([[corner.north, corner.east] for corner in beside])
+        corners = np.concatenate(beside)
         least = np.clip(corners.min(axis=0), least - BEYOND * extent, least)
         largest = np.clip(corners.max(axis=0), largest, largest + BEYOND * extent)
     return float(least[0]), float(largest[0]), float(least[1]), float(largest[1])

@@ -5,15 +5,13 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
-from airrace.track.polygons import Point
-from airrace.trajectory import Array, Trajectory
+from airrace.track.course import CrowdShape
+from airrace.trajectory import Array
 from airrace.views.labels import Box, placed
-from airrace.views.map_model import MapModel, round_length
+from airrace.views.map_model import MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
 
 LONGER_EDGE = 560.0
@@ -25,7 +23,7 @@ FONT = 11.0
 LETTER = 0.58
 """The width of a letter as a share of its size."""
 GATE_LEAST = 5.0
-"""The least length of a gate to either side, pixels: gates are to scale, but long enough to be seen."""
+"""The least length of a gate to either side, pixels: gates are to scale, but long enough to be map_."""
 LABELS_MAX = 60
 """The largest number of elements whose names are written."""
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")  # from slow to fast
@@ -51,74 +49,50 @@ class _Sheet:
         return " ".join("{:.1f},{:.1f}".format(*self.at(north, east)) for north, east in places.tolist())
 
 
-def plan_svg(seen: MapModel, flight: Trajectory | None = None) -> str:
+def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
     """Return the drawing, complete with its scale.
 
     Args:
-        seen: the course from above.
-        flight: drawn in the colours of its speed; without one the way is drawn as planned.
+        map_: the race from above.
+        speed: m/s, along the only track of the map, shape (n,), which is drawn in its colours; None for planned tracks.
     """
-    sheet = _sheet(seen, flight)
-    way = _planned(sheet, seen) if flight is None else _flown(sheet, flight)
-    parts = [*_surroundings(sheet, seen), *way, *_marks(sheet, seen), *_labels(sheet, seen), *_scale(sheet, flight)]
-    title = html.escape(plain(seen.course.name))
+    scale = LONGER_EDGE / max(map_.north - map_.south, map_.east - map_.west)
+    width = (map_.east - map_.west) * scale + 2 * MARGIN
+    height = (map_.north - map_.south) * scale + 2 * MARGIN + 2 * FONT
+    sheet = _Sheet(map_.north, map_.west, scale, width, height)
+    dashed = [(way, BLUE, "") if way.planned else (way, GREY, "3 4") for way in map_.ways]
+    tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in dashed]
+    if speed is not None:
+        tracks = _coloured(sheet, map_.ways[0].line, speed)
+    parts = [*_surroundings(sheet, map_), *tracks, *_marks(sheet, map_), *_labels(sheet, map_), *_scale(sheet, speed)]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
         f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" role="img" '
         f'style="background: white; font: {FONT:g}px sans-serif">'
-        f"<title>{title} from above</title>{''.join(parts)}</svg>"
+        f"<title>{html.escape(plain(map_.name))} from above</title>{''.join(parts)}</svg>"
     )
 
 
-def _sheet(seen: MapModel, flight: Trajectory | None) -> _Sheet:
-    south, north, west, east = seen.south, seen.north, seen.west, seen.east
-    if flight is not None:
-        x, y = flight.of("x"), flight.of("y")
-        south, north = min(south, float(x.min())), max(north, float(x.max()))
-        west, east = min(west, float(y.min())), max(east, float(y.max()))
-    scale = LONGER_EDGE / max(north - south, east - west)
-    width, height = (east - west) * scale + 2 * MARGIN, (north - south) * scale + 2 * MARGIN + 2 * FONT
-    return _Sheet(north, west, scale, width, height)
+def _surroundings(sheet: _Sheet, map_: MapModel) -> list[str]:
+    """Return airspace, people with the ground within their distance as a wide, pale stroke around them, and lines."""
+    parts: list[str] = []
+    for crowd in map_.crowd:
+        places, closed = coordinates(crowd.corners), crowd.shape is CrowdShape.AREA
+        points = sheet.points(np.repeat(places, 2, axis=0) if crowd.shape is CrowdShape.POINT else places)
+        style = f'stroke="{RED}" stroke-linejoin="round" stroke-linecap="round" fill="{RED if closed else "none"}"'
+        shape = f'<{"polygon" if closed else "polyline"} points="{points}" {style}'
+        parts.append(f'{shape} stroke-width="{2.0 * crowd.distance * sheet.scale:.1f}" opacity="0.1"/>')
+        parts.append(f'{shape} stroke-width="4" opacity="0.7"/>')
+    if map_.airspace is not None:
+        parts.append(_shape("polygon", sheet.points(map_.airspace[:-1]), BLUE, dash="8 3 2 3"))
+    return [*parts, *(_shape("polyline", sheet.points(line.ends), AMBER, dash="6 3") for line in map_.lines)]
 
 
-def _surroundings(sheet: _Sheet, seen: MapModel) -> list[str]:
-    """Return airspace, people with their distance, and safety lines."""
-    parts = [_crowd(sheet, crowd) for crowd in seen.course.crowd]
-    if seen.course.airspace:
-        parts.append(_shape("polygon", sheet.points(_places(seen.course.airspace)), BLUE, dash="8 3 2 3"))
-    return [*parts, *(_safety_line(sheet, line) for line in seen.lines)]
-
-
-def _crowd(sheet: _Sheet, crowd: Crowd) -> str:
-    """Return the people, and the ground within their distance as a wide, pale stroke around them."""
-    places = _places(crowd.corners)
-    shape = "polygon" if crowd.shape is CrowdShape.AREA else "polyline"
-    if crowd.shape is CrowdShape.POINT:
-        places = np.repeat(places, 2, axis=0)
-    points, fill = sheet.points(places), RED if shape == "polygon" else "none"
-    wide = 2.0 * crowd.distance * sheet.scale
-    style = f'stroke="{RED}" stroke-linejoin="round" stroke-linecap="round" fill="{fill}"'
-    return (
-        f'<{shape} points="{points}" {style} stroke-width="{wide:.1f}" opacity="0.1"/>'
-        f'<{shape} points="{points}" {style} stroke-width="4" opacity="0.7"/>'
-    )
-
-
-def _safety_line(sheet: _Sheet, line: SafetyLine) -> str:
-    return _shape("polyline", sheet.points(_places((line.start, line.end))), AMBER, dash="6 3")
-
-
-def _planned(sheet: _Sheet, seen: MapModel) -> list[str]:
-    return [
-        _shape("polyline", sheet.points(way.line), BLUE if way.planned else GREY, dash="" if way.planned else "3 4")
-        for way in seen.ways
-    ]
-
-
-def _flown(sheet: _Sheet, flight: Trajectory) -> list[str]:
-    """Return the path over ground, in pieces of one colour each."""
-    places = np.stack([flight.of("x"), flight.of("y")], axis=1)
-    colours = _colours(flight.of("V_K"))
+def _coloured(sheet: _Sheet, places: Array, speed: Array) -> list[str]:
+    """Return a track in pieces of one colour each, from slow to fast."""
+    slowest, fastest = float(speed.min()), float(speed.max())
+    share = (0.5 * (speed[1:] + speed[:-1]) - slowest) / max(fastest - slowest, 1e-9)
+    colours = np.minimum((share * len(COLOURS)).astype(np.int64), len(COLOURS) - 1)
     begins = [0, *(np.flatnonzero(np.diff(colours)) + 1).tolist(), len(colours)]
     return [
         _shape("polyline", sheet.points(places[begin : end + 1]), COLOURS[int(colours[begin])], width=2.4)
@@ -126,24 +100,15 @@ def _flown(sheet: _Sheet, flight: Trajectory) -> list[str]:
     ]
 
 
-def _colours(speed: Array) -> NDArray[np.int64]:
-    """Return the number of a colour per interval of the mesh, shape (N,)."""
-    slowest, fastest = float(speed.min()), float(speed.max())
-    middle = 0.5 * (speed[1:] + speed[:-1])
-    share = (middle - slowest) / max(fastest - slowest, 1e-9)
-    return np.minimum((share * len(COLOURS)).astype(np.int64), len(COLOURS) - 1)
-
-
-def _marks(sheet: _Sheet, seen: MapModel) -> list[str]:
+def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
     """Return the elements: what is flown through as a stroke long enough to be seen, and all else as a dot."""
     parts: list[str] = []
-    for mark in seen.marks:
+    for mark in map_.marks:
         x, y = sheet.at(mark.north, mark.east)
-        across = mark.element.drawing().across
-        if across is None:
+        if mark.stroke is None:
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.2" fill="{BLACK}"/>')
             continue
-        (left, top), (right, bottom) = (sheet.at(point.north, point.east) for point in across)
+        (left, top), (right, bottom) = (sheet.at(*end) for end in mark.stroke.tolist())
         longer = max(1.0, 2.0 * GATE_LEAST / max(math.hypot(right - left, bottom - top), 1e-9))
         half = 0.5 * longer * (right - left), 0.5 * longer * (bottom - top)
         ends = f'x1="{x - half[0]:.1f}" y1="{y - half[1]:.1f}" x2="{x + half[0]:.1f}" y2="{y + half[1]:.1f}"'
@@ -151,14 +116,14 @@ def _marks(sheet: _Sheet, seen: MapModel) -> list[str]:
     return parts
 
 
-def _labels(sheet: _Sheet, seen: MapModel) -> list[str]:
+def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     """Return names beside the marks, where they hide least."""
-    named = [mark for mark in seen.marks if mark.label]
+    named = [mark for mark in map_.marks if mark.label]
     if not named or len(named) > LABELS_MAX:
         return []
     anchors = [(x, -y) for x, y in (sheet.at(mark.north, mark.east) for mark in named)]
     sizes = [(len(mark.label) * LETTER * FONT, FONT) for mark in named]
-    ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in seen.ways]
+    ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in map_.ways]
     drawn = np.concatenate([*ways, np.array(anchors)])
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
     boxes = placed(anchors, sizes, drawn, frame, 7.0)
@@ -169,33 +134,28 @@ def _labels(sheet: _Sheet, seen: MapModel) -> list[str]:
     ]
 
 
-def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
+def _scale(sheet: _Sheet, speed: Array | None) -> list[str]:
     """Return a bar of round length, with a note of where north is and of what the colours mean."""
     metres = round_length(0.25 * sheet.width / sheet.scale)
     base, left = sheet.height - 0.8 * FONT, 10.0
     right = left + metres * sheet.scale
-    note = f"{metres:g} m, north is up"
-    if flight is not None:
-        speeds = flight.of("V_K") / KNOT
-        note += f"; {speeds.min():.0f} kt"
-    x = right + 6.0
+    x, note = right + 6.0, f"{metres:g} m, north is up"
+    slow_fast = [] if speed is None else [f"{one / KNOT:.0f} kt" for one in (speed.min(), speed.max())]
+    if slow_fast:
+        note += f"; {slow_fast[0]}"
     parts = [
         f'<path d="M{left:.1f},{base - 4:.1f}V{base:.1f}H{right:.1f}V{base - 4:.1f}" fill="none" stroke="{BLACK}"/>',
         f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{note}</text>',
     ]
-    if flight is not None:
+    if slow_fast:
         x += len(note) * LETTER * FONT
         for number, colour in enumerate(COLOURS):
             parts.append(f'<rect x="{x + 12 * number:.1f}" y="{base - 8:.1f}" width="12" height="8" fill="{colour}"/>')
         x += 12 * len(COLOURS) + 4
-        parts.append(f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{(flight.of("V_K") / KNOT).max():.0f} kt</text>')
+        parts.append(f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{slow_fast[1]}</text>')
     return parts
 
 
 def _shape(kind: str, points: str, colour: str, *, width: float = 1.4, dash: str = "") -> str:
     dashed = f' stroke-dasharray="{dash}"' if dash else ""
     return f'<{kind} points="{points}" fill="none" stroke="{colour}" stroke-width="{width:g}"{dashed}/>'
-
-
-def _places(corners: tuple[Point, ...]) -> Array:
-    return np.array([[corner.north, corner.east] for corner in corners])

@@ -311,7 +311,7 @@ def test_in_ascii_every_layer_has_its_own_character_and_the_upper_one_is_seen() 
 @pytest.mark.parametrize("columns", [40, 100, 160])
 def test_every_element_is_named_once_and_within_the_width(path: Path, columns: int) -> None:
     seen = map_model(race(path))
-    shown = rendered(plan_view(seen, None, columns=columns)).splitlines()
+    shown = rendered(plan_view(seen, columns=columns)).splitlines()
     assert len(shown) <= 35
     assert all(len(line) <= columns for line in shown[:-2])
     if columns >= 100:
@@ -330,7 +330,7 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
     )
     head = "schema: airrace/track/1\nname: Square\nrules: rbar-2016\ngates:\n"
     path.write_text(head + gates + "\ncourse: {start: a, lap: [b, c, d]}\n", encoding="utf-8")
-    shown = rendered(plan_view(map_model(race(path)), None)).splitlines()
+    shown = rendered(plan_view(map_model(race(path)))).splitlines()
     rows = [row for row, line in enumerate(shown) if "\u2022" in line]
     north, south = min(rows), max(rows)
     columns = sorted({match.start() for row in (north, south) for match in re.finditer("\u2022", shown[row])})
@@ -344,10 +344,11 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("origin", "arrow"), [(0, "↓"), (90, "←"), (180, "↑"), (225, "↗"), (270, "→"), (320, "↘")])
 def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> None:
-    seen = map_model(race(SHIPPED[0]))
-    said = rendered(plan_view(seen, StaticWind(math.radians(origin), 10.0))).splitlines()[-2]
+    calm = race(SHIPPED[0])
+    air = dataclasses.replace(calm.air, wind=StaticWind(math.radians(origin), 10.0))
+    said = rendered(plan_view(map_model(dataclasses.replace(calm, air=air)))).splitlines()[-2]
     assert f"{arrow} wind from {origin} deg, 19 kt" in said
-    assert "no wind" in rendered(plan_view(seen, None))
+    assert "no wind" in rendered(plan_view(map_model(calm)))
 
 
 @settings(max_examples=30)
@@ -355,14 +356,14 @@ def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> N
 def test_a_course_of_any_shape_fits(height: float, width: float) -> None:
     seen = map_model(race(SHIPPED[0]))
     stretched = dataclasses.replace(seen, north=seen.south + height, east=seen.west + width)
-    shown = rendered(plan_view(stretched, None)).splitlines()
+    shown = rendered(plan_view(stretched)).splitlines()
     assert len(shown) <= 35
     assert max(map(len, shown)) <= 100
 
 
 def test_people_lines_and_borders_are_drawn_and_named(tmp_path: Path) -> None:
     seen = map_model(race(everything(tmp_path)))
-    shown = rendered(plan_view(seen, None, plain=True))
+    shown = rendered(plan_view(seen, plain=True))
     assert shown.isascii()
     for name in ("stands", "tower", "village", "beach", "x", "=", ":", ",", "#"):
         assert name in shown

@@ -23,9 +23,8 @@ from rich.text import Text
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
 from airrace.planning.race import Race
-from airrace.quantities import Quantity
 from airrace.track.gates import Gate
-from airrace.trajectory import Array, Trajectory
+from airrace.trajectory import Array
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_page
 from airrace.views.labels import Box, placed
@@ -40,7 +39,7 @@ from airrace.views.streams import SafeStream
 def test_every_shipped_course_is_drawn_with_one_scale_and_all_names(path: Path) -> None:
     flown = race(path)
     seen = map_model(flown)
-    figure = course_figure(flown, seen)
+    figure = course_figure(seen)
     (axes,) = figure.axes
     assert axes.get_aspect() == 1.0
     texts = [text.get_text() for text in axes.texts if text.get_text()]
@@ -52,7 +51,7 @@ def test_every_shipped_course_is_drawn_with_one_scale_and_all_names(path: Path) 
 def test_labels_do_not_overlap() -> None:
     for path in SHIPPED:
         flown = race(path)
-        figure = course_figure(flown, map_model(flown))
+        figure = course_figure(map_model(flown))
         figure.savefig(io.BytesIO(), format="png", dpi=figure.dpi)
         (axes,) = figure.axes
         boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
@@ -64,7 +63,7 @@ def test_labels_do_not_overlap() -> None:
 def test_gates_stand_to_scale() -> None:
     flown = race(SHIPPED[0])
     seen = map_model(flown)
-    (axes,) = course_figure(flown, seen).axes
+    (axes,) = course_figure(seen).axes
     drawn = np.concatenate([np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata())])
     for mark in seen.marks:
         if isinstance(mark.element, Gate):
@@ -76,7 +75,7 @@ def test_gates_stand_to_scale() -> None:
 def test_the_legend_names_what_is_there_and_only_that(tmp_path: Path) -> None:
     def entries(path: Path) -> str:
         flown = race(path)
-        (legend,) = course_figure(flown, map_model(flown)).legends
+        (legend,) = course_figure(map_model(flown)).legends
         return "\n".join(text.get_text() for text in legend.get_texts())
 
     full = entries(everything(tmp_path))
@@ -88,7 +87,7 @@ def test_the_legend_names_what_is_there_and_only_that(tmp_path: Path) -> None:
 
 def test_the_wind_is_drawn_where_there_is_one(tmp_path: Path) -> None:
     flown = race(everything(tmp_path))
-    (axes,) = course_figure(flown, map_model(flown)).axes
+    (axes,) = course_figure(map_model(flown)).axes
     assert "wind 34 kt" in [text.get_text() for text in axes.texts]
 
 
@@ -97,7 +96,7 @@ def test_a_course_is_drawn_the_same_every_time(tmp_path: Path) -> None:
     images: list[bytes] = []
     for _ in range(2):
         content = io.BytesIO()
-        course_figure(flown, map_model(flown)).savefig(content, format="png")
+        course_figure(map_model(flown)).savefig(content, format="png")
         images.append(content.getvalue())
     assert images[0] == images[1]
 
@@ -128,29 +127,15 @@ def test_a_label_makes_way_for_what_is_drawn_and_for_other_labels() -> None:
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def drawn(race: Race, flight: Trajectory | None = None) -> ElementTree.Element:
-    return ElementTree.fromstring(plan_svg(map_model(race), flight))
+def drawn(race: Race, track: Array | None = None, speed: Array | None = None) -> ElementTree.Element:
+    map_ = map_model(race)
+    return ElementTree.fromstring(plan_svg(map_ if track is None else map_.with_track(track), speed))
 
 
 def places(root: ElementTree.Element, tag: str) -> Array:
     """All points of all lines of a kind, pixels; shape (n, 2)."""
     texts = [element.attrib["points"] for element in root.iter(f"{SVG}{tag}")]
     return np.array([[float(one) for one in pair.split(",")] for text in texts for pair in text.split()])
-
-
-def flown(north: Array, east: Array, speed: Array) -> Trajectory:
-    states = tuple(Quantity(name, unit) for name, unit in (("x", "m"), ("y", "m"), ("V_K", "m/s")))
-    nodes = len(north)
-    return Trajectory(
-        phases=("0:a -> 1:b",),
-        first_node=np.array([0, nodes - 1]),
-        durations=np.array([10.0]),
-        time=np.linspace(0.0, 10.0, nodes),
-        states=states,
-        state=np.stack([north, east, speed]),
-        controls=(),
-        control=np.zeros((0, nodes - 1)),
-    )
 
 
 @pytest.mark.parametrize("name", TRACKS.names)
@@ -171,7 +156,7 @@ def test_gates_and_pylons_bear_their_names() -> None:
 def test_north_is_up_east_is_right_and_the_scale_is_the_same_both_ways() -> None:
     race = load_inputs("rovinj_2014").race
     north, east = np.array([0.0, 300.0, 300.0]), np.array([0.0, 0.0, 300.0])
-    path = places(drawn(race, flown(north, east, np.array([80.0, 80.0, 80.0]))), "polyline")
+    path = places(drawn(race, np.column_stack([north, east]), np.full(3, 80.0)), "polyline")
     first, second, third = path[:3]
     assert second[0] == pytest.approx(first[0])
     assert first[1] - second[1] == pytest.approx(third[0] - second[0], abs=0.2)
@@ -180,7 +165,7 @@ def test_north_is_up_east_is_right_and_the_scale_is_the_same_both_ways() -> None
 
 def test_a_flight_beyond_the_course_widens_the_drawing() -> None:
     race = load_inputs("rovinj_2014").race
-    far = drawn(race, flown(np.array([0.0, 5000.0]), np.zeros(2), np.array([80.0, 90.0])))
+    far = drawn(race, np.array([[0.0, 0.0], [5000.0, 0.0]]), np.array([80.0, 90.0]))
     path = places(far, "polyline")
     assert path.min() >= 0.0
     assert path[:, 1].max() <= float(far.attrib["height"])
@@ -189,7 +174,7 @@ def test_a_flight_beyond_the_course_widens_the_drawing() -> None:
 def test_the_colours_go_from_slow_to_fast() -> None:
     race = load_inputs("rovinj_2014").race
     speed = np.linspace(60.0, 110.0, 61)
-    root = drawn(race, flown(np.linspace(0.0, 800.0, 61), np.zeros(61), speed))
+    root = drawn(race, np.column_stack([np.linspace(0.0, 800.0, 61), np.zeros(61)]), speed)
     assert [line.attrib["stroke"] for line in root.iter(f"{SVG}polyline")] == list(COLOURS)
 
 
@@ -200,7 +185,7 @@ def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path
     titles = [title.text for title in root.iter(f"{SVG}title")]
     assert titles == ["<script>& from above"]
     hostile = replace(race, course=course)
-    assert "<script>" not in course_page(hostile, map_model(hostile), ["a <b> warning"])
+    assert "<script>" not in course_page(map_model(hostile), ["a <b> warning"])
     assert len(list(root.iter(f"{SVG}polygon"))) > 0
 
 
