@@ -49,7 +49,7 @@ def test_the_page_on_python_runs_on_a_short_course(tmp_path: Path, monkeypatch: 
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(compile(page_of("half_cuban_eight"), "python.md", "exec"), names)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["flight.csv", "rovinj.h5", "three_gates.h5"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["flight.csv", "lighter.h5", "rovinj.h5"]
     run, mine = names["run"], names["mine"]
     assert isinstance(run, Run)
     assert isinstance(mine, Run)
