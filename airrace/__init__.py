@@ -15,6 +15,8 @@ TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded befo
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
     from airrace.api import check, import_log, open, optimize, resume, tracks
+    from airrace.batch import optimize_many
+    from airrace.batch.reports import BatchResult
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
@@ -50,6 +52,7 @@ __all__ = [
     "Air",
     "Aircraft",
     "AirraceError",
+    "BatchResult",
     "Certificate",
     "Course",
     "CourseCheck",
@@ -90,6 +93,7 @@ __all__ = [
     "load_inputs",
     "open",
     "optimize",
+    "optimize_many",
     "resume",
     "tracks",
 ]
@@ -97,6 +101,8 @@ __all__ = [
 _HOMES = {
     "airrace.aircraft.aircraft": ("Aircraft",),
     "airrace.inputs": ("Inputs", "load_inputs"),
+    "airrace.batch": ("optimize_many",),
+    "airrace.batch.reports": ("BatchResult",),
     "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),

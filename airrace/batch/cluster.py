@@ -1,28 +1,32 @@
-"""The executor of a cluster: jobs as tasks of dask.distributed, which decides where each of them runs.
-
-    submit -> scheduler -> a worker: cluster_job.fly -> local.py -> process.py
-    events <- started, stages (with the checkpoint so far) <-+
-           <- the end, with the checkpoint <-----------------+
-
-An attempt is one task under a key of its own. It ends when its result is here, or when its worker is gone, whichever is
-seen first; afterwards nobody knows the key any more, so no attempt ends twice, and nothing is written for it twice.
-"""
+"""The executor of a cluster: jobs as tasks of dask.distributed, which decides where each of them runs."""
 
 import asyncio
 import contextlib
+import hashlib
 import itertools
 import logging
 import queue
 import secrets
+import sys
+import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, cast
 
-from airrace.batch.cluster_connection import Connection, words
-from airrace.batch.cluster_job import AttemptPayload, AttemptReply, DamagedPayload, Payload, collect, fly, stop
-from airrace.batch.executor import (
+import dask.config
+import distributed
+from distributed import Client
+from distributed import Event as Flag
+from distributed.comm.core import connect  # pyright: ignore[reportUnknownVariableType]  (few annotations)
+from distributed.security import Security
+
+from airrace.batch.jobs import Job
+from airrace.batch.local import GRACE, LocalExecutor
+from airrace.batch.supervision import (
     Attempt,
     AttemptResult,
     Ended,
@@ -32,10 +36,329 @@ from airrace.batch.executor import (
     StageStarted,
     Started,
 )
-from airrace.batch.process import GRACE
 from airrace.checkpoint.atomic import replace_file
-from airrace.errors import StorageError
+from airrace.errors import AirraceError, ClusterError, StorageError
+from airrace.records import record
 from airrace.runs.command_result import ExitCode
+
+POLL = 0.5
+"""The time between two looks whether the job is still wanted, s."""
+
+
+class DamagedPayload(AirraceError):
+    """An error of a parcel whose content is not what was sent."""
+
+
+@record
+class Payload:
+    """A file on its way: its bytes, and their sha256 (hex) where they were sent from."""
+
+    content: bytes
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> Self | None:
+        """Pack a file as it is now; return None if there is none.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        return cls(content, hashlib.sha256(content).hexdigest())
+
+    def unpacked(self) -> bytes:
+        """Return the bytes of the file.
+
+        Raises:
+            DamagedParcel: they are not those that were sent.
+        """
+        arrived = hashlib.sha256(self.content).hexdigest()
+        if arrived != self.sha256:
+            raise DamagedPayload(f"damaged on its way (sha256 {arrived[:12]}... instead of {self.sha256[:12]}...)")
+        return self.content
+
+
+@record
+class AttemptPayload:
+    """An attempt at a job, as it travels to a worker.
+
+    Attributes:
+        key: names this attempt and no other, on the whole cluster.
+        batch: names the batch likewise; what workers tell while they fly comes under this name.
+        job, attempt, timeout: see `executor.Attempt`.
+        checkpoint: the checkpoint of earlier attempts, if there is one.
+        command: arguments with which the worker's Python runs a job, see `process.py`.
+    """
+
+    key: str
+    batch: str
+    job: Job
+    attempt: int
+    timeout: float | None
+    checkpoint: Payload | None
+    command: tuple[str, ...]
+
+
+@record
+class AttemptReply:
+    """The result of an attempt, as it travels back.
+
+    Attributes:
+        ending: None if nothing was flown: the attempt had been begun before, on a worker that is gone.
+        stages: the stages that it finished.
+        checkpoint: the checkpoint that was left behind, if any.
+    """
+
+    ending: AttemptResult | None
+    stages: tuple[StageFinished, ...] = ()
+    checkpoint: Payload | None = None
+
+
+# The process of a worker flies several jobs at once, in threads; `collect` and `stop` find them here.
+_under_way: dict[str, Path] = {}
+_stopped: set[str] = set()
+
+
+def fly(sending: AttemptPayload) -> AttemptReply:
+    """Fly a job, as a task of a worker."""
+    worker = distributed.get_worker()
+    if not _is_first(sending.key):
+        return AttemptReply(None)
+
+    def tell(**said: object) -> None:
+        worker.log_event(sending.batch, {"key": sending.key, **said})
+
+    tell(started=worker.address)
+    with tempfile.TemporaryDirectory(prefix="airrace-", dir=worker.local_directory) as folder:
+        path = Path(folder) / f"{sending.job.name}.h5"
+        try:
+            if sending.checkpoint is not None:
+                path.write_bytes(sending.checkpoint.unpacked())
+        except DamagedPayload as error:
+            return AttemptReply(
+                AttemptResult(ExitCode.SYSTEM, f"its checkpoint was {error}", 0.0, fault=FailureKind.LOST)
+            )
+        _under_way[sending.key] = path
+        try:
+            return _watched(sending, path, worker, tell)
+        finally:
+            del _under_way[sending.key]
+
+
+# Any: `distributed`'s Worker, and a function of keyword arguments; run by name on the worker.
+def _watched(sending: AttemptPayload, path: Path, worker: Any, tell: Any) -> AttemptReply:
+    """Fly a job, report its stages while it lasts, and end it when it is no longer wanted."""
+    stages: list[StageFinished] = []
+    with LocalExecutor((sys.executable, *sending.command), 1) as local:
+        local.submit(Attempt(sending.job, sending.attempt, path, sending.timeout))
+        while True:
+            for event in local.events(POLL):
+                match event:
+                    case StageStarted(stage=stage):
+                        tell(stage_started=stage)
+                    case StageFinished(stage=stage):
+                        stages.append(event)
+                        if stage != sending.job.until:  # after the last stage the end follows at once, with everything
+                            tell(stage_finished=asdict(event), number=len(stages))
+                    case Ended(ending=ending):
+                        return AttemptReply(ending, tuple(stages), Payload.of(path))
+                    case _:
+                        pass
+            if _is_dropped(worker, sending.key):
+                return AttemptReply(None)  # nobody waits for the answer; the process ends with the executor
+            if sending.batch in _stopped:
+                local.stop()
+
+
+def collect(key: str) -> Payload | None:
+    """Return the checkpoint of a job under way on this worker, as it is now; None if the job is not under way."""
+    path = _under_way.get(key)
+    return None if path is None else Payload.of(path)
+
+
+def stop(batch: str) -> None:
+    """End all jobs of a batch on this worker soon, and let none begin."""
+    _stopped.add(batch)
+
+
+def _is_first(key: str) -> bool:
+    """Return whether this attempt is begun for the first time, on any worker.
+
+    dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is flown again is not for
+    it to say: attempts are counted, and their reasons kept.
+    """
+    client: Any = distributed.get_client()  # pyright: ignore[reportUnknownMemberType]  (it has few annotations)
+    begun = distributed.Event(key, client=client)
+    if begun.is_set():
+        return False
+    begun.set()
+    return True
+
+
+def _is_dropped(worker: Any, key: str) -> bool:
+    """Return whether nobody waits for this task any more: it was cancelled, or the client that asked for it is gone.
+
+    dask offers a task no function to ask this, so the worker's own list of tasks is looked into.
+    """
+    task = worker.state.tasks.get(key)
+    return task is None or task.state == "cancelled"
+
+
+CONNECT = 4.0
+"""The time in which the scheduler must be reached, s."""
+REPLY = 5.0
+"""The time in which a scheduler or a worker must answer, s."""
+
+_log = logging.getLogger(__name__)
+
+
+class Connection:
+    """A connection to a scheduler whose workers all fitted when it was reached.
+
+    Args:
+        address: the address of the scheduler, e.g. `tcp://head:8786`.
+        versions: the versions of airrace and of what its numbers depend on, by name. Workers with others get no jobs.
+
+    Raises:
+        ClusterError: the scheduler cannot be reached, or it or a worker lacks airrace or has other versions.
+    """
+
+    def __init__(self, address: str, versions: Mapping[str, str]) -> None:
+        self.address = address
+        self._versions = versions
+        self._client = _client_of(address)
+        self._fitting: dict[str, bool] = {}
+        self._warned: set[str] = set()
+        try:
+            self._refuse_misfits()
+        except BaseException:
+            self.close()
+            raise
+
+    def threads(self) -> Mapping[str, int]:
+        """Return the number of threads of each fitting worker, by its address.
+
+        Raises:
+            Exception: the scheduler does not answer.
+        """
+        known: Mapping[str, int] = self._client.nthreads(callback_timeout=REPLY)
+        self._fitting = {one: fits for one, fits in self._fitting.items() if one in known}
+        for worker, misfit in self._misfits([one for one in known if one not in self._fitting]).items():
+            self._fitting[worker] = not misfit
+            if misfit and misfit not in self._warned:
+                self._warned.add(misfit)
+                _log.warning("worker %s gets no jobs: it has %s", worker, misfit)
+        return {worker: number for worker, number in known.items() if self._fitting.get(worker, False)}
+
+    def submit(self, function: Callable[..., Any], argument: Any, *, key: str, workers: Sequence[str]) -> Any:
+        """Submit a task that dask repeats only if its worker dies, and return its future."""
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):  # a checkpoint is large
+            return self._client.submit(
+                function, argument, key=key, pure=False, retries=0, workers=list(workers), allow_other_workers=False
+            )
+
+    def call(self, function: Callable[..., Any], *arguments: Any, workers: Sequence[str]) -> Mapping[str, Any]:
+        """Call a function in the processes of workers, beside their tasks, and return its results by address.
+
+        Raises:
+            Exception: they do not answer in time.
+        """
+        return self._client.run(function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY)
+
+    def forget(self, future: Any, key: str) -> None:
+        """Release a task that is done, and the mark that it was begun."""
+        future.release()
+        Flag(key, client=self._client).clear()
+
+    def cancel(self, futures: Sequence[Any]) -> None:
+        """Cancel tasks, queued or running."""
+        self._client.cancel(list(futures))
+
+    def listen(self, topic: str, hear: Callable[[Any], None]) -> None:
+        """Pass on everything that workers report under a topic; `hear` is called in another thread."""
+
+        def heard(event: tuple[float, Any]) -> None:
+            hear(event[1])
+
+        self._client.subscribe_topic(topic, heard)
+
+    def close(self) -> None:
+        """Close the connection; the scheduler cancels tasks that are under way."""
+        self._client.close(timeout=REPLY)
+
+    def _refuse_misfits(self) -> None:
+        """Check the versions of the scheduler and of all its workers.
+
+        With a cluster that was set up wrongly nothing is begun.
+        """
+        try:
+            try:
+                own = self._client.run_on_scheduler(version, "airrace", callback_timeout=REPLY)
+            except PackageNotFoundError:
+                raise ClusterError(f"the scheduler {self.address} has no airrace, which it needs as well") from None
+            if own != self._versions["airrace"]:
+                raise ClusterError(
+                    f"the scheduler {self.address} has airrace {own}, here is {self._versions['airrace']}"
+                )
+            for worker, misfit in self._misfits(list(self._client.nthreads(callback_timeout=REPLY))).items():
+                if misfit:
+                    raise ClusterError(f"worker {worker} of {self.address} has {misfit}")
+                self._fitting[worker] = True
+        except ClusterError:
+            raise
+        except Exception as error:  # any error of the library
+            raise ClusterError(f"the scheduler {self.address} does not answer as it should: {words(error)}") from error
+
+    def _misfits(self, workers: Sequence[str]) -> Mapping[str, str]:
+        """Return what is wrong with each of these workers, empty if nothing is.
+
+        Workers that do not answer are left out.
+        """
+        if not workers:
+            return {}
+        found = dict.fromkeys(workers, "")
+        for name, here in self._versions.items():
+            answers = self._client.run(version, name, workers=list(workers), on_error="return", callback_timeout=REPLY)
+            for worker in list(found):
+                there = answers.get(worker)
+                if isinstance(there, PackageNotFoundError):
+                    found[worker] = found[worker] or f"no {name}"
+                elif not isinstance(there, str):
+                    del found[worker]
+                elif there != here:
+                    found[worker] = found[worker] or f"{name} {there}, here is {here}"
+        return found
+
+
+def words(error: BaseException) -> str:
+    """Return an error of a library in one line of at most 300 characters."""
+    return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")[:300]
+
+
+def _client_of(address: str) -> Any:
+    for name in [one for one in logging.root.manager.loggerDict if one.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported as the end of a job
+    try:
+        asyncio.run(asyncio.wait_for(_shake_hands(address), CONNECT))
+        return Client(address, timeout=CONNECT, set_as_default=False, name="airrace")
+    except TimeoutError as error:
+        raise ClusterError(f"cannot reach the scheduler {address}: no answer within {CONNECT:g} s") from error
+    except Exception as error:  # any error of the library: no such host, no answer, not an address
+        raise ClusterError(f"cannot reach the scheduler {address}: {words(error)}") from error
+
+
+async def _shake_hands(address: str) -> None:
+    """Find out whether a scheduler is there at all.
+
+    A client would wait for ever for one that listens and is silent.
+    """
+    security: Any = Security()
+    comm = await cast(Any, connect)(address, timeout=CONNECT, **security.get_connection_args("client"))
+    await comm.close()
+
 
 WORKERS_WAIT = 600.0
 """The time for which a batch waits for a worker when there is none, s."""

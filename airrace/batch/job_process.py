@@ -1,6 +1,6 @@
 """The process of one job of a batch: it reads the job from standard input, flies it, and reports on standard output.
 
-`airrace/batch/process.py` starts it, and describes what is read and reported. The process takes up its checkpoint where
+`airrace/batch/local.py` starts it, and describes what is read and reported. The process takes up its checkpoint where
 it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
 """
 
@@ -21,7 +21,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.runs.command_result import CommandResult, ExitCode, empty_result, record_failure
 
 if TYPE_CHECKING:
-    from airrace.batch.job import Job
+    from airrace.batch.jobs import Job
 
 
 class JsonProgress(Progress):
@@ -60,7 +60,7 @@ def main() -> None:
     order = json.loads(asked.readline())
     threading.Thread(target=_end_after, args=(asked,), daemon=True).start()
     start_early()
-    from airrace.batch.job import Job  # a slow import, during which the solver process loads as well
+    from airrace.batch.jobs import Job  # a slow import, during which the solver process loads as well
 
     job = Job.from_object(order["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:

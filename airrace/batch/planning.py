@@ -1,20 +1,244 @@
-"""Planning of a batch: every combination becomes a job, is named, compared with what is done, and checked."""
+"""Planning of a batch: every combination becomes a job, is compared with what is done, and checked."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice, zip_longest
 from pathlib import Path
+from typing import Any
 
-from airrace.batch.checking import Family, Findings, refused_jobs
-from airrace.batch.job import Job
-from airrace.batch.plan import BatchPlan, PlannedJob, invalid, result_of
-from airrace.batch.record import Choice, reason_to_fly
+from airrace.batch.jobs import Combination, Job, Sweep, combinations, count, cover, job_name, refuse_clashes
+from airrace.batch.record import Choice, JobRecord, checkpoint_path, reason_to_fly, record_path
 from airrace.batch.sources import Manner, SourceGroup, Sources
-from airrace.batch.sweep import Combination, combinations, count, job_name, refuse_clashes
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs import Document, read_documents
+from airrace.inputs import Document, inputs_from_documents, read_documents
 from airrace.inputs.document import read_document
+from airrace.inputs.nodes import Place
+from airrace.inputs.overrides import FILE as SET_OPTION
 from airrace.records import record
+from airrace.runs.command_result import ExitCode
 from airrace.runs.output import ensure_unread
+
+
+@record
+class RouteSummary:
+    """The routes that a job has tried, in short.
+
+    Attributes:
+        flown: the route that was proved, in words.
+        tried: how many there were, this one among them.
+        next: the fastest of the others, in words; empty where there is none.
+        behind: the time by which that one is behind on the rough mesh, s; None if there is none.
+    """
+
+    flown: str
+    tried: int
+    next: str = ""
+    behind: float | None = None
+
+
+# Any: JSON
+def routes_of(run: Mapping[str, Any] | None) -> RouteSummary | None:
+    """Return the routes of the stage that explored, from the object of `airrace optimize --json`; None without one."""
+    told = [stage["routes"] for stage in (run or {}).get("stages", ()) if stage.get("routes")]
+    if not told:
+        return None
+    flown, *others = told[0]
+    if not others:
+        return RouteSummary(flown["route"], 1)
+    return RouteSummary(flown["route"], 1 + len(others), others[0]["route"], others[0]["difference_s"])
+
+
+@record
+class JobResult:
+    """The end of a job in short, for there may be thousands.
+
+    Attributes:
+        code: the exit code that `airrace optimize` would have ended with.
+        message: what went wrong; empty if nothing did.
+        race_time: the race time of the last stage, s; None without a flight.
+        wall: the wall time of the attempt that ended it, s.
+        retries: why earlier attempts did not end it.
+        findings: what is wrong with the inputs.
+        routes: which route was flown; None where no other was tried.
+        stage: the last one that is finished; empty where none is.
+        laps: lap times of that stage, s; empty for a race of one lap.
+    """
+
+    code: int
+    message: str = ""
+    race_time: float | None = None
+    wall: float = 0.0
+    retries: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    routes: RouteSummary | None = None
+    stage: str = ""
+    laps: tuple[float, ...] = ()
+
+
+def result_of(record: JobRecord) -> JobResult:
+    """Return what a record says."""
+    stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
+    return JobResult(
+        record.code,
+        record.message,
+        record.race_time,
+        record.wall,
+        record.retries,
+        record.findings,
+        routes_of(record.run),
+        stage=stages[-1].get("stage", ""),
+        laps=tuple(stages[-1].get("lap_times_s", ())),
+    )
+
+
+def invalid(findings: tuple[Finding, ...]) -> JobResult:
+    """Return the result of a job whose inputs are not valid."""
+    number = len(findings)
+    message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
+    return JobResult(ExitCode.INVALID_INPUT, message, findings=findings)
+
+
+@record
+class PlannedJob:
+    """A job of the plan and what is done with it.
+
+    Attributes:
+        name: the name of the job.
+        course: the name of the course.
+        track, aircraft: paths as users name them; the aircraft is None where nobody knows it.
+        swept: the value of every sweep.
+        job: None where the inputs are not even good enough to make one.
+        reason: why it is flown, a clause; empty where it is not.
+        known: how it stands without being flown; None where it is flown.
+    """
+
+    name: str
+    course: str
+    track: str
+    aircraft: str | None
+    swept: Combination
+    job: Job | None
+    reason: str = ""
+    known: JobResult | None = None
+
+    @property
+    def action(self) -> str:
+        """The action on the job: `fly`; `keep` what was finished before and stands; `refuse` invalid inputs."""
+        if self.known is None:
+            return "fly"
+        return "refuse" if self.known.code == ExitCode.INVALID_INPUT else "keep"
+
+    def as_object(self) -> dict[str, object]:
+        """Return the step as plain values, for `--dry-run --json`."""
+        return {
+            "name": self.name,
+            "course": self.course,
+            "track": self.track,
+            "aircraft": self.aircraft,
+            "swept": dict(self.swept),
+            "action": self.action,
+            "reason": self.reason or (self.known.message if self.known and self.action == "refuse" else ""),
+        }
+
+
+@record
+class BatchPlan:
+    """The plan of a batch: all of its jobs, in order.
+
+    Attributes:
+        folder: where checkpoints and records lie.
+        findings: what is wrong besides the jobs' own inputs.
+        read: the files that it was made of, by their paths or names.
+    """
+
+    folder: Path
+    steps: tuple[PlannedJob, ...]
+    findings: tuple[Finding, ...] = ()
+    read: tuple[str, ...] = ()
+
+    def files(self) -> Iterator[Path]:
+        """Yield the checkpoint and the record of every job."""
+        for step in self.steps:
+            yield checkpoint_path(self.folder, step.name)
+            yield record_path(self.folder, step.name)
+
+
+CHECKED_MAX = 300
+"""The largest number of jobs that are checked."""
+
+SWEPT = Place("--sweep", 0, 0)
+"""The place that a finding names for a value that was swept on the command line."""
+
+Findings = tuple[Finding, ...]
+
+
+@record
+class Family:
+    """A family of jobs of one course and aircraft, which differ by the values of the sweeps.
+
+    Attributes:
+        sweeps: what they differ by.
+        places: where keys are set or swept in a file, as far as they are.
+        jobs: those to be checked.
+    """
+
+    sweeps: Sequence[Sweep]
+    places: Mapping[str, Place]
+    jobs: Sequence[Job]
+
+
+def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
+    """Return what is wrong with the inputs of a job.
+
+    For a value that was swept, or set in a file, the finding names the place where that was done.
+    """
+    try:
+        inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
+    except InputError as error:
+        known = {**{key: SWEPT for key, _ in job.swept}, **places}
+        return tuple(_placed(finding, known) for finding in error.findings)
+    return ()
+
+
+def refused_jobs(families: Sequence[Family]) -> Mapping[str, Findings]:
+    """Return the findings of the jobs whose inputs are not valid, by the job's name."""
+    chosen = [list(_chosen(family.sweeps, family.jobs)) for family in families]
+    found: dict[str, Findings] = {}
+    checked: list[set[Findings]] = [set() for _ in families]
+    for index, job in islice(_in_turn(chosen), CHECKED_MAX):
+        findings = findings_of(job, families[index].places)
+        checked[index].add(findings)
+        if findings:
+            found[job.name] = findings
+    for family, seen in zip(families, checked, strict=True):
+        if len(seen) == 1 and (findings := next(iter(seen))):
+            found.update({job.name: findings for job in family.jobs})
+    return found
+
+
+def _chosen(sweeps: Sequence[Sweep], jobs: Sequence[Job]) -> Iterator[Job]:
+    """Yield the jobs in which every value occurs, as far as they are flown at all."""
+    by_values = {job.swept: job for job in jobs}
+    wanted = [by_values[values] for values in cover(sweeps) if values in by_values]
+    yield from wanted or jobs[:1]
+
+
+def _in_turn(chosen: Sequence[Sequence[Job]]) -> Iterator[tuple[int, Job]]:
+    """Yield the first job of every family, then the second of each, and so on, with the number of the family."""
+    for row in zip_longest(*chosen):
+        yield from ((family, job) for family, job in enumerate(row) if job is not None)
+
+
+def _placed(finding: Finding, places: Mapping[str, Place]) -> Finding:
+    if finding.file != SET_OPTION:
+        return finding
+    above = f"{finding.key.rpartition('.')[0]}."  # a key that was set may have made what something is missing in
+    within = [place for key, place in places.items() if finding.key == key or finding.key.startswith(f"{key}.")]
+    beside = [place for key, place in places.items() if above != "." and key.startswith(above)]
+    for place in (*within, *beside)[:1]:
+        return replace(finding, file=place.file, line=place.line, column=place.column)
+    return finding
+
 
 JOBS_MAX = 100_000
 """The largest number of jobs of a batch."""

@@ -14,7 +14,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Self
 
-from airrace.batch.job import Fingerprint, Job
+from airrace.batch.jobs import Fingerprint, Job
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, Finding, StorageError, UsageError
 from airrace.records import record

@@ -7,7 +7,7 @@ from dataclasses import field
 from itertools import islice
 from pathlib import Path
 
-from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
+from airrace.batch.jobs import Sweep, parse_sweep, sweep_of
 from airrace.errors import Finding, InputError
 from airrace.inputs.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
 from airrace.inputs.document import AIRCRAFT, TRACKS, Document, read_document

@@ -1,30 +1,153 @@
-"""Supervision of a batch: it hands out jobs, hears how they end, tries again and keeps records.
-
-It never raises for what happens to a job, and keeps only a few numbers of a finished one: the rest is on the disk.
-"""
+"""Supervision of a batch: it hands out jobs, hears how they end, tries again and keeps records."""
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from enum import Enum
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
 
-from airrace.batch.executor import (
-    Attempt,
-    AttemptResult,
-    Ended,
-    Executor,
-    FailureKind,
-    StageFinished,
-    StageStarted,
-    Started,
-)
-from airrace.batch.job import Job
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, result_of
-from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, record_path, write_record
-from airrace.errors import StorageError
+from airrace.batch.jobs import Job
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, result_of
+from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_path, write_record
+from airrace.errors import Finding, StorageError
 from airrace.records import record
 from airrace.runs.command_result import ExitCode
+
+
+@record
+class Attempt:
+    """A job to be flown.
+
+    Attributes:
+        job: what is to be flown.
+        attempt: 1 for the first; only one attempt of a job is ever under way.
+        checkpoint: where its checkpoint belongs, on the machine of the supervision. If there is one already, it is the
+            job's own, and finished stages in it that still stand are not flown again.
+        timeout: longest wall time of this attempt, s; None for no limit.
+    """
+
+    job: Job
+    attempt: int
+    checkpoint: Path
+    timeout: float | None
+
+
+class FailureKind(Enum):
+    """A reason for which a job ended without an answer of its own."""
+
+    NONE = "none"
+    CRASHED = "crashed"
+    KILLED = "killed"
+    LOST = "lost"
+    TIMED_OUT = "timed out"
+    STOPPED = "stopped"
+
+
+@record
+class AttemptResult:
+    """The end of one attempt at a job.
+
+    Attributes:
+        code: the exit code that `airrace optimize` would have ended with.
+        message: what went wrong, one sentence; empty if nothing did.
+        findings: what is wrong with its input files.
+        run: the object that `airrace optimize --json` prints, with the stages that are finished; None where the job
+            ended without an answer.
+        fault: why there is no answer; `FailureKind.NONE` where there is one.
+        wall: the wall time of the attempt, s.
+    """
+
+    code: int
+    message: str
+    wall: float
+    findings: tuple[Finding, ...] = ()
+    run: Mapping[str, Any] | None = None  # Any: JSON
+    fault: FailureKind = FailureKind.NONE
+
+
+@record
+class Started:
+    """An event: an attempt is under way; `where` names the machine, empty for this one."""
+
+    name: str
+    where: str = ""
+
+
+@record
+class StageStarted:
+    """An event: a stage of a job is under way."""
+
+    name: str
+    stage: str
+
+
+@record
+class StageFinished:
+    """An event: a stage of a job is finished and in its checkpoint; `race_time` (s) is None if it found no flight."""
+
+    name: str
+    stage: str
+    status: str
+    race_time: float | None
+    certified: bool
+
+
+@record
+class Ended:
+    """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
+
+    name: str
+    ending: AttemptResult
+
+
+Event = Started | StageStarted | StageFinished | Ended
+
+
+class Executor(Protocol):
+    """An object that flies jobs, here or elsewhere: a context manager that leaves nothing running behind.
+
+    What it may rely on: all calls come from one thread; `submit` is called for at most `slots` jobs at a time, and
+    never for a job that has not ended yet. What it owes:
+
+    - Whatever becomes of a job (it crashes, hangs, its machine goes away), an `Ended` follows. Nothing of that raises.
+    - Before it tells `StageFinished` or `Ended` of a job, the checkpoint with the stages finished by then lies at
+      `order.checkpoint` as a whole file (`checkpoint.atomic.replace_file`), verified if it came from elsewhere. Stages
+      may come back one by one or all at the end; the former costs less when a machine is lost.
+    - An attempt that takes longer than `order.timeout` is stopped and ends with `FailureKind.TIMED_OUT` and code 6.
+    - Every process it starts has one solver thread, and none outlives its job or this process.
+
+    An executor that cannot work at all (an unreachable scheduler) raises an `AirraceError` when it is entered.
+    """
+
+    @property
+    def slots(self) -> int:
+        """The number of jobs that can be under way at a time; it may change from call to call, and be 0 for a while."""
+        ...
+
+    def submit(self, order: Attempt) -> None:
+        """Begin with a job, and return at once."""
+        ...
+
+    def events(self, patience: float) -> Sequence[Event]:
+        """Return what has happened since the last call, in order.
+
+        It waits for the first event, `patience` seconds at most.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Stop all jobs under way, within seconds; the next `events` tells how they ended (`STOPPED`, 130)."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
 
 PATIENCE = 0.25
 """The time between two looks whether to stop, s."""
@@ -32,23 +155,19 @@ ACCIDENTS = (FailureKind.CRASHED, FailureKind.KILLED, FailureKind.LOST)
 """The faults that may well not occur the next time."""
 
 
-@record
-class Policy:
-    """The patience of supervision: its time limit, its retries, and what it flies again.
+class Policy(Protocol):
+    """The patience of supervision: the options of a batch, see `BatchOptions`."""
 
-    Attributes:
-        timeout: longest wall time of an attempt, s; None for no limit.
-        retries: how often a job is tried again after an accident.
-        choice: which finished jobs are flown again; with `Choice.ALL` from their beginning.
-    """
-
-    timeout: float | None = None
-    retries: int = 1
-    choice: Choice = Choice.NONE
+    @property
+    def timeout(self) -> float | None: ...
+    @property
+    def retries(self) -> int: ...
+    @property
+    def force(self) -> bool: ...
 
 
-class Watcher(Protocol):
-    """An observer of a batch; all calls come from the thread that supervises."""
+class Watcher:
+    """An observer of a batch, which sees nothing; all calls come from the thread that supervises."""
 
     def begun(self, plan: BatchPlan) -> None: ...
 
@@ -61,10 +180,6 @@ class Watcher(Protocol):
     def retried(self, step: PlannedJob, reason: str) -> None: ...
 
     def ended(self, step: PlannedJob, result: JobResult) -> None: ...
-
-    def idle(self) -> None:
-        """Note that nothing happened for a moment."""
-        ...
 
 
 @dataclass
@@ -117,7 +232,7 @@ class _Supervision:
     def _begin(self, attempts: _Attempts) -> None:
         job, path = attempts.job, checkpoint_path(self._plan.folder, attempts.job.name)
         try:
-            if attempts.number == 0 and self._policy.choice is Choice.ALL:
+            if attempts.number == 0 and self._policy.force:
                 path.unlink(missing_ok=True)
             write_record(self._plan.folder, job.name, JobRecord(job.fingerprint, ended=False))
         except (OSError, StorageError) as error:
@@ -129,8 +244,6 @@ class _Supervision:
 
     def _hear(self, patience: float, *, trying_again: bool = True) -> None:
         events = self._executor.events(patience)
-        if not events:
-            self._watcher.idle()
         for event in events:
             attempts = self._running.get(event.name)
             if attempts is None:  # no such job is under way

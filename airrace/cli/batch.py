@@ -6,17 +6,14 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from airrace import interrupts
+from airrace.batch import BatchOptions
 from airrace.cli.answer import answering, ensure_room
 from airrace.cli.options import AsJson, DryRun, LastStage, Overrides, Quiet, SettingsFile, Verbose, output_option
-from airrace.errors import UsageError
-
-if TYPE_CHECKING:
-    from airrace.batch.executor import Executor
 
 
 def batch(
@@ -74,56 +71,32 @@ def batch(
     only what is not finished, or has changed.
     """
     with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.batch.planning import make_plan
-        from airrace.batch.record import Choice, locked
-        from airrace.batch.sources import Manner, find_sources, parse_sweeps
-        from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_tables import watching_batch
-        from airrace.runs.plan import stage_by_name
-        from airrace.runs.run import library_versions
 
         ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
         started = time.perf_counter()
-        choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
-        manner = Manner(tuple(aircraft or ()), settings, tuple(overrides or ()), parse_sweeps(sweep or ()), until)
-        sources = find_sources(courses, manner)
-        for group in sources.groups:
-            stage_by_name(group.manner.until)
-        versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
-        last = stage_by_name(None).value
+        options = BatchOptions(
+            courses=courses,
+            aircraft=aircraft or (),
+            settings=settings,
+            set=overrides or (),
+            sweep=sweep or (),
+            until=until,
+            jobs=jobs,
+            output=output,
+            cluster=cluster,
+            timeout=timeout,
+            retries=retries,
+            retry_failed=retry_failed,
+            force=force,
+        )
         if dry_run:
-            plan = make_plan(sources, output, until=last, versions=versions, choice=choice)
-            describe_plan(answer, plan, quiet=quiet)
+            describe_plan(answer, options.plan(options.sources()), quiet=quiet)
             return
         reports = Reports(csv_file, junit_file, markdown_file)
-        with _executor(cluster, jobs, timeout) as executor, locked(output):
-            plan = make_plan(sources, output, until=last, versions=versions, choice=choice)
-            reports.ensure_writable(plan)
-            policy = Policy(timeout, retries, choice)
-            with stopping() as stop_asked, watching_batch(quiet=quiet) as watcher:
-                results = supervise(plan, executor, policy, watcher, stop_asked=stop_asked)
-            answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
-
-
-def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "Executor":
-    """Return the executor that flies the jobs: this machine or a cluster.
-
-    A cluster is given as long to have a worker as a job has to end.
-    """
-    from airrace.batch.process import JOB_COMMAND
-    from airrace.process import available_cores
-    from airrace.runs.run import library_versions
-
-    if cluster is None:
-        from airrace.batch.local import LocalExecutor
-
-        return LocalExecutor(JOB_COMMAND, jobs or available_cores())
-    try:
-        from airrace.batch.cluster import WORKERS_WAIT, ClusterExecutor
-    except ModuleNotFoundError as error:
-        raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
-    return ClusterExecutor(cluster, JOB_COMMAND[1:], library_versions(), jobs, timeout or WORKERS_WAIT)
+        plan, results = options.fly(lambda: watching_batch(quiet=quiet), stopping, reports.ensure_writable)
+        answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
 
 
 ONE_REQUEST = 0.3

@@ -1,16 +1,22 @@
 """The answer of a batch: its object, its tables, its reports and its exit code."""
 
-import math
 import sys
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
-from airrace.batch import github
-from airrace.batch.plan import BatchPlan, JobResult
-from airrace.batch.ranking import RankingRow, WindSummary, counts, ranking_of, wind_summaries
-from airrace.batch.record import checkpoint_path
-from airrace.batch.reports import csv_text, junit_text, markdown_text, stages_of
+from airrace.batch import reports as github
+from airrace.batch.planning import BatchPlan, JobResult
+from airrace.batch.reports import (
+    BatchResult,
+    WindSummary,
+    counts,
+    counts_words,
+    csv_text,
+    junit_text,
+    markdown_text,
+    ranking_of,
+    wind_summaries,
+)
 from airrace.cli.batch_tables import plan_line, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
@@ -46,16 +52,16 @@ class Reports:
                 raise UsageError(f"{path} is another file that this batch writes; name another one for the report")
             written.add(identity(path))
 
-    def write(self, rows: Sequence[RankingRow], summaries: Sequence[WindSummary], folder: Path) -> None:
+    def write(self, rows: Sequence[BatchResult], summaries: Sequence[WindSummary]) -> None:
         """Write all reports that are wanted.
 
         Raises:
             StorageError: the system refused.
         """
         if self.csv is not None:
-            write_text(self.csv, _writable(csv_text(rows, folder)))
+            write_text(self.csv, _writable(csv_text(rows)))
         if self.junit is not None:
-            write_text(self.junit, junit_text(rows, folder))
+            write_text(self.junit, junit_text(rows))
         if self.markdown is not None:
             write_text(self.markdown, _writable(markdown_text(rows, summaries)))
 
@@ -95,7 +101,7 @@ def answer_with(
         "certified": bool(rows) and worst(codes) is ExitCode.DONE and not plan.findings,
         "wall_s": wall,
         "counts": counts(rows),
-        "jobs": [_job_object(row, plan.folder) for row in rows],
+        "jobs": [row.as_object() for row in rows],
         "winds": [summary.as_object() for summary in summaries],
     }
     if not quiet and STANDARD not in (reports.csv, reports.junit, reports.markdown):
@@ -105,14 +111,13 @@ def answer_with(
     _fail_for_inputs(answer, plan, results)
     code = worst(codes)
     if code is not ExitCode.DONE:
-        told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
         hint = "; the same command goes on" if code is ExitCode.INTERRUPTED else ""
-        answer.fail(code, f"not all jobs are certified: {told}{hint}", answer.findings)
+        answer.fail(code, f"not all jobs are certified: {counts_words(rows)}{hint}", answer.findings)
     if github.runs_here():
         for line in github.annotations(rows, plan.findings):
             print(line, file=sys.stderr)
         github.append_summary(markdown_text(rows, summaries))
-    reports.write(rows, summaries, plan.folder)
+    reports.write(rows, summaries)
 
 
 def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult]) -> None:
@@ -136,29 +141,3 @@ def _code(result: JobResult) -> ExitCode:
         return ExitCode(result.code)
     except ValueError:
         return ExitCode.BUG
-
-
-def _job_object(row: RankingRow, folder: Path) -> dict[str, object]:
-    step, result = row.step, row.result
-    return {
-        "name": step.name,
-        "course": step.course,
-        "track": step.track,
-        "aircraft": step.aircraft,
-        "swept": dict(step.swept),
-        "state": row.state,
-        "code": result.code,
-        "certified": result.code == ExitCode.DONE,
-        "race_time_s": result.race_time,
-        "behind_s": row.behind,
-        "stage": result.stage or None,
-        "lap_times_s": list(result.laps),
-        "wall_s": result.wall if math.isfinite(result.wall) else None,
-        "kept": step.action == "keep",
-        "reason": step.reason,
-        "retries": list(result.retries),
-        "message": result.message,
-        "findings": [asdict(finding) for finding in result.findings],
-        "checkpoint": None if step.action == "refuse" else str(checkpoint_path(folder, step.name)),
-        "stages": list(stages_of(row, folder)),
-    }

@@ -10,18 +10,18 @@ from typing import TextIO, cast
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
-from rich.table import Table
+from rich.table import Table as RichTable
 from rich.text import Text
 
-from airrace.batch.executor import StageFinished
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
-from airrace.batch.ranking import STATES, RankingRow, WindSummary, counts, wind_words
-from airrace.batch.supervision import Watcher
-from airrace.cli.tables import full_columns, plain_table
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob
+from airrace.batch.reports import STATES, BatchResult, WindSummary, counts_words, wind_words
+from airrace.batch.supervision import StageFinished, Watcher
+from airrace.cli.tables import full_columns
 from airrace.records import record
 from airrace.views.plain_console import PlainConsole
 from airrace.views.progress_view import commands_cursor
 from airrace.views.streams import SafeStream
+from airrace.views.tables import Column, Table
 
 MESSAGE_MAX = 90
 """The longest message in the table, in characters; the other reports hold longer ones in full."""
@@ -32,7 +32,12 @@ NAME_MAX = 20
 the stage with the longest name, its race time and how far it is behind."""
 
 
-def ranking_tables(rows: Sequence[RankingRow], columns: int | None = None) -> list[Table]:
+_JOB, _STATE, _STAGE = Column("job"), Column("state"), Column("stage")
+_RACE_TIME, _BEHIND = Column("race time", "s", ".3f"), Column("behind", "s", "+.3f")
+_MESSAGE = Column("message", wraps=True)
+
+
+def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> list[Table]:
     """Return all jobs, course by course, the fastest of each first.
 
     They are one table, or where the terminal is too narrow for it three: the ranking, how the jobs were flown, and the
@@ -42,25 +47,22 @@ def ranking_tables(rows: Sequence[RankingRow], columns: int | None = None) -> li
         rows: the jobs in their order.
         columns: the width of the terminal, None without one.
     """
-    flown, flights = _flown(rows)
-    rankings = [_ranking(row) for row in rows]
+    title = f"{len(rows)} jobs: {counts_words(rows) or 'none'}"
+    heads, flights = _flights(rows)
+    ranks = [(row.state, row.result.stage or "-", row.result.race_time, row.behind_words) for row in rows]
     messages = [_shortened(row.result.message) for row in rows]
-    told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
-    title, names = f"{len(rows)} jobs: {told or 'none'}", ("job", "state", "stage")
-    times = ("race time\ns", "behind\ns")
-    whole = [(row.step.name, *ranking, *flight) for row, ranking, flight in zip(rows, rankings, flights, strict=True)]
-    table, noted = plain_table(title, names, (*times, *flown), whole), columns is None or any(messages)
+    whole = [(row.step.name, *rank, *flight) for row, rank, flight in zip(rows, ranks, flights, strict=True)]
+    ranking = (_JOB, _STATE, _STAGE, _RACE_TIME, _BEHIND)
+    table, noted = Table(title, (*ranking, *heads), whole), columns is None or any(messages)
     if columns is None or full_columns(table) + MESSAGE_LEAST * noted <= columns:
         cells = [(*cells, message) for cells, message in zip(whole, messages, strict=True)]
-        return [_with_messages(title, names, (*times, *flown), cells) if noted else table]
+        return [Table(title, (*ranking, *heads, _MESSAGE), cells) if noted else table]
     jobs = [folded(row.step.name) for row in rows]
-    ranked = [(job, *ranking) for job, ranking in zip(jobs, rankings, strict=True)]
-    how = [(job, *flight) for job, flight in zip(jobs, flights, strict=True)]
     said = [(job, message) for job, message in zip(jobs, messages, strict=True) if message]
     return [
-        plain_table(title, names, times, ranked),
-        plain_table("how they were flown", ("job",), flown, how),
-        *([_with_messages("what was said of them", ("job",), (), said)] if said else []),
+        Table(title, ranking, [(job, *rank) for job, rank in zip(jobs, ranks, strict=True)]),
+        Table("how they were flown", (_JOB, *heads), [(job, *one) for job, one in zip(jobs, flights, strict=True)]),
+        *([Table("what was said of them", (_JOB, _MESSAGE), said)] if said else []),
     ]
 
 
@@ -84,68 +86,43 @@ def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) ->
     return [table for summary in summaries for table in _of_winds(summary, columns)]
 
 
+_WIND = (Column(""), _JOB, Column("wind"), _RACE_TIME)
+_DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s per", "kt", "+.4f"))
+
+
 def _of_winds(summary: WindSummary, columns: int | None) -> list[Table]:
     flights = [
-        (words, row.step.name, wind_words(row), f"{row.result.race_time:.3f}")
+        (words, row.step.name, wind_words(row), row.result.race_time)
         for words, row in (("best", summary.best), ("worst", summary.worst))
     ]
     slope = "" if summary.per_knot is None else f", {summary.per_knot:+.4f} s per knot"
     title = f"wind: {summary.title}: {summary.flights} certified flights{slope}"
-    names, times = ("", "job", "wind"), ("race time\ns",)
-    extremes = plain_table(title, names, times, flights)
+    extremes = Table(title, _WIND, flights)
     if columns is not None and full_columns(extremes) > columns:
-        extremes = plain_table(title, names, times, [(words, folded(job), *more) for words, job, *more in flights])
-    tables = [extremes]
-    if summary.bearings:
-        rows = [
-            (one.from_deg, f"{one.mean:.3f}", "-" if one.per_knot is None else f"{one.per_knot:+.4f}")
-            for one in summary.bearings
-        ]
-        tables.append(plain_table("by direction of the wind", (), ("from\ndeg", "mean\ns", "s per\nkt"), rows))
-    return tables
+        extremes = Table(title, _WIND, [(words, folded(job), *more) for words, job, *more in flights])
+    directions = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
+    return [extremes, *([Table("by direction of the wind", _DIRECTIONS, directions)] if directions else [])]
 
 
-def _ranking(row: RankingRow) -> tuple[str, ...]:
-    """Return the cells that rank a job: state, stage, race time and how far it is behind."""
-    race_time = row.result.race_time
-    told = "-" if race_time is None else f"{race_time:.3f}"
-    return row.state, row.result.stage or "-", told, row.behind_words
-
-
-def _flown(rows: Sequence[RankingRow]) -> tuple[list[str], list[list[str]]]:
-    """Return the heads and the cells of how the jobs were flown, of what any of them has to tell."""
-    explored, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
+def _flights(rows: Sequence[BatchResult]) -> tuple[list[Column], list[list[str | float | None]]]:
+    """Return the columns and the cells of how the jobs were flown, of what any of them has to tell."""
+    searched, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
     heads = [
-        *(["best lap\ns"] if laps else []),
-        *(["routes\nevaluated", "next route\nbehind s"] if explored else []),
-        "wall\ns",
+        *([Column("best lap", "s", ".3f")] if laps else []),
+        *([Column("routes", "evaluated", "d"), Column("next route", "behind s", "+.3f")] if searched else []),
+        Column("wall", "s", ".1f"),
     ]
-    cells = [[*([_best_lap(row)] if laps else []), *(_routes(row) if explored else ()), _wall(row)] for row in rows]
-    return heads, cells
-
-
-def _with_messages(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table of names, of numbers, and of a message in the last column, which is wrapped between words."""
-    table = plain_table(title, names, numbers, ())
-    table.add_column("message")
+    cells: list[list[str | float | None]] = []
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    return table
-
-
-def _best_lap(row: RankingRow) -> str:
-    return f"{min(row.result.laps):.3f}" if row.result.laps else "-"
-
-
-def _routes(row: RankingRow) -> tuple[str, str]:
-    routes = row.result.routes
-    if routes is None:
-        return "-", "-"
-    return str(routes.tried), "-" if routes.behind is None else f"{routes.behind:+.3f}"
-
-
-def _wall(row: RankingRow) -> str:
-    return "kept" if row.step.action == "keep" else f"{row.result.wall:.1f}"
+        routes = row.result.routes
+        cells.append(
+            [
+                *([min(row.result.laps, default=None)] if laps else []),
+                *([routes and routes.tried, routes and routes.behind] if searched else []),
+                "kept" if row.step.action == "keep" else row.result.wall,
+            ]
+        )
+    return heads, cells
 
 
 def _shortened(text: str) -> str:
@@ -163,7 +140,7 @@ Clock = Callable[[], float]
 def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
     """Provide the watcher that suits stderr, for the duration of a batch."""
     if quiet:
-        yield Unwatched()
+        yield Watcher()
     elif commands_cursor(sys.stderr):
         view = LiveTable(PlainConsole(file=cast(TextIO, SafeStream(sys.stderr, commanded=True))))
         with view.live:
@@ -172,25 +149,7 @@ def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
         yield BatchLines(cast(TextIO, SafeStream(sys.stderr)))
 
 
-class Unwatched:
-    """A watcher that shows nothing."""
-
-    def begun(self, plan: BatchPlan) -> None: ...
-
-    def started(self, step: PlannedJob, attempt: int, where: str) -> None: ...
-
-    def stage_started(self, step: PlannedJob, stage: str) -> None: ...
-
-    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None: ...
-
-    def retried(self, step: PlannedJob, reason: str) -> None: ...
-
-    def ended(self, step: PlannedJob, result: JobResult) -> None: ...
-
-    def idle(self) -> None: ...
-
-
-class BatchLines:
+class BatchLines(Watcher):
     """A watcher that prints one line per event, without control codes."""
 
     def __init__(self, stream: TextIO, clock: Clock = time.monotonic) -> None:
@@ -221,8 +180,6 @@ class BatchLines:
         self._done += 1
         self._line(f"{step.name}: {ending_words(result)} ({self._done} of {self._total})")
 
-    def idle(self) -> None: ...
-
     def _line(self, text: str) -> None:
         print(f"[{self._clock() - self._began:7.1f} s] {text}", file=self._stream, flush=True)
 
@@ -239,7 +196,7 @@ class _Seen:
     race_time: float | None = None
 
 
-class LiveTable:
+class LiveTable(Watcher):
     """A watcher that shows the jobs under way as a live table; those that ended scroll away above it."""
 
     def __init__(self, console: Console, clock: Clock = time.monotonic) -> None:
@@ -281,8 +238,6 @@ class LiveTable:
         self._ended = {**self._ended, state: self._ended.get(state, 0) + 1}
         self.live.console.print(Text(f"{step.name}: {ending_words(result)}"))
 
-    def idle(self) -> None: ...
-
     # The view is drawn from another thread: what it reads is replaced as a whole, never changed.
     def _change(self, step: PlannedJob, **fields: str | float | None) -> None:
         if step.name in self._seen:
@@ -294,7 +249,7 @@ class LiveTable:
 
     def _render(self) -> RenderableType:
         now, seen, counts = self._clock(), self._seen, self._ended
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table = RichTable(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for name in ("job", "stage", "race time s", "state", "elapsed s"):
             table.add_column(name, justify="right" if name.endswith(" s") else "left", no_wrap=True, style="none")
         shown = list(seen.items())[: max(1, self._console.height - 4)]

@@ -5,10 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
-from airrace.cli.tables import number, plain_table
 from airrace.planning.lint import Remark
 from airrace.planning.race import Race
 from airrace.quantities import KNOT, Interval
@@ -18,6 +15,7 @@ from airrace.results.legs import passings_around
 from airrace.track.course import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
 from airrace.views.course_page import CourseRow, rows
+from airrace.views.tables import Column, Table
 
 ROWS_MAX = 200
 """The largest number of passages in the table; of more, only the first and the last are printed."""
@@ -30,7 +28,7 @@ REMARKS_MAX = 30
 def course_tables(race: Race) -> list[Table]:
     """Return the tables of a course: passages, conditions on single legs, limits along the flight, and surroundings."""
     tables = [_passages_table(race), _legs_table(race), _limits_table(race), _surroundings_table(race)]
-    return [table for table in tables if table.row_count]
+    return [table for table in tables if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
@@ -41,31 +39,43 @@ def remarks_text(remarks: Sequence[Remark]) -> str:
     return "\n".join(lines)
 
 
+_PASSAGES = (
+    Column("passage"),
+    Column("type"),
+    Column("north", "m", "z.0f", missing="free"),
+    Column("east", "m", "z.0f", missing="free"),
+    Column("height", "m", "z.1f", missing="free"),
+    Column("course", "deg", "z.0f", missing="free"),
+    Column("climb", "deg", "z.0f", missing="free"),
+    Column("bank", "deg", "z.0f", missing="free"),
+    Column("leg", "m", "z.0f"),
+    Column("turn", "deg", "z.0f"),
+)
+
+
 def _passages_table(race: Race) -> Table:
-    numbers = ("north\nm", "east\nm", "height\nm", "course\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    flown = rows(race)
-    cells = [_passage_cells(row) for row in flown]
-    if len(cells) > ROWS_MAX:
-        left_out = len(cells) - ROWS_MAX
-        blank = [f"... {left_out} more", "", *[""] * len(numbers)]
-        cells = [*cells[: ROWS_MAX - LAST_ROWS], blank, *cells[-LAST_ROWS:]]
-        title += f" ({len(flown)} passages; --json has all of them)"
-    return plain_table(title, ("passage", "type"), numbers, cells)
-
-
-def _passage_cells(row: CourseRow) -> list[str]:
-    return [
-        row.passage.name,
-        row.kind,
-        *(_cell(value, "free") for value in (row.north, row.east)),
-        _height_cell(row),
-        *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
-        *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),
+    cells = [
+        (
+            row.passage.name,
+            row.kind,
+            row.north,
+            row.east,
+            _height(row),
+            *(_degrees(angle) for angle in (row.heading, row.climb, row.bank)),
+            row.leg,
+            _degrees(row.turn),
+        )
+        for row in rows(race)
     ]
+    if len(cells) > ROWS_MAX:
+        title += f" ({len(cells)} passages; --json has all of them)"
+        blank = (f"... {len(cells) - ROWS_MAX} more", *[""] * (len(_PASSAGES) - 1))
+        cells = [*cells[: ROWS_MAX - LAST_ROWS], blank, *cells[-LAST_ROWS:]]
+    return Table(title, _PASSAGES, cells)
 
 
-def _height_cell(row: CourseRow) -> str:
+def _height(row: CourseRow) -> str | float | None:
     """Return the height of a passage as a text; for a free manoeuvre the bounds of its height."""
     heights = row.passage.element.heights
     if row.height is None and heights.bounded:
@@ -73,7 +83,7 @@ def _height_cell(row: CourseRow) -> str:
         if not math.isfinite(lower):
             return f"< {upper:.0f}"
         return f"> {lower:.0f}" if not math.isfinite(upper) else f"{lower:.0f}-{upper:.0f}"
-    return _cell(row.height, "free", digits=1)
+    return row.height
 
 
 def _legs_table(race: Race) -> Table:
@@ -81,13 +91,13 @@ def _legs_table(race: Race) -> Table:
 
     Conditions that hold on several legs are listed once.
     """
-    told: dict[tuple[str, str], list[str]] = {}
+    found: dict[tuple[str, str], list[str]] = {}
     for passage in race.course.passages:
         lines = ", ".join(line.name for line in passage.safety_lines)
         if lines or passage.roll is not None:
-            told.setdefault((lines or "-", _roll(passage.roll)), []).append(passage.name)
-    cells = [[_listed(names), *conditions] for conditions, names in told.items()]
-    return plain_table("on the leg to", ("passage", "safety lines", "roll"), (), cells)
+            found.setdefault((lines or "-", _roll(passage.roll)), []).append(passage.name)
+    cells = [[_listed(names), *conditions] for conditions, names in found.items()]
+    return _words_table("on the leg to", ("passage", "safety lines", "roll"), cells)
 
 
 def _limits_table(race: Race) -> Table:
@@ -107,11 +117,11 @@ def _limits_table(race: Race) -> Table:
     if rules.alpha_A.bounded:
         degrees = Interval(*(math.degrees(bound) for bound in (rules.alpha_A.lower, rules.alpha_A.upper)))
         limits.append(["angle of attack", _range(degrees, "deg")])
-    return plain_table("limits along the flight", ("limit", "range"), (), limits)
+    return _words_table("limits along the flight", ("limit", "range"), limits)
 
 
 def _surroundings_table(race: Race) -> Table:
-    return plain_table("kept away from", ("name", "what", "where", "distance"), (), list(_surroundings(race)))
+    return _words_table("kept away from", ("name", "what", "where", "distance"), list(_surroundings(race)))
 
 
 def _surroundings(race: Race) -> Iterator[list[str]]:
@@ -167,10 +177,6 @@ def _degrees(angle: float | None) -> float | None:
     return None if angle is None else math.degrees(angle)
 
 
-def _cell(value: float | None, otherwise: str, digits: int = 0) -> str:
-    return otherwise if value is None else f"{value:z.{digits}f}"
-
-
 def _range(interval: Interval, unit: str) -> str:
     lower, upper = interval.lower, interval.upper
     if not interval.bounded:
@@ -182,18 +188,27 @@ def _range(interval: Interval, unit: str) -> str:
     return f"{lower:.4g} to {upper:.4g} {unit}"
 
 
+_PLANNED = (
+    Column("from"),
+    Column("distance", "m", ".1f"),
+    Column("required", "m", ".1f"),
+    Column("north", "m", "z.0f"),
+    Column("east", "m", "z.0f"),
+    Column("height", "m", "z.0f"),
+    Column("between", wraps=True),
+)
+
+
 def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
     """Return a table of the least distances of a planned flight."""
-    title = f"least distances of the line that is {planned.source.remark}"
-    table = plain_table(title, ("from",), ("distance\nm", "required\nm", "north\nm", "east\nm", "height\nm"), ())
-    table.add_column("between")
+    cells: list[tuple[str | float, ...]] = []
     for one in clearances:
         before, after = passings_around(planned, one.time)
-        numbers = (number(one.north, 0), number(one.east, 0), number(one.height, 0))
-        between = f"{before.name} and {after.name}"
-        table.add_row(Text(_thing(one)), f"{one.distance:.1f}", f"{one.required:.1f}", *numbers, Text(between))
-    return table
+        thing = f"wing to {one.text}" if one.kind == "pylon" else one.text
+        place = (one.north, one.east, one.height)
+        cells.append((thing, one.distance, one.required, *place, f"{before.name} and {after.name}"))
+    return Table(f"least distances of the line that is {planned.source.remark}", _PLANNED, cells)
 
 
-def _thing(one: Clearance) -> str:
-    return f"wing to {one.text}" if one.kind == "pylon" else one.text
+def _words_table(title: str, heads: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
+    return Table(title, [Column(head) for head in heads], cells)

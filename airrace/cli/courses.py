@@ -104,16 +104,18 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering(as_json=as_json, verbose=verbose) as answer:
         from textwrap import fill
 
-        from airrace.cli.tables import plain_table, rendered
+        from airrace.cli.tables import rendered
         from airrace.runs.courses import catalogue
+        from airrace.views.tables import Column, Table
 
         listed = catalogue()
         answer.fields.update(listed.as_object())
-        courses = [(one.name, one.title, one.aircraft, str(one.laps), str(one.passages)) for one in listed.tracks]
+        courses = [(one.name, one.title, one.aircraft, one.laps, one.passages) for one in listed.tracks]
+        heads = (*map(Column, ("name", "course", "aircraft")), Column("laps", form="d"), Column("passings", form="d"))
         aircraft = [(one.name, one.title) for one in listed.aircraft]
         answer.texts += [
-            rendered(plain_table("courses", ("name", "course", "aircraft"), ("laps", "passings"), courses)),
-            rendered(plain_table("aircraft", ("name", "aircraft"), (), aircraft)),
+            rendered(Table("courses", heads, courses)),
+            rendered(Table("aircraft", (Column("name"), Column("aircraft")), aircraft)),
             fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False),
         ]
 

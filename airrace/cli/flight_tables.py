@@ -6,21 +6,32 @@ import math
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from rich.table import Table
-from rich.text import Text
-
-from airrace.cli.run_tables import laps_line, leg_tables
-from airrace.cli.tables import PAGE, number, plain_table, rendered
-from airrace.logs.violations import Violation
+from airrace.cli.run_tables import laps_lines, leg_tables
+from airrace.cli.tables import PAGE, rendered
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
 from airrace.results import Flight
-from airrace.results.comparison import TIE, Comparison, LegComparison, conditions
+from airrace.results.comparison import TIE, Comparison, conditions
 from airrace.runs.log_view import LogView
 from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.views.tables import Column, Table
 
-IN_MILLISECONDS = round(1000.0 * TIE)
+TIE_MS = round(1000.0 * TIE)
+_LAPS = (
+    Column("lap", form="d"),
+    Column("reference", "s", ".3f"),
+    Column("flight", "s", ".3f"),
+    Column("lost", "s", "+.3f"),
+)
+_LEGS = (
+    Column("leg to"),
+    Column("time", "s", ".3f"),
+    Column("lost", "s", "+.3f"),
+    Column("by way", "s", "+.3f"),
+    Column("by speed", "s", "+.3f"),
+    Column("what differs", wraps=True),
+)
 
 
 def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
@@ -32,14 +43,26 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
     """
     yield "\n".join([_verdict(comparison), *_conditions(comparison)])
     if len(comparison.laps) > 1:
-        yield rendered(_laps_table(comparison), columns=PAGE)
+        laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]
+        yield rendered(Table("laps", _LAPS, laps), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
-        yield rendered(_legs_table(comparison, legs), columns=PAGE)
+        rows = [
+            (
+                leg.name,
+                leg.other.time,
+                leg.difference,
+                leg.by_way,
+                leg.by_speed,
+                "; ".join(one.text for one in leg.differences),
+            )
+            for leg in legs
+        ]
+        yield rendered(Table("legs by time lost", _LEGS, rows), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
         legs_are = "1 leg is" if ties == 1 else f"{ties} legs are"
-        yield f"{legs_are} a tie within {IN_MILLISECONDS} ms"
+        yield f"{legs_are} a tie within {TIE_MS} ms"
 
 
 def _verdict(comparison: Comparison) -> str:
@@ -48,7 +71,7 @@ def _verdict(comparison: Comparison) -> str:
     if comparison.difference != comparison.difference:
         return f"{other.label} against {reference.label}: one of them does not finish"
     if comparison.tie:
-        return f"{other.label} against {reference.label}: a tie within {IN_MILLISECONDS} ms ({times})"
+        return f"{other.label} against {reference.label}: a tie within {TIE_MS} ms ({times})"
     word = "slower" if comparison.difference > 0.0 else "faster"
     return f"{other.label} against {reference.label}: {abs(comparison.difference):.3f} s {word} ({times})"
 
@@ -62,181 +85,154 @@ def _conditions(comparison: Comparison) -> Iterator[str]:
             yield f"  {flight.label} is {flight.source.verdict}"
 
 
-def _laps_table(comparison: Comparison) -> Table:
-    rows = [
-        (str(mine.number), f"{mine.time:.3f}", f"{its.time:.3f}", f"{its.time - mine.time:+.3f}")
-        for mine, its in comparison.laps
-    ]
-    return plain_table("laps", ("lap",), ("reference\ns", "flight\ns", "lost\ns"), rows)
-
-
-def _legs_table(comparison: Comparison, legs: list[LegComparison]) -> Table:
-    """Return a table with one row per leg: its time, what is lost on it, by way and by speed, and what differs."""
-    table = plain_table("legs by time lost", ("leg to",), ("time\ns", "lost\ns", "by way\ns", "by speed\ns"), ())
-    table.add_column("what differs", overflow="fold")
-    for leg in legs:
-        table.add_row(
-            Text(leg.name),
-            f"{leg.other.time:.3f}",
-            f"{leg.difference:+.3f}",
-            f"{leg.by_way:+.3f}",
-            f"{leg.by_speed:+.3f}",
-            Text("; ".join(one.text for one in leg.differences)),
-        )
-    return table
-
-
-def log_texts(flown: LogView, *, legs: bool = False) -> Iterator[str]:
-    """Yield race time and passings, violations and remarks; at most 80 columns wide.
+def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
+    """Yield race time and passings of a flown log, violations and remarks; at most 80 columns wide.
 
     Args:
-        flown: what is told.
-        legs: whether every leg is told, too.
+        log: the log, as it was understood.
+        legs: whether every leg is shown, too.
     """
-    flight = flown.flight()
+    flight = log.flight()
     yield rendered(_passings_table(flight), columns=PAGE)
-    if flown.violations:
-        yield rendered(_violations_table(flown.violations), columns=PAGE)
-    yield f"penalties of what is certain: {penalty_text(flown.penalty)}"
-    if line := laps_line(flight):
-        yield line
+    if log.violations:
+        rows = [
+            (
+                one.passing or "flight",
+                one.rule,
+                one.time,
+                one.value,
+                one.deviation,
+                one.limit,
+                one.unit,
+                penalty_text(one.penalty),
+                "yes" if one.certain else "no",
+            )
+            for one in log.violations
+        ]
+        yield rendered(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
+    yield f"penalties of what is certain: {penalty_text(log.penalty)}"
+    yield from laps_lines(flight)
     if legs:
         yield from (rendered(table, columns=PAGE) for table in leg_tables(flight))
-    notes = (textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in flown.remarks)
-    yield "\n".join(notes)
+    yield "\n".join(textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in log.remarks)
+
+
+_VIOLATIONS = (
+    Column("at"),
+    Column("rule"),
+    Column("time", "s", "z.2f"),
+    Column("flown", form="z.1f"),
+    Column("+-", form="z.1f"),  # the standard deviation of what was flown
+    Column("allowed", form="z.1f"),
+    Column("unit", wraps=True),
+    Column("penalty", wraps=True),
+    Column("certain", wraps=True),
+)
+_PASSINGS = (
+    Column("passing"),
+    Column("time", "s", "z.3f"),
+    Column("leg", "s", "z.3f"),
+    Column("ground", "kt", "z.1f"),
+    Column("height", "m", "z.1f"),
+    Column("load", "g", "z.1f"),
+    Column("bank", "deg", "z.0f"),
+    Column("climb", "deg", "z.0f"),
+)
 
 
 def _passings_table(flight: Flight) -> Table:
     race_time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
-    numbers = ("time\ns", "leg\ns", "ground\nkt", "height\nm", "load\ng", "bank\ndeg", "climb\ndeg")
-    rows: list[tuple[str, ...]] = []
-    before = math.nan
-    for one in flight.crossings:
-        values = (one.value("V_K") / KNOT, one.value("height"))
-        angles = [math.degrees(one.value(name)) for name in ("mu", "gamma")]
-        rows.append(
-            (
-                one.name,
-                number(one.time, 3),
-                number(one.time - before, 3),
-                *(number(value, 1) for value in values),
-                number(one.value("n_z"), 1),
-                *(number(angle, 0) for angle in angles),
-            )
+    befores = (math.nan, *(one.time for one in flight.crossings))
+    rows = [
+        (
+            one.name,
+            one.time,
+            one.time - before,
+            one.value("V_K") / KNOT,
+            one.value("height"),
+            one.value("n_z"),
+            math.degrees(one.value("mu")),
+            math.degrees(one.value("gamma")),
         )
-        before = one.time
-    return plain_table(f"{flight.label}: race time {race_time}, as flown", ("passing",), numbers, rows)
+        for one, before in zip(flight.crossings, befores, strict=False)
+    ]
+    return Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, rows)
 
 
-def _violations_table(violations: Sequence[Violation]) -> Table:
-    """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
-    table = plain_table("rules that would be broken", ("at", "rule"), ("time\ns", "flown", "+-", "allowed"), ())
-    for name in ("unit", "penalty", "certain"):
-        table.add_column(name)
-    for one in violations:
-        table.add_row(
-            Text(one.passing or "flight"),
-            one.rule,
-            number(one.time, 2),
-            number(one.value, 1),
-            number(one.deviation, 1),
-            number(one.limit, 1),
-            one.unit,
-            penalty_text(one.penalty),
-            "yes" if one.certain else "no",
-        )
-    return table
-
-
-MILLI = 1000.0
 BESIDE_KEYS = 50
-"""The columns that the table takes beside its keys."""
+"""The columns that the table of sensitivities takes beside its keys."""
+KEY_MAX = 36
+"""The longest key that stays on one line where lines are folded, characters."""
 LEAST_MS = 0.0005
 """The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
 
-def sensitivities_csv(prices: Sequence[Price]) -> str:
-    """Return the prices as CSV, one row per number, the largest first.
+def sensitivities_csv(sensitivities: Sequence[Price]) -> str:
+    """Return sensitivities as CSV, one row per number, the largest first.
 
     An entry is empty where the inputs allow no value to that side.
     """
+    rows = [{"key": one.key, **one.as_object()} for one in sensitivities]
     text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    objects = {price.key: price.as_object() for price in prices}
-    writer.writerow(["key", *_COLUMNS])
-    for key, columns in objects.items():
-        writer.writerow([key, *("" if columns[name] is None else columns[name] for name in _COLUMNS)])
+    writer = csv.DictWriter(text, ("key", *_COLUMNS), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
     return text.getvalue()
 
 
-KEY_MAX = 36
-"""The longest key that stays on one line where lines are folded, characters."""
-
-
-def sensitivities_text(result: StageResult, prices: Sequence[Price], columns: int | None = None) -> str:
-    """Return a table of what costs something, why some prices are one-sided, and how many numbers are free.
-
-    Args:
-        result: the stage.
-        prices: the largest first.
-        columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
-    """
-    longest = max((len(price.key) for price in prices), default=0)
-    folded = columns is not None and columns < longest + BESIDE_KEYS
-    title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
-    dear = [price for price in prices if price.activity is not Activity.FREE]
-    parts: list[str] = []
-    if dear:
-        rows = [_row(price, folded=folded) for price in dear]
-        table = plain_table(title, ["key"], ["value", "s per unit", "step", "step up\nms"], rows)
-        parts.append(rendered(table))
-    sided = [_both_sides(price) for price in dear if price.activity is Activity.ONE_SIDED]
-    if sided:
-        parts.append("\n".join(["one-sided (*), a usual step up and down:", *sided]))
-    free = len(prices) - len(dear)
-    parts.append(f"free: {free} more number{'' if free == 1 else 's'} of {len(prices)} (--csv and --json list them)")
-    return "\n\n".join(parts)
-
-
 _COLUMNS = (
-    "group",
-    "unit",
-    "value",
-    "s_per_unit",
-    "s_per_unit_up",
-    "s_per_unit_down",
-    "usual_step",
-    "step_up_s",
-    "step_down_s",
-    "activity",
-    "note",
+    *("group", "unit", "value", "s_per_unit", "s_per_unit_up", "s_per_unit_down"),
+    *("usual_step", "step_up_s", "step_down_s", "activity", "note"),
+)
+_SENSITIVITIES = (
+    Column("key"),
+    Column("value", form="g"),
+    Column("s per unit", form="+.4g"),
+    Column("step", form="g"),
+    Column("step up", "ms", "+.3f"),
 )
 
 
-def _row(price: Price, *, folded: bool) -> list[str]:
-    unit = "" if price.unit == "1" else f" {price.unit}"
-    mark = "*" if price.activity is Activity.ONE_SIDED else ""
-    return [
-        _folded(price.key + mark) if folded else price.key + mark,
-        f"{price.value:.6g}{unit}",
-        f"{price.price:+.4g}",
-        f"{price.usual_step:.3g}{unit}",
-        _cost(price.cost_up),
+def sensitivities_text(result: StageResult, sensitivities: Sequence[Price], columns: int | None = None) -> str:
+    """Return a table of what costs something, why some sensitivities are one-sided, and how many numbers are free.
+
+    Args:
+        result: the stage.
+        sensitivities: the largest first.
+        columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
+    """
+    longest = max((len(one.key) for one in sensitivities), default=0)
+    folded = columns is not None and columns < longest + BESIDE_KEYS
+    active = [one for one in sensitivities if one.activity is not Activity.FREE]
+    parts: list[str] = []
+    if active:
+        title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
+        parts.append(rendered(Table(title, _SENSITIVITIES, [_row(one, folded=folded) for one in active])))
+    sided = [
+        f"{one.key}: {_cost(one.cost_up)}, {_cost(one.cost_down)} ms ({one.note})"
+        for one in active
+        if one.activity is Activity.ONE_SIDED
     ]
+    if sided:
+        parts.append("\n".join(["one-sided (*), a usual step up and down:", *sided]))
+    free = len(sensitivities) - len(active)
+    parts.append(
+        f"free: {free} more number{'' if free == 1 else 's'} of {len(sensitivities)} (--csv and --json list them)"
+    )
+    return "\n\n".join(parts)
 
 
-def _folded(key: str) -> str:
-    """Return a long key on two lines, cut after a dot."""
-    section, dot, name = key.rpartition(".")
-    return f"{section}{dot}\n  {name}" if len(key) > KEY_MAX else key
-
-
-def _both_sides(price: Price) -> str:
-    return f"{price.key}: {_cost(price.cost_up)}, {_cost(price.cost_down)} ms ({price.note})"
+def _row(one: Price, *, folded: bool) -> tuple[str | float, ...]:
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    key = f"{one.key}*" if one.activity is Activity.ONE_SIDED else one.key
+    if folded and len(key) > KEY_MAX:  # on two lines, cut after a dot
+        section, dot, name = key.rpartition(".")
+        key = f"{section}{dot}\n  {name}"
+    return (key, f"{one.value:.6g}{unit}", one.price, f"{one.usual_step:.3g}{unit}", _cost(one.cost_up))
 
 
 def _cost(seconds: float) -> str:
     if not math.isfinite(seconds):
         return "-"
-    milliseconds = seconds * MILLI
+    milliseconds = 1000.0 * seconds
     return "free" if abs(milliseconds) < LEAST_MS else f"{milliseconds:+.3f}"

@@ -73,7 +73,7 @@ def verify(
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import read_sealed
-        from airrace.cli.run_tables import certificate_table
+        from airrace.cli.run_tables import items_table
         from airrace.cli.tables import rendered
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
@@ -100,7 +100,7 @@ def verify(
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.finding}")
             if stage.certificate is not None:
-                answer.texts.append(rendered(certificate_table(stage.certificate)))
+                answer.texts.append(rendered(items_table(stage.certificate)))
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         elif hearsay:

@@ -1,27 +1,24 @@
-"""Tables for people. Units of the cockpit appear here and in no lower layer; each column names its own."""
+"""Tables and pictures as text for stdout, with or without a terminal behind it."""
 
 import codecs
 import io
 import math
 import sys
-from collections.abc import Sequence
 
-from rich import box
 from rich.console import Console, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from airrace.views.plain_console import PlainConsole
+from airrace.views.tables import Table
 
-# Columns that are enough for every table where no terminal sets a limit.
 UNLIMITED_WIDTH = 200
+"""Columns that are enough for every table where no terminal sets a limit."""
 FULL_WIDTH = 10_000
-"""The columns that limit no table when it is measured."""
+"""Columns that limit no table when it is measured."""
 PAGE = 80
-"""The columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
+"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 
-def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
+def rendered(content: Table | RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
     """Return a table or a picture as text for stdout.
 
     Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
@@ -33,6 +30,7 @@ def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
         content: what is shown.
         columns: to use where there is no terminal; more where the content cannot be narrower.
     """
+    drawing = content.rich() if isinstance(content, Table) else content
     terminal = sys.stdout.isatty()
     written = io.BytesIO()
     text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
@@ -43,9 +41,9 @@ def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
         width=None if terminal else columns,
         highlight=False,
     )
-    narrowest = console.measure(content, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
+    narrowest = console.measure(drawing, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
     console.width = max(console.width, narrowest)
-    console.print(content)
+    console.print(drawing)
     text.flush()
     return "\n".join(line.rstrip() for line in written.getvalue().decode(_encoding()).splitlines())
 
@@ -57,7 +55,7 @@ def takes_unicode() -> bool:
 
 def full_columns(table: Table) -> int:
     """Return the columns that a table takes where nothing limits it."""
-    return PlainConsole(file=io.StringIO(), width=FULL_WIDTH).measure(table).maximum
+    return PlainConsole(file=io.StringIO(), width=FULL_WIDTH).measure(table.rich()).maximum
 
 
 def terminal_columns() -> int | None:
@@ -65,34 +63,11 @@ def terminal_columns() -> int | None:
     return Console().width if sys.stdout.isatty() else None
 
 
-def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table of ready texts: columns of names on the left, of numbers on the right."""
-    table = empty_table(title, *names)
-    add_numbers(table, *numbers)
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    return table
+def number(value: float, digits: int) -> str:
+    """Return a number with so many decimals, a dash where it is not finite."""
+    return f"{value:z.{digits}f}" if math.isfinite(value) else "-"
 
 
 def _encoding() -> str:
     """Return the encoding of stdout, as Python spells it."""
     return codecs.lookup(sys.stdout.encoding or "utf-8").name
-
-
-def empty_table(title: str, *names: str) -> Table:
-    table = Table(
-        title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True, show_edge=False
-    )
-    for name in names:
-        table.add_column(name, no_wrap=True)
-    return table
-
-
-def add_numbers(table: Table, *names: str) -> None:
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
-
-
-def number(value: float, digits: int) -> str:
-    """Return a number with so many decimals, a dash where it is not finite."""
-    return f"{value:z.{digits}f}" if math.isfinite(value) else "-"

@@ -49,7 +49,7 @@ _CERTIFICATE = (
     Column("limit", form=".3g"),
     Column("unit"),
     Column("holds"),
-    Column("worst at"),
+    Column("worst at", wraps=True),
 )
 
 

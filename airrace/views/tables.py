@@ -189,7 +189,8 @@ class Table:
         for column in self.columns:
             if column.shown:
                 head = f"{column.name}\n{column.unit}" if column.unit else column.name
-                table.add_column(head, justify="right" if column.form else "left", no_wrap=not column.wraps)
+                justify, overflow = "right" if column.form else "left", "fold" if column.wraps else "ellipsis"
+                table.add_column(head, justify=justify, no_wrap=not column.wraps, overflow=overflow)
         for row in self._shown():
             table.add_row(*(Text(column.text(cell.value), "bold red" if cell.bad else "") for column, cell in row))
         if self.notes:

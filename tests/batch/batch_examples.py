@@ -9,14 +9,13 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from airrace.batch.executor import AttemptResult, Executor, StageFinished
-from airrace.batch.job import Job
+from airrace.batch import BatchOptions
+from airrace.batch.jobs import Job
 from airrace.batch.local import LocalExecutor
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
-from airrace.batch.planning import make_plan
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, make_plan
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
-from airrace.batch.supervision import Policy, supervise
+from airrace.batch.supervision import AttemptResult, Executor, StageFinished, Watcher, supervise
 from airrace.cli.main import app
 from airrace.inputs import Document
 
@@ -84,13 +83,18 @@ def planned(
     return make_plan(find_sources([*map(str, courses)], how), folder, until=until, versions=versions, choice=choice)
 
 
+def policy(**options: object) -> BatchOptions:
+    """Options of a batch."""
+    return BatchOptions(courses=(), **options)  # type: ignore[arg-type]
+
+
 def flown(
-    plan: BatchPlan, policy: Policy | None = None, executor: Executor | None = None, slots: int = 2
+    plan: BatchPlan, options: BatchOptions | None = None, executor: Executor | None = None, slots: int = 2
 ) -> list[JobResult]:
     """Fly a plan with stand-ins."""
     plan.folder.mkdir(parents=True, exist_ok=True)
     with executor or LocalExecutor(STAND_IN, slots) as flying:
-        return list(supervise(plan, flying, policy or Policy(), Watched(), stop_asked=lambda: False))
+        return list(supervise(plan, flying, options or policy(), Watched(), stop_asked=lambda: False))
 
 
 def starts(folder: Path, name: str) -> list[str]:
@@ -109,7 +113,7 @@ def finished(folder: Path, one: Job, code: int = 0, message: str = "") -> None:
 
 
 @dataclass
-class Watched:
+class Watched(Watcher):
     """Remembers what a watcher is told."""
 
     lines: list[str] = field(default_factory=list)
@@ -132,8 +136,6 @@ class Watched:
     def ended(self, step: PlannedJob, result: JobResult) -> None:
         self.lines.append(f"{step.name} ended {result.code}")
 
-    def idle(self) -> None: ...
-
 
 def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> AttemptResult:
     """An answer."""
@@ -141,7 +143,7 @@ def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> 
 
 
 PROGRAM = f"""
-import airrace.batch.process as process
+import airrace.batch.local as process
 process.JOB_COMMAND = {STAND_IN!r}
 process.GRACE = 600.0  # whoever waits for its end waits longer than any test does
 from airrace.__main__ import main

@@ -12,14 +12,14 @@ from clusters import Cluster
 from waiting import wait_until
 
 from airrace.batch.cluster import ClusterExecutor
-from airrace.batch.executor import AttemptResult, Ended, Event
-from airrace.batch.plan import BatchPlan
+from airrace.batch.planning import BatchPlan
+from airrace.batch.supervision import AttemptResult, Ended, Event
 
 VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
 STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
 PROGRAM = """
 import sys
-import airrace.batch.process as process
+import airrace.batch.local as process
 from airrace.__main__ import main
 process.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
 main()

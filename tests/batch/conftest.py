@@ -10,13 +10,13 @@ from cluster_log import Log
 from clusters import Cluster
 from waiting import wait_until
 
-import airrace.batch.process as process_module
+import airrace.batch.local as process_module
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two workers, of one thread and of two, which have joined; nobody kills them."""
-    from airrace.batch.cluster_connection import Connection  # needs a library without which no cluster is tested
+    from airrace.batch.cluster import Connection  # needs a library without which no cluster is tested
 
     with Cluster(tmp_path_factory.mktemp("cluster")) as one:
         one.worker(1)

@@ -16,13 +16,14 @@ from junitparser import JUnitXml
 from rich.console import Console
 from waiting import PATIENCE, text_of, wait_until_gone
 
-from airrace.batch.executor import StageFinished
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
-from airrace.batch.ranking import STATES
+from airrace.batch import optimize_many
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob
 from airrace.batch.record import locked
+from airrace.batch.reports import STATES
+from airrace.batch.supervision import StageFinished
 from airrace.cli.batch import stopping
 from airrace.cli.batch_tables import BatchLines, LiveTable
-from airrace.errors import UsageError
+from airrace.errors import InputError, UsageError
 from airrace.runs.command_result import ExitCode
 
 
@@ -350,3 +351,23 @@ def test_second_signal_of_one_request_interrupts_nothing_though_the_jobs_have_en
         second.start()
         assert asked()
     second.join()  # the signal would end it by KeyboardInterrupt
+
+
+def test_python_flies_the_same_jobs_by_the_same_words(airrace: Shell) -> None:
+    wind = {"environment.wind.speed_kt": ["5", "0"], "environment.wind.from_deg": "0:0:1"}
+    results = optimize_many("oval.yaml", winds={"speed_kt": [5, 0], "from_deg": [0]}, set={"notes": "fine"})
+    assert [(one.swept["environment.wind.speed_kt"], one.race_time) for one in results] == [("0", 10.0), ("5", 10.5)]
+    assert all(one.certified and one.checkpoint is not None and one.checkpoint.exists() for one in results)
+    again = optimize_many(["oval.yaml"], sweep=wind, set=["notes=fine"])
+    assert [one.step.action for one in again] == ["keep", "keep"]
+    shell = airrace(*("oval.yaml", "--sweep", "environment.wind.speed_kt=5,0", "--set", "notes=fine", "--json"))
+    assert set(shell.answered["jobs"][0]) == set(results[0].as_object())
+
+
+def test_python_returns_jobs_that_fail_and_refuses_patterns_that_mean_nothing(airrace: Shell) -> None:
+    (result,) = optimize_many("oval.yaml", set={"notes": "infeasible"}, jobs=1, retries=0)
+    assert (result.state, result.race_time, result.certified) == ("infeasible", None, False)
+    (refused,) = optimize_many("oval.yaml", set={"rules.n_z_mx": 3})
+    assert (refused.state, refused.checkpoint) == ("invalid input", None)
+    with pytest.raises(InputError):
+        optimize_many("nothing*.yaml")

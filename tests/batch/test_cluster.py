@@ -10,19 +10,16 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_examples import Watched, flown, job
+from batch_examples import Watched, flown, job, policy
 from cluster_examples import VERSIONS, await_slots, endings, executor_of, heard, plan_with, started
 from cluster_log import Log
 from clusters import Cluster
 from stand_in_job import CHECKPOINT
 from waiting import PATIENCE, alive, wait_until, wait_until_gone
 
-from airrace.batch import cluster_connection
-from airrace.batch.cluster import ClusterExecutor, landed
-from airrace.batch.cluster_connection import Connection
-from airrace.batch.cluster_job import AttemptReply, DamagedPayload, Payload
-from airrace.batch.executor import Attempt, AttemptResult, FailureKind, StageFinished, Started
-from airrace.batch.supervision import Policy, supervise
+from airrace.batch import cluster as cluster_connection
+from airrace.batch.cluster import AttemptReply, ClusterExecutor, Connection, DamagedPayload, Payload, landed
+from airrace.batch.supervision import Attempt, AttemptResult, FailureKind, StageFinished, Started, supervise
 from airrace.errors import ClusterError
 
 pytest.importorskip("distributed")
@@ -36,7 +33,7 @@ def test_whatever_one_job_does_the_others_are_flown_as_on_one_machine(
 ) -> None:
     manners = "fine,crash,infeasible,killed,exit,hang,not-certified,slow,no-checkpoint"
     plan = plan_with(tmp_path, manners)
-    results = flown(plan, Policy(timeout=10.0), executor_of(cluster, log))
+    results = flown(plan, policy(timeout=10.0), executor_of(cluster, log))
     assert [result.code for result in results] == [0, 8, 4, 8, 8, 6, 5, 0, 8]
     by_manner = dict(zip(manners.split(","), results, strict=True))
     assert by_manner["crash"].message == "its process crashed (SIGABRT)"
@@ -269,7 +266,7 @@ def test_a_worker_killed_in_mid_run_loses_no_job_and_doubles_none(tmp_path: Path
 
         with executor_of(cluster, log) as executor:
             await_slots(executor, 4)
-            results = supervise(plan, executor, Policy(), watched, stop_asked=kill_in_mid_run)
+            results = supervise(plan, executor, policy(), watched, stop_asked=kill_in_mid_run)
     assert [result.code for result in results] == [0] * 22
     assert len(finished_before) >= 6
     assert all(log.of(name) == ["new"] for name in finished_before)
@@ -327,7 +324,7 @@ def test_jobs_are_accounted_for_when_the_scheduler_dies(tmp_path: Path, log: Log
             return False
 
         with executor_of(cluster, log, wait=1.0) as executor:
-            results = supervise(plan, executor, Policy(retries=0), Watched(), stop_asked=kill_in_mid_run)
+            results = supervise(plan, executor, policy(retries=0), Watched(), stop_asked=kill_in_mid_run)
     assert results[0].code == 8
     assert results[0].message
     assert {result.code for result in results} <= {0, 8}

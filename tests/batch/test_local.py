@@ -9,16 +9,14 @@ from types import TracebackType
 from typing import Self
 
 import pytest
-from batch_examples import STAND_IN, Watched, ending, flown, job, plan_of, planned, starts, step, write_course
+from batch_examples import STAND_IN, Watched, ending, flown, job, plan_of, planned, policy, starts, step, write_course
 from waiting import text_of, wait_until, wait_until_gone
 
 from airrace.batch import supervision
-from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, FailureKind, Started
-from airrace.batch.local import LocalExecutor
-from airrace.batch.plan import BatchPlan, JobResult
-from airrace.batch.process import JOB_COMMAND
+from airrace.batch.local import JOB_COMMAND, LocalExecutor
+from airrace.batch.planning import BatchPlan, JobResult
 from airrace.batch.record import Choice, read_record
-from airrace.batch.supervision import Policy, supervise
+from airrace.batch.supervision import Attempt, AttemptResult, Ended, Event, FailureKind, Started, supervise
 from airrace.errors import StorageError
 from airrace.process import started_apart
 from airrace.runs.command_result import ExitCode
@@ -145,16 +143,16 @@ def test_a_second_call_goes_on_where_the_first_ran_out_of_time_and_a_third_has_n
     def plan() -> BatchPlan:
         return planned(write_course(tmp_path), folder=tmp_path, overrides=("notes=hang-once",))
 
-    assert flown(plan(), Policy(timeout=5.0))[0].code == 6
-    assert flown(plan(), Policy(timeout=300.0))[0].code == 0
-    assert flown(plan(), Policy(timeout=300.0))[0].code == 0
+    assert flown(plan(), policy(timeout=5.0))[0].code == 6
+    assert flown(plan(), policy(timeout=300.0))[0].code == 0
+    assert flown(plan(), policy(timeout=300.0))[0].code == 0
     assert starts(tmp_path, "oval") == ["new", "resumed"]
 
 
 def test_whatever_one_job_does_the_others_are_flown(tmp_path: Path) -> None:
     manners = ["fine", "crash", "infeasible", "killed", "exit", "hang", "not-certified", "slow", "no-checkpoint"]
     plan = planned(write_course(tmp_path), folder=tmp_path, sweeps=[f"notes={','.join(manners)}"])
-    results = flown(plan, Policy(timeout=10.0), slots=3)
+    results = flown(plan, policy(timeout=10.0), slots=3)
     assert [result.code for result in results] == [0, 8, 4, 8, 8, 6, 5, 0, 8]
     again = planned(write_course(tmp_path), folder=tmp_path, sweeps=[f"notes={','.join(manners)}"])
     kept = {step.swept[0][1] for step in again.steps if step.action == "keep"}
@@ -167,7 +165,7 @@ def test_whatever_one_job_does_the_others_are_flown(tmp_path: Path) -> None:
 def test_a_forced_job_begins_anew(tmp_path: Path) -> None:
     course = write_course(tmp_path)
     flown(planned(course, folder=tmp_path))
-    flown(planned(course, folder=tmp_path, choice=Choice.ALL), Policy(choice=Choice.ALL))
+    flown(planned(course, folder=tmp_path, choice=Choice.ALL), policy(force=True))
     assert starts(tmp_path, "oval") == ["new", "new"]
 
 
@@ -276,7 +274,7 @@ def test_a_crash_is_tried_again_and_its_reason_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize("retries", [0, 1, 3])
 def test_an_accident_is_tried_again_as_often_as_is_allowed(retries: int, tmp_path: Path) -> None:
     executor = Scripted({"oval": [LOST] * 9})
-    (result,) = flown(plan_of(tmp_path, job()), Policy(retries=retries), executor)
+    (result,) = flown(plan_of(tmp_path, job()), policy(retries=retries), executor)
     assert result.code == 8
     assert [order.attempt for order in executor.orders] == list(range(1, retries + 2))
     assert len(result.retries) == retries
@@ -310,7 +308,7 @@ def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kep
     watched = Watched()
     executor = Scripted({})
     results = supervise(
-        plan, executor, Policy(), watched, stop_asked=lambda: sum("ended 0" in line for line in watched.lines) == 1
+        plan, executor, policy(), watched, stop_asked=lambda: sum("ended 0" in line for line in watched.lines) == 1
     )
     assert [result.code for result in results] == [0, 130, 130, 130, 130]
     assert len(executor.orders) <= 3

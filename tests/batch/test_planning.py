@@ -10,8 +10,18 @@ from batch_examples import AIRCRAFT, ROOT, finished, job, planned, write_course
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.batch import checking, sources
-from airrace.batch.job import Fingerprint, Job
+from airrace.batch import planning, sources
+from airrace.batch.jobs import (
+    Fingerprint,
+    Job,
+    combinations,
+    count,
+    cover,
+    job_name,
+    parse_sweep,
+    refuse_clashes,
+    sweep_of,
+)
 from airrace.batch.record import (
     Choice,
     JobRecord,
@@ -22,7 +32,6 @@ from airrace.batch.record import (
     write_record,
 )
 from airrace.batch.sources import Manner, TooWideError, find_sources, matching, parse_sweeps
-from airrace.batch.sweep import combinations, count, cover, job_name, parse_sweep, refuse_clashes, sweep_of
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document
 from airrace.inputs.overrides import parse_overrides
@@ -92,7 +101,7 @@ def test_a_value_out_of_range_costs_only_its_own_jobs(tmp_path: Path) -> None:
 
 
 def test_all_is_checked_before_it_is_flown_up_to_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checking, "CHECKED_MAX", 2)
+    monkeypatch.setattr(planning, "CHECKED_MAX", 2)
     courses = [write_course(tmp_path, name) for name in ("a", "b", "c")]
     for course in courses[1:]:
         course.write_text(course.read_text().replace("n_z_max", "n_z_mx"))
@@ -129,7 +138,7 @@ def test_finished_jobs_are_kept_and_not_read_again(tmp_path: Path, monkeypatch: 
         assert step.job is not None
         finished(out, step.job)
     checked: list[str] = []
-    monkeypatch.setattr(checking, "findings_of", lambda job, places: checked.append(job.name) or ())
+    monkeypatch.setattr(planning, "findings_of", lambda job, places: checked.append(job.name) or ())
     plan = planned(course, folder=out, sweeps=WIND)
     assert [step.action for step in plan.steps] == ["keep"] * 11 + ["fly"]
     assert checked == [plan.steps[-1].name]

@@ -8,16 +8,25 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from batch_examples import flown, planned, write_course
+from batch_examples import flown, planned, policy, write_course
 from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
-from airrace.batch import github
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, RouteSummary, invalid, routes_of
-from airrace.batch.ranking import STATES, RankingRow, counts, ranking_of, wind_summaries, wind_words
-from airrace.batch.reports import csv_text, fit, junit_text, markdown_text
-from airrace.batch.supervision import Policy
+from airrace.batch import reports as github
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, RouteSummary, invalid, routes_of
+from airrace.batch.reports import (
+    STATES,
+    BatchResult,
+    counts,
+    csv_text,
+    fit,
+    junit_text,
+    markdown_text,
+    ranking_of,
+    wind_summaries,
+    wind_words,
+)
 from airrace.cli.batch_tables import NAME_MAX, folded, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding
@@ -32,7 +41,7 @@ def a_step(name: str, course: str = "", **swept: str) -> PlannedJob:
     return PlannedJob(name, flown, f"tracks/{flown}.yaml", "configs/edge540.yaml", pairs, None)
 
 
-def rows_of(*pairs: tuple[PlannedJob, JobResult]) -> list[RankingRow]:
+def rows_of(*pairs: tuple[PlannedJob, JobResult]) -> list[BatchResult]:
     return ranking_of(BatchPlan(Path("out"), tuple(step for step, _ in pairs)), [result for _, result in pairs])
 
 
@@ -75,7 +84,7 @@ def test_stage_and_laps_stand_beside_the_race_time() -> None:
     assert rendered(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
         *("a", "certified", "point-mass", "20.000", "best", "9.500")
     ]
-    (line,) = csv.DictReader(io.StringIO(csv_text(rows, Path("out"))))
+    (line,) = csv.DictReader(io.StringIO(csv_text(rows)))
     assert (line["stage"], line["laps_s"]) == ("point-mass", "10.5 9.5")
     assert "| a | certified | point-mass | 20.000 | best | 0.0 |" in markdown_text(rows, ())
 
@@ -85,7 +94,7 @@ def test_states_are_counted() -> None:
 
 
 def test_the_csv_holds_every_job_with_every_number_as_it_is() -> None:
-    table = list(csv.DictReader(io.StringIO(csv_text(ROWS, Path("out")))))
+    table = list(csv.DictReader(io.StringIO(csv_text(ROWS))))
     assert [line["name"] for line in table] == [row.step.name for row in ROWS]
     assert [line["state"] for line in table] == [row.state for row in ROWS]
     assert float(table[1]["race_time_s"]) == 62.5
@@ -98,7 +107,7 @@ def test_the_csv_has_a_column_for_every_swept_key() -> None:
     rows = rows_of(
         (a_step("x", environment__wind__speed_kt="5"), JobResult(0, "", 10.0)), (a_step("y"), JobResult(0, "", 11.0))
     )
-    table = list(csv.DictReader(io.StringIO(csv_text(rows, Path("out")))))
+    table = list(csv.DictReader(io.StringIO(csv_text(rows))))
     assert [line["environment.wind.speed_kt"] for line in table] == ["5", ""]
 
 
@@ -112,7 +121,7 @@ EXPLORED = rows_of(
 
 
 def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
-    table = list(csv.DictReader(io.StringIO(csv_text(EXPLORED, Path("out")))))
+    table = list(csv.DictReader(io.StringIO(csv_text(EXPLORED))))
     assert [line["route"] for line in table] == ["a | b: to the left", ""]
     assert [line["routes_evaluated"] for line in table] == ["7", ""]
     assert [line["next_route"] for line in table] == ["a -> b: over the top", ""]
@@ -137,21 +146,21 @@ def test_the_routes_of_a_run_are_those_of_the_stage_that_explored() -> None:
 
 
 @pytest.fixture(scope="module")
-def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[RankingRow]]:
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[BatchResult]]:
     """A batch in which everything happens that can happen."""
     folder = tmp_path_factory.mktemp("mixed")
     course, broken = write_course(folder), write_course(folder, "broken")
     broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
     manners = ["fine", "crash", "infeasible", "not-certified", "hang"]
     plan = planned(course, broken, folder=folder, sweeps=[f"notes={','.join(manners)}"])
-    results = flown(plan, Policy(timeout=1.5), slots=3)
+    results = flown(plan, policy(timeout=1.5), slots=3)
     plan = BatchPlan(folder, (*plan.steps, a_step("never")), plan.findings)
     return folder, ranking_of(plan, [*results, JobResult(130, "interrupted before it was begun")])
 
 
-def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[RankingRow]], tmp_path: Path) -> None:
-    folder, rows = mixed
-    text = junit_text(rows, folder)
+def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[BatchResult]], tmp_path: Path) -> None:
+    _, rows = mixed
+    text = junit_text(rows)
     path = tmp_path / "out.xml"
     path.write_text(text, encoding="utf-8")
     report = JUnitXml.fromfile(str(path))
@@ -171,7 +180,7 @@ def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[Ranking
     assert tree(tmp_path / "again.xml") == tree(path)
 
 
-def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[RankingRow]]) -> None:
+def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[BatchResult]]) -> None:
     suites = suites_of(mixed)
     fine = next(suite for name, suite in suites.items() if name.endswith("notes=fine"))
     assert [case.name for case in fine] == ["point-mass", "point-mass.kkt_error", "point-mass.path_angle", "run"]
@@ -184,7 +193,7 @@ def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[Rank
 
 
 def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipped(
-    mixed: tuple[Path, list[RankingRow]],
+    mixed: tuple[Path, list[BatchResult]],
 ) -> None:
     found = {name: [type(one) for case in suite for one in case.result] for name, suite in suites_of(mixed).items()}
     assert found["oval,notes=crash"] == [Error]
@@ -195,9 +204,9 @@ def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipp
     assert suites_of(mixed)["oval,notes=crash"].errors == 1
 
 
-def suites_of(mixed: tuple[Path, list[RankingRow]]) -> dict[str, TestSuite]:
-    folder, rows = mixed
-    return {suite.name: suite for suite in JUnitXml.fromstring(junit_text(rows, folder).encode())}
+def suites_of(mixed: tuple[Path, list[BatchResult]]) -> dict[str, TestSuite]:
+    _, rows = mixed
+    return {suite.name: suite for suite in JUnitXml.fromstring(junit_text(rows).encode())}
 
 
 def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
@@ -211,7 +220,7 @@ def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.text(st.characters(exclude_categories=["Cs"])))
 def test_any_message_survives_junit(message: str, name: str) -> None:
     rows = rows_of((a_step(name or "x"), JobResult(8, message, None, 1.0)))
-    (suite,) = JUnitXml.fromstring(junit_text(rows, Path("/nonexistent")).encode())
+    (suite,) = JUnitXml.fromstring(junit_text(rows).encode())
     (case,) = suite
     (error,) = case.result
     assert suite.name == fit(name or "x")
@@ -257,7 +266,7 @@ def test_markdown_cells_hold_what_would_break_them() -> None:
     assert {line.replace("\\|", "").count("|") for line in table} == {7}
 
 
-def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[RankingRow]:
+def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[BatchResult]:
     pairs = []
     for (speed, degrees), seconds in time.items():
         swept = (("environment.wind." + unit, str(speed)), ("environment.wind.from_deg", str(degrees)))
@@ -312,7 +321,7 @@ STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LONGEST = max((stage.value for stage in STAGES), key=len)
 
 
-def ranking(*pairs: tuple[str, JobResult]) -> list[RankingRow]:
+def ranking(*pairs: tuple[str, JobResult]) -> list[BatchResult]:
     steps = [PlannedJob(name, "x", "x.yaml", None, (), None) for name, _ in pairs]
     return ranking_of(BatchPlan(Path(), tuple(steps)), [result for _, result in pairs])
 
@@ -342,7 +351,7 @@ def on_a_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
 
 
-def shown(rows: list[RankingRow]) -> list[str]:
+def shown(rows: list[BatchResult]) -> list[str]:
     """The lines of the tables, on the terminal if there is one."""
     tables = ranking_tables(rows, terminal_columns())
     return [line for table in tables for line in STYLE.sub("", rendered(table)).splitlines()]
@@ -351,7 +360,7 @@ def shown(rows: list[RankingRow]) -> list[str]:
 @pytest.mark.parametrize("rows", [PLAIN, WIDEST], ids=["plain", "widest"])
 @pytest.mark.parametrize("columns", [80, 90, 100, 120, 160, 250])
 def test_tables_fit_the_terminal_and_break_no_word(
-    rows: list[RankingRow], columns: int, monkeypatch: pytest.MonkeyPatch
+    rows: list[BatchResult], columns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     on_a_terminal(columns, monkeypatch)
     lines = shown(rows)
@@ -377,7 +386,7 @@ def test_a_name_on_several_lines_is_the_name() -> None:
 def test_without_a_terminal_all_of_a_job_stands_in_one_line() -> None:
     for rows in (PLAIN, WIDEST):
         (table,) = ranking_tables(rows)
-        assert [column.header for column in table.columns][-1] == "message"
+        assert [column.name for column in table.columns][-1] == "message"
         lines = rendered(table).splitlines()
         assert all(any(line.startswith(row.step.name) for line in lines) for row in rows)
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 import typer
 from fake_optimizer import solve_single_mesh, stage_result
-from rich.table import Table
 
 from airrace.cli.answer import answering
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
-from airrace.cli.run_tables import certificate_table, mesh_table, result_tables, stages_table
+from airrace.cli.run_tables import items_table, mesh_table, result_tables, stages_table
 from airrace.cli.tables import rendered
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
@@ -26,6 +25,7 @@ from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stag
 from airrace.procedure.stage import STAGES
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.views.tables import Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -56,14 +56,14 @@ def test_a_stage_without_a_flight_shows_no_splits() -> None:
 
 def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:
     items = (Item("rate", 0.01, 0.02, "rad/s"), Item("bank", 0.02, 0.01, "rad", "phase 3"))
-    rate, bank = rendered(certificate_table(Certificate("solved", items))).splitlines()[-2:]
+    rate, bank = rendered(items_table(Certificate("solved", items))).splitlines()[-2:]
     assert rate.split() == ["rate", "0.573", "1.15", "deg/s", "yes"]
     assert bank.split() == ["bank", "1.15", "0.573", "deg", "NO", "phase", "3"]
 
 
 def test_what_is_nowhere_violated_has_no_worst_place() -> None:
     items = (Item("rate", 0.0, 0.02, "", "phase 3"),)
-    assert "phase 3" not in rendered(certificate_table(Certificate("solved", items)))
+    assert "phase 3" not in rendered(items_table(Certificate("solved", items)))
 
 
 def eighty(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,8 +82,7 @@ def assert_fits(table: Table, words: set[str]) -> None:
 
 def words_of(table: Table) -> set[str]:
     """All words of a table's head and cells."""
-    cells = [str(cell) for column in table.columns for cell in (column.header, *column.cells)]
-    return {word for cell in cells for word in cell.split()}
+    return {word for row in table.texts() for cell in row for word in cell.split()}
 
 
 def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +107,7 @@ def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
     assert "solved: checked on one mesh; no second mesh has confirmed the race time" in shown
     assert "one mesh" not in rendered(stages_table([stage_result(Stage.POINT_MASS), last]))
     assert below.certificate is not None
-    assert "certified" not in rendered(certificate_table(below.certificate))
+    assert "certified" not in rendered(items_table(below.certificate))
 
 
 def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,8 @@ import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
 from airrace.cli.main import app
-from airrace.cli.run_tables import SHOWN, result_tables, routes_table
+from airrace.cli.run_tables import ROUTES_MAX as SHOWN
+from airrace.cli.run_tables import result_tables
 from airrace.cli.tables import rendered
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
@@ -26,6 +27,7 @@ from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import json_objects
 from airrace.runs.json_objects import run_object, stage_object
+from airrace.views.stage_tables import search_table
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
 PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]
@@ -248,7 +250,7 @@ def test_object_of_a_way_without_a_number_is_json() -> None:
 def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", rendered(routes_table(explored(count)))).splitlines()
+    lines = STYLE.sub("", rendered(search_table(explored(count), most=SHOWN))).splitlines()
     told = [line for line in lines if "over the top" in line]
     assert len(told) == min(count, SHOWN)
     assert " best " in told[0]
@@ -262,7 +264,7 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     whole = "; ".join(route.text for route in explored(6).routes)
     long = replace(explored(1), routes=(Route(whole, 10.0, 0.0, "joint"),))
-    shown = STYLE.sub("", rendered(routes_table(long)))
+    shown = STYLE.sub("", rendered(search_table(long)))
     assert "\u2026" not in shown
     for word in whole.split():
         assert word in shown
@@ -271,4 +273,4 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
 def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     odd = replace(explored(1), routes=(Route("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "joint"),))
-    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(routes_table(odd))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(search_table(odd))
