@@ -5,7 +5,7 @@
     python scripts/tables.py courses RUNS      docs/evidence/races.md: optima and winners
     python scripts/tables.py evidence RUNS     the largest value of every item of the certificates, by stage
 
-A run that is missing, or a stage that is not certified, ends the script with a message.
+A run that is missing, or a stage that is not certified, ends the script.
 """
 
 import argparse

@@ -1,4 +1,6 @@
-"""Random starts: the yardstick that exploring is held against. They share no choice with it.
+"""The search for routes held against the best of many random starts, which share no choice with it.
+
+    python scripts/experiments/random_starts.py COURSE... [--count 60] [--refine 10] [--threads 2]
 
 A start is drawn by its number and the course's name: the radius at which turns are planned, 0.3 to 1 times the usual
 one, and the planning speed, 0.8 to 1.05 times, both uniform; and every long turn of that plan is lifted by 0, 40, 80 or
@@ -7,19 +9,20 @@ arc as long. The lift grows and falls with the course: by the square of a sine o
 The attitude is pitched along with the lifted path; speed, load factor and bank stay as planned.
 """
 
+import argparse
 import dataclasses
 import itertools
 import math
 import random
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import numpy as np
+
+import airrace
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import angles, quaternion, rotation
+from airrace.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.interface import SolverOptions
@@ -100,14 +103,6 @@ def lift(state: Array, leg: Leg, height: float) -> None:
         state[attitude, node] = quaternion(course, climb + math.atan(float(rise[node])), bank)
 
 
-@contextmanager
-def bench_of(settings: Settings, threads: int) -> Iterator[SolverSession]:
-    """A solver session with a solver process of its own."""
-    solver = settings.solver
-    with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
-        yield SolverSession(service, settings, Silent())
-
-
 def rough(session: SolverSession, problem: Problem, start: Iterate) -> Solution | None:
     """The coarse problem solved; None where no optimum was found."""
     options = SolverOptions(TOLERANCE, ITERATIONS, InitialBarrier.COLD)
@@ -115,30 +110,38 @@ def rough(session: SolverSession, problem: Problem, start: Iterate) -> Solution 
     return solution if solution is not None and solution.success else None
 
 
-def solved_roughly(
-    race: Race, settings: Settings, course: str, numbers: Sequence[int], *, threads: int
-) -> list[dict[str, float | None]]:
-    """Race time (s, None where no optimum was found) and seconds of random starts."""
+def best_of(course: str, count: int, refine: int, threads: int) -> float:
+    """The least race time (s) of the best of many random starts, refined; infinite where none is certified."""
+    inputs = load_inputs(course)
+    race, settings = inputs.race, inputs.settings
     flight = stage_flight(Stage.POINT_MASS, race, settings)
-    rows: list[dict[str, float | None]] = []
-    with bench_of(settings, threads) as session:
-        for number in numbers:
-            started = time.perf_counter()
-            _, problem, start = drawn(flight, race, settings, f"{course} {number}")
-            solution = rough(session, problem, start)
-            seconds = time.perf_counter() - started
-            race_time = None if solution is None else float(np.sum(solution.iterate.durations))
-            rows.append({"number": number, "race_time_s": race_time, "seconds": seconds})
-    return rows
+    starts: list[tuple[float, Start]] = []
+    with SolverService(threads=threads, stall_seconds=settings.solver.stall_seconds) as service:
+        session = SolverSession(service, settings, Silent())
+        for number in range(count):
+            planned, problem, start = drawn(flight, race, settings, f"{race.course.name} {number}")
+            if (solution := rough(session, problem, start)) is not None:
+                begin = Start(planned, problem, solution.iterate, InitialBarrier.COARSER_MESH)
+                starts.append((float(np.sum(solution.iterate.durations)), begin))
+        starts.sort(key=lambda one: one[0])
+        results = [solve_with_refinement(session, [lambda begin=begin: begin]) for _, begin in starts[:refine]]
+    return min((one.trajectory.race_time for one in results if one.certified), default=math.inf)
 
 
-def refined(race: Race, settings: Settings, course: str, number: int, *, threads: int) -> StageResult:
-    """The rough optimum of a random start, optimised on finer meshes until it is certified."""
-    flight = stage_flight(Stage.POINT_MASS, race, settings)
-    with bench_of(settings, threads) as session:
-        flight, problem, start = drawn(flight, race, settings, f"{course} {number}")
-        solution = rough(session, problem, start)
-        begin = Start(flight, problem, start, InitialBarrier.COLD)
-        if solution is not None:
-            begin = Start(flight, problem, solution.iterate, InitialBarrier.COARSER_MESH)
-        return solve_with_refinement(session, [lambda: begin])
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("courses", nargs="+", metavar="COURSE")
+    parser.add_argument("--count", type=int, default=60, help="random starts")
+    parser.add_argument("--refine", type=int, default=10, help="of the best of them")
+    parser.add_argument("--threads", type=int, default=2)
+    chosen = parser.parse_args()
+    print("| course | random starts | off | quick | thorough |\n|---|---:|---:|---:|---:|")
+    for course in chosen.courses:
+        best = best_of(course, chosen.count, chosen.refine, chosen.threads)
+        options = {"until": "point-mass", "guess": "plan", "threads": chosen.threads}
+        found = [airrace.optimize(course, search=one, **options).race_time for one in ("off", "quick", "thorough")]
+        print(f"| {course} |" + "".join(f" {one:.3f} |" for one in (best, *found)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
