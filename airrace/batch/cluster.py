@@ -58,11 +58,7 @@ class Payload:
 
     @classmethod
     def of(cls, path: Path) -> Self | None:
-        """Pack a file as it is now; return None if there is none.
-
-        Raises:
-            OSError: the file cannot be read.
-        """
+        """Pack a file as it is now; return None if there is none."""
         try:
             content = path.read_bytes()
         except FileNotFoundError:
@@ -70,11 +66,7 @@ class Payload:
         return cls(content, hashlib.sha256(content).hexdigest())
 
     def unpacked(self) -> bytes:
-        """Return the bytes of the file.
-
-        Raises:
-            DamagedParcel: they are not those that were sent.
-        """
+        """Return the bytes of the file, or raise `DamagedPayload` if they are not those that were sent."""
         arrived = hashlib.sha256(self.content).hexdigest()
         if arrived != self.sha256:
             raise DamagedPayload(f"damaged on its way (sha256 {arrived[:12]}... instead of {self.sha256[:12]}...)")
@@ -83,14 +75,10 @@ class Payload:
 
 @record
 class AttemptPayload:
-    """An attempt at a job, as it travels to a worker.
+    """An attempt at a job with the checkpoint of earlier ones, as it travels to a worker.
 
-    Attributes:
-        key: names this attempt and no other, on the whole cluster.
-        batch: names the batch likewise; what workers tell while they fly comes under this name.
-        job, attempt, timeout: see `executor.Attempt`.
-        checkpoint: the checkpoint of earlier attempts, if there is one.
-        command: arguments with which the worker's Python runs a job, see `process.py`.
+    `key` names this attempt and no other on the whole cluster, `batch` the batch: the topic of what workers report.
+    `command` are the arguments with which the worker's Python runs a job, see `airrace.batch.local`.
     """
 
     key: str
@@ -104,12 +92,9 @@ class AttemptPayload:
 
 @record
 class AttemptReply:
-    """The result of an attempt, as it travels back.
+    """The result of an attempt with its checkpoint, as it travels back.
 
-    Attributes:
-        ending: None if nothing was flown: the attempt had been begun before, on a worker that is gone.
-        stages: the stages that it finished.
-        checkpoint: the checkpoint that was left behind, if any.
+    `ending` is None if nothing was flown: the attempt had been begun before, on a worker that is gone.
     """
 
     ending: AttemptResult | None
@@ -239,11 +224,7 @@ class Connection:
             raise
 
     def threads(self) -> Mapping[str, int]:
-        """Return the number of threads of each fitting worker, by its address.
-
-        Raises:
-            Exception: the scheduler does not answer.
-        """
+        """Return the number of threads of each fitting worker, by its address."""
         known: Mapping[str, int] = self._client.nthreads(callback_timeout=REPLY)
         self._fitting = {one: fits for one, fits in self._fitting.items() if one in known}
         for worker, misfit in self._misfits([one for one in known if one not in self._fitting]).items():
@@ -261,11 +242,7 @@ class Connection:
             )
 
     def call(self, function: Callable[..., Any], *arguments: Any, workers: Sequence[str]) -> Mapping[str, Any]:
-        """Call a function in the processes of workers, beside their tasks, and return its results by address.
-
-        Raises:
-            Exception: they do not answer in time.
-        """
+        """Call a function in the processes of workers, beside their tasks, and return its results by address."""
         return self._client.run(function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY)
 
     def forget(self, future: Any, key: str) -> None:
@@ -290,10 +267,7 @@ class Connection:
         self._client.close(timeout=REPLY)
 
     def _refuse_misfits(self) -> None:
-        """Check the versions of the scheduler and of all its workers.
-
-        With a cluster that was set up wrongly nothing is begun.
-        """
+        """Begin nothing with a cluster whose scheduler or workers have other versions."""
         try:
             try:
                 own = self._client.run_on_scheduler(version, "airrace", callback_timeout=REPLY)
