@@ -68,7 +68,6 @@ def solve_by(
 
 
 def children(of: int | None = None) -> set[int]:
-    """Processes started by this one, or by another."""
     return {child.pid for child in psutil.Process(of).children()}
 
 
@@ -361,8 +360,6 @@ LONGEST = 60.0
 
 
 class Replies:
-    """Keeps what is sent."""
-
     def __init__(self) -> None:
         self.sent: list[Any] = []
 
@@ -371,7 +368,6 @@ class Replies:
 
 
 def read(text: str, *, piece: int = 1000) -> list[Any]:
-    """What is reported of a text that arrives in pieces."""
     replies = Replies()
     reader = ProgressReader(replies)  # type: ignore[arg-type]  (only its `send` is used)
     for place in range(0, len(text), piece):
@@ -406,7 +402,6 @@ def test_all_else_that_solvers_print_is_dropped() -> None:
 
 
 def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
-    """As it does on systems that end no process with another one."""
     problem, guess = rest_to_rest(30000)
     worker = start()
     assert worker.stdin is not None

@@ -1,7 +1,6 @@
 """The formulated race: conditions at passages, path constraints, attitudes and families of phases."""
 
 import dataclasses
-import functools
 import itertools
 import math
 
@@ -16,21 +15,17 @@ from races import pylon as pylon_at
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import g0
-from airrace.frames import angle_between, product, quaternion, rotation
+from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
-from airrace.planning.planning_model import PlanningModel
 from airrace.planning.race import Race
-from airrace.planning.rotation_time import roll_time, rotated, rotation_time, rotation_vector
 from airrace.procedure.attitudes import ROWS, align_quaternions, turned
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.path_constraints import leg_watches
-from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
-from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine, Turning
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine
 from airrace.track.gates import Element, Manoeuvre, Passing, Pylon
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
@@ -528,201 +523,3 @@ def test_directions_turn_with_the_reference(state: Array, before: Array, after: 
     for node in range(NODES):
         turn = matrices(after)[:, :, node] @ matrices(before)[:, :, node].T
         assert np.allclose(matrices(new)[:, :, node], turn @ matrices(state)[:, :, node], atol=1e-9)
-
-
-PACE = PlanningModel(V=80.0, n=5.0, p=3.0)
-attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
-
-
-@given(attitudes, attitudes)
-def test_rotation_vector_leads_from_start_to_end(start: list[float], end: list[float]) -> None:
-    assert np.allclose(rotation(rotated(start, end, 1.0)), rotation(end), atol=1e-9)
-    assert np.allclose(rotation(rotated(start, end, 0.0)), rotation(start), atol=1e-12)
-
-
-@given(attitudes, attitudes)
-def test_no_rotation_is_longer_than_half_a_turn(start: list[float], end: list[float]) -> None:
-    assert math.hypot(*rotation_vector(start, end)) <= math.pi + 1e-9
-
-
-@given(attitudes, attitudes, st.floats(0.0, 1.0))
-def test_parts_of_a_rotation_add_up(start: list[float], end: list[float], part: float) -> None:
-    on_the_way = rotated(start, end, part)
-    whole = math.hypot(*rotation_vector(start, end))
-    assert math.hypot(*rotation_vector(start, on_the_way)) == pytest.approx(part * whole, abs=1e-6)
-    assert math.hypot(*rotation_vector(on_the_way, end)) == pytest.approx((1.0 - part) * whole, abs=1e-6)
-
-
-@given(attitudes, attitudes)
-def test_opposite_quaternions_are_the_same_attitude(start: list[float], end: list[float]) -> None:
-    negated = [-one for one in end]
-    assert rotation_time(start, negated, PACE) == pytest.approx(rotation_time(start, end, PACE), rel=1e-6)
-
-
-@given(attitudes)
-def test_staying_takes_no_time(attitude: list[float]) -> None:
-    assert rotation_time(attitude, attitude, PACE) == pytest.approx(0.0, abs=1e-6)
-
-
-@given(attitudes, attitudes, attitudes)
-def test_time_does_not_depend_on_the_direction_of_north(
-    start: list[float], end: list[float], north: list[float]
-) -> None:
-    turned = rotation_time(product(north, start), product(north, end), PACE)
-    assert turned == pytest.approx(rotation_time(start, end, PACE), rel=1e-6, abs=1e-6)
-
-
-@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
-def test_rolling_takes_the_angle_over_the_roll_rate(bank: float, climb: float) -> None:
-    start, end = quaternion(0.3, climb, 0.0), quaternion(0.3, climb, bank)
-    assert rotation_time(start, end, PACE) == pytest.approx(abs(bank) / PACE.p, abs=1e-6)
-
-
-def test_pulling_up_takes_the_angle_over_the_rate_of_the_load_factor() -> None:
-    seconds = rotation_time(quaternion(0.0, 0.0, 0.0), quaternion(0.0, 1.0, 0.0), PACE)
-    assert seconds == pytest.approx(1.0 / (g0 * (PACE.n - 1.0) / PACE.V))
-
-
-def test_pushing_takes_three_times_as_long_as_pulling() -> None:
-    level, up, down = (quaternion(0.0, climb, 0.0) for climb in (0.0, 0.8, -0.8))
-    assert rotation_time(level, down, PACE) == pytest.approx(3.0 * rotation_time(level, up, PACE))
-
-
-every_heading = pytest.mark.parametrize("heading", range(360))
-
-
-@every_heading
-def test_half_a_loop_is_pulled_whatever_its_heading(heading: int) -> None:
-    chi = math.radians(heading)
-    _, pitch, _ = rotation_vector(quaternion(chi, 0.0, 0.0), quaternion(chi + math.pi, 0.0, math.pi))
-    assert pitch == pytest.approx(math.pi)
-
-
-@every_heading
-@pytest.mark.parametrize(("turning", "sign"), [(Turning.RIGHT, 1), (Turning.LEFT, -1)])
-@pytest.mark.parametrize("degrees", [180, 360])
-def test_roll_on_a_vertical_line_is_no_longer_than_asked_for(
-    heading: int, turning: Turning, sign: int, degrees: int
-) -> None:
-    begin, angle = quaternion(math.radians(heading), math.pi / 2, 0.0), math.radians(degrees)
-    end = product(begin, [math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
-    seconds, rolled = roll_time(begin, end, Roll(angle, Interval(), turning=turning), PACE)
-    assert rolled == pytest.approx(sign * angle)
-    assert seconds == pytest.approx(angle / PACE.p, abs=1e-5)
-
-
-@given(st.floats(0.1, 1.0), st.floats(-1e-3, 1e-3))
-def test_time_does_not_jump_where_a_pull_becomes_a_push(yaw: float, pitch: float) -> None:
-    start = quaternion(0.0, 0.0, 0.0)
-    level = rotation_time(start, rotated_by(start, (0.0, 0.0, yaw)), PACE)
-    tilted = rotation_time(start, rotated_by(start, (0.0, pitch, yaw)), PACE)
-    assert tilted == pytest.approx(level, rel=3.0 * abs(pitch) / yaw + 1e-9)
-
-
-def rotated_by(start: list[float], vector: tuple[float, float, float]) -> list[float]:
-    """The attitude after a rotation, rad."""
-    angle = math.hypot(*vector)
-    return product(start, [math.cos(angle / 2), *(math.sin(angle / 2) * one / angle for one in vector)])
-
-
-@functools.cache
-def families(name: str) -> list[PhaseHomotopy]:
-    """All phases of a race, each beginning as planned."""
-    plan = planned(RACES[name])
-    return [phase_homotopy(plan, index, None) for index in range(len(plan.legs))]
-
-
-LEVEL_PHASES = [(name, index) for name in RACES for index, one in enumerate(families(name)) if one.path is not None]
-TURNING = [(name, index) for name in RACES for index, one in enumerate(families(name)) if one.path is None]
-every_level_phase = pytest.mark.parametrize(("name", "index"), LEVEL_PHASES)
-every_phase = pytest.mark.parametrize(("name", "index"), [*LEVEL_PHASES, *TURNING])
-
-
-@every_phase
-def test_whole_family_ends_at_the_real_gate(name: str, index: int) -> None:
-    family = families(name)[index]
-    assert family.target(1.0) == planned(RACES[name]).waypoints[index + 1]
-
-
-@every_level_phase
-def test_first_member_is_straight_and_level_with_both_gates_in_line(name: str, index: int) -> None:
-    family = families(name)[index]
-    begin, target = family.begin, family.target(family.first)
-    assert family.first == 0.0
-    assert family.path is not None
-    assert begin.position is not None
-    assert target.position is not None
-    assert target.heading == pytest.approx(begin.heading)
-    assert target.position[2] == begin.position[2]
-    reach = family.path.length
-    north = begin.position[0] + reach * math.cos(begin.heading)
-    east = begin.position[1] + reach * math.sin(begin.heading)
-    assert target.position[:2] == pytest.approx((north, east))
-    assert target.climb == 0.0
-    assert not target.bank
-
-
-@every_level_phase
-def test_members_lead_steadily_from_the_first_to_the_last(name: str, index: int) -> None:
-    """Heading and bank of the gate grow in proportion to the part, its position without a jump."""
-    family = families(name)[index]
-    assert family.path is not None
-    parts = np.linspace(0.0, 1.0, 41)
-    targets = [family.target(float(part)) for part in parts]
-    turn = sum(
-        length * curvature for length, curvature in zip(family.path.lengths, family.path.curvatures, strict=True)
-    )
-    for part, target in zip(parts, targets, strict=True):
-        assert abs(angle_between(target.heading, family.begin.heading + part * turn)) < 1e-6
-        assert (target.bank or 0.0) == pytest.approx(part * (family.end.bank or 0.0))
-    places = np.array([target.position for target in targets])
-    # A gate moves along at most as far as the whole path would swing around.
-    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 2.0 * math.pi * family.path.length / 40.0
-
-
-@every_level_phase
-def test_guess_of_a_member_ends_at_its_target(name: str, index: int) -> None:
-    family = families(name)[index]
-    fractions = first_mesh(planned(RACES[name]), MeshSettings())[index]
-    for part in (0.0, 0.4, 1.0):
-        state = PointMassState[Array].split(family.guess(part, fractions).state)
-        position = family.target(part).position
-        assert position is not None
-        assert [state.x[-1], state.y[-1], -state.z[-1]] == pytest.approx(list(position), abs=1e-6)
-
-
-@pytest.mark.parametrize(("name", "index"), TURNING)
-def test_between_free_attitudes_the_real_phase_is_the_first_member(name: str, index: int) -> None:
-    assert families(name)[index].first == 1.0
-
-
-def arrived(name: str, index: int, bank: float, speed: float) -> PhaseHomotopy:
-    """The family of a phase that begins 3 m beside its gate, 5 degrees off its heading."""
-    plan = planned(RACES[name])
-    gate = plan.waypoints[index]
-    assert gate.position is not None
-    q0, q1, q2, q3 = quaternion(gate.heading + math.radians(5.0), 0.1, bank)
-    state = PointMassState[float](
-        x=gate.position[0] + 3.0, y=gate.position[1], z=-gate.position[2], V_K=speed, q0=q0, q1=q1, q2=q2, q3=q3,
-        delta_T=1.0, n_z=2.0, n_y=0.0, p_Kbar=0.0,
-    )  # fmt: skip
-    return phase_homotopy(plan, index, np.array(state.join()))
-
-
-def test_phase_begins_where_the_one_before_really_ended() -> None:
-    plan = planned(RACES["four_gates"])
-    family = arrived("four_gates", 1, 0.7, 75.0)
-    gate = plan.waypoints[1].position
-    assert gate is not None
-    assert family.begin.position == pytest.approx((gate[0] + 3.0, gate[1], gate[2]))
-    assert family.begin.heading == pytest.approx(
-        math.remainder(plan.waypoints[1].heading + math.radians(5.0), 2.0 * math.pi)
-    )
-    assert (family.begin.climb, family.begin.bank) == (pytest.approx(0.1), pytest.approx(0.7))
-    assert family.pace.V == 75.0
-
-
-def test_phase_keeps_its_planned_path_although_it_begins_beside_it() -> None:
-    plan = planned(RACES["four_gates"])
-    assert arrived("four_gates", 1, 0.0, 75.0).path == plan.legs[1].path
-    assert arrived("four_gates", 1, 0.0, 75.0).target(1.0) == plan.waypoints[2]

@@ -34,14 +34,13 @@ from airrace.procedure.refinement import (
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import NoteKind, RefinementReason, Stage, StageResult, State
-from airrace.procedure.run import optimize, recertify
+from airrace.procedure.result import RefinementReason, Stage, StageResult
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import LONG_RACE, CertificateLimits, GuessKind, MeshCheck, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval, Quantity
-from airrace.runs.verification import discrepancies
 from airrace.system import System
 
 LIMITS = CertificateLimits()
@@ -550,112 +549,3 @@ def solve(
 
 def seconds(result: StageResult) -> float:
     return result.trajectory.race_time
-
-
-def items_of(result: StageResult) -> list[str]:
-    assert result.certificate is not None
-    return [item.name for item in result.certificate.items]
-
-
-def test_stages_below_the_last_are_solved_and_the_last_is_certified() -> None:
-    below, last = solve(LAST)
-    assert (below.state, last.state) == (State.SOLVED, State.CERTIFIED)
-    assert below.holds
-    assert not below.certified
-
-
-def test_all_that_a_certificate_measures_is_measured_but_the_second_mesh() -> None:
-    (solved, last), (proved, _) = solve(LAST), solve(ALL)
-    assert proved.state is State.CERTIFIED
-    assert items_of(solved) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
-    assert RACE_TIME_CHANGE in items_of(last)
-
-
-def test_last_stage_comes_to_the_same_race_time_whatever_is_proved_below_it() -> None:
-    assert seconds(solve(LAST)[-1]) == pytest.approx(seconds(solve(ALL)[-1]), rel=1e-5)
-
-
-def test_only_stage_of_a_run_is_its_last_and_proved_as_ever() -> None:
-    (one,), (other,) = solve(LAST, Stage.POINT_MASS), solve(ALL, Stage.POINT_MASS)
-    assert one.certified
-    np.testing.assert_array_equal(one.trajectory.state, other.trajectory.state)
-    assert one.certificate == other.certificate
-
-
-def test_solved_stage_has_fewer_intervals_and_nearly_the_race_time_of_the_proved_one() -> None:
-    solved, proved = solve(LAST)[0], solve(ALL)[0]
-    assert len(solved.trajectory.time) < len(proved.trajectory.time)
-    assert seconds(solved) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
-
-
-def test_proof_completed_later_is_the_proof_and_leaves_the_stages_above_alone() -> None:
-    (completed,) = solve(ALL, finished=2)
-    assert completed.stage is Stage.POINT_MASS
-    assert completed.certified
-    assert seconds(completed) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)  # the meshes differ a little
-    assert completed.attempts[: len(solve(LAST)[0].attempts)] == solve(LAST)[0].attempts
-
-
-def test_completed_proof_holds_when_measured_again() -> None:
-    (completed,) = solve(ALL, finished=2)
-    assert recertify(SMALL, ALL, completed).certified
-
-
-def test_nothing_is_proved_that_nobody_asked_for() -> None:
-    assert solve(LAST, finished=2) == ()
-
-
-def test_solved_stage_that_becomes_the_last_is_proved() -> None:
-    (completed,) = solve(LAST, Stage.POINT_MASS, finished=1)
-    assert completed.certified
-
-
-def test_run_goes_on_from_a_solved_stage() -> None:
-    (higher,) = solve(LAST, finished=1)
-    np.testing.assert_array_equal(higher.trajectory.state, solve(LAST)[-1].trajectory.state)
-
-
-def test_another_run_is_started_from_a_solved_stage() -> None:
-    (started,) = solve(LAST, Stage.POINT_MASS, start=1)
-    assert started.certified
-    assert started.remarks == ""
-    assert seconds(started) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)
-
-
-def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
-    (left,) = solve(UNREACHABLE, finished=1, until=Stage.POINT_MASS)
-    solved = solve(LAST)[0]
-    assert left.state is State.SOLVED
-    np.testing.assert_array_equal(left.trajectory.state, solved.trajectory.state)
-    assert left.certificate == solved.certificate
-    (note,) = left.notes
-    assert note.kind is NoteKind.MESH_CHECK
-    assert "on a second mesh: solved but not certified: race_time_change" in note.text
-
-
-def test_solved_stage_is_measured_again_as_strictly_as_it_was_measured() -> None:
-    solved = solve(LAST)[0]
-    again = recertify(SMALL, LAST, solved)
-    assert solved.certificate is not None
-    assert again.holds
-    assert not again.certified
-    assert discrepancies(solved, dataclasses.replace(solved, certificate=again)) == []
-    gate, *rest = solved.trajectory.state
-    moved = dataclasses.replace(solved.trajectory, state=np.vstack([gate * 1.01, *rest]))
-    assert not recertify(SMALL, LAST, dataclasses.replace(solved, trajectory=moved)).holds
-
-
-def test_claim_to_be_certified_is_measured_on_a_second_mesh() -> None:
-    """A solved stage to which somebody has added the missing item."""
-    solved = solve(LAST)[0]
-    assert solved.certificate is not None
-    items = list(solved.certificate.items)
-    place = 1 + [item.name for item in items].index("hamiltonian_drift")
-    items.insert(place, Item(RACE_TIME_CHANGE, 1e-4, 5e-3, "s"))
-    forged = dataclasses.replace(solved, certificate=dataclasses.replace(solved.certificate, items=tuple(items)))
-    assert forged.certified
-    again = recertify(SMALL, LAST, forged)
-    assert not again.certified
-    assert forged.certificate is not None
-    clauses = discrepancies(forged, dataclasses.replace(forged, certificate=again))
-    assert any(clause.startswith("certificate, race_time_change: ") for clause in clauses)

@@ -6,9 +6,7 @@ import math
 import os
 import subprocess
 import sys
-import warnings
 import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from importlib.resources import files
@@ -32,15 +30,11 @@ from airrace.export.formats import Format, formats, register
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import kml
 from airrace.frames import rotation
-from airrace.results import Crossing, Flight
-from airrace.results.comparison import compare_flights
+from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.runs.output import default_output_path
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
-from airrace.views.comparison_figure import comparison_figure
-from airrace.views.flight_figure import STRIPS, draw_flight, flight_figure
-from airrace.views.kneeboard import HEIGHT, WIDTH, draw_kneeboard, kneeboard_figure
 
 KNOT, FOOT = 1852.0 / 3600.0, 0.3048
 HOSTILE = '<script>alert(1)</script> ]]> & "quoted", a|bar\\ \x00\n\u202e' + "x" * 10_000
@@ -554,85 +548,3 @@ def test_the_name_is_that_of_the_file_without_its_stage() -> None:
     assert default_output_path("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
     assert default_output_path(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
     assert default_output_path("run", "kneeboard.png") == Path("run.kneeboard.png")
-
-
-def test_plan_and_profile_show_the_line_that_was_flown() -> None:
-    flight = half_cuban().flight()
-    plan, profile, *_ = flight_figure(flight).axes
-    for axes, across, up in ((plan, "y", "x"), (profile, None, "height")):
-        (line,) = [one for one in axes.collections if one.get_array() is not None and len(one.get_array()) > 50]
-        points = np.array([piece[0] for piece in line.get_segments()])
-        np.testing.assert_allclose(points[:, 0], (flight.time if across is None else flight[across])[:-1])
-        np.testing.assert_allclose(points[:, 1], flight[up][:-1])
-        np.testing.assert_allclose(line.get_array(), 0.5 * (flight["n_z"][1:] + flight["n_z"][:-1]))
-
-
-def test_limits_are_drawn_where_they_held() -> None:
-    flight = half_cuban().flight()
-    (load,) = [axes for axes in flight_figure(flight).axes if axes.get_ylabel() == "load, g" and axes.lines]
-    dashed = {line.get_ydata()[0] for line in load.lines if line.get_linestyle() == "--"}
-    assert flight.limit("n_z").upper in dashed
-
-
-def test_what_a_flight_does_not_know_is_left_out() -> None:
-    labels = {axes.get_ylabel() for axes in flight_figure(circling(rovinj())).axes}
-    assert {"speed, kt", "load, g", "bank, deg"} <= labels
-    assert not {"surfaces, deg", "lever", "roll rate, deg/s"} & labels
-    assert {strip.label for strip in STRIPS} > labels & {strip.label for strip in STRIPS}
-
-
-def test_the_kneeboard_is_one_page_with_every_gate() -> None:
-    flight = circling(rovinj())
-    figure = kneeboard_figure(flight)
-    assert tuple(figure.get_size_inches()) == (WIDTH, HEIGHT)
-    told = [text.get_text() for axes in figure.axes for text in axes.texts]
-    for crossing in flight.crossings:
-        assert crossing.name in told
-        assert f"{crossing.time:.2f}" in told
-        assert f"{math.degrees(crossing.value('chi')) % 360.0:03.0f}" in told
-    assert "north is up, grid 200 m" in told
-    figure.savefig(io.BytesIO(), format="pdf")
-
-
-@pytest.mark.parametrize("draw", [draw_flight, draw_kneeboard])
-def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., None], tmp_path: Path) -> None:
-    one = circling(rovinj(), label="\u6771\u4eac \x01")
-    one = replace(one, race=replace(one.race, course=replace(one.course, name="\u6771\u4eac \x01")))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        draw(one, tmp_path / "drawn.png")
-    assert (tmp_path / "drawn.png").stat().st_size > 0
-
-
-def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:
-    flight = circling(rovinj())
-    lost = Crossing(flight.crossings[3].passage, math.nan, {})
-    flight = replace(flight, crossings=(*flight.crossings[:3], lost, *flight.crossings[4:]))
-    told = [text.get_text() for axes in kneeboard_figure(flight).axes for text in axes.texts]
-    assert told.count("-") >= 6
-
-
-def test_names_that_look_like_formulas_are_written_as_they_are() -> None:
-    flight = circling(rovinj(), label="a $\\frac{$ b")
-    flight = replace(flight, race=replace(flight.race, course=replace(flight.course, name="$x^2$ {{ $\\nothing$")))
-    for figure in (
-        flight_figure(flight),
-        kneeboard_figure(flight),
-        comparison_figure([compare_flights(flight, flight)]),
-    ):
-        figure.savefig(io.BytesIO(), format="png", dpi=30)
-
-
-def plot(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, ["plot", *arguments])
-    return result.exit_code, result.stderr
-
-
-def test_the_command_draws_in_the_format_that_the_name_says(tmp_path: Path) -> None:
-    stored = str(half_cuban().save(tmp_path / "run.h5"))
-    for name, begin, more in (("a.png", b"\x89PNG", ()), ("b.svg", b"<?xml", ("--kneeboard",)), ("c.pdf", b"%PDF", ())):
-        assert plot(f"{stored}:point-mass", "--output", str(tmp_path / name), *more) == (0, "")
-        assert (tmp_path / name).read_bytes().startswith(begin)
-    code, said = plot(stored, "--output", str(tmp_path / "a.png"))
-    assert (code, said.count("\n")) == (2, 1)
-    assert plot(stored, "--output", str(tmp_path / "a.gif"))[0] == 2

@@ -14,8 +14,8 @@ from airrace.runs.output import ensure_free
 HOLDER = """
 import sys
 from pathlib import Path
-from airrace.runs.execute import flown_alone
-with flown_alone(Path(sys.argv[1])):
+from airrace.runs.execute import run_lock
+with run_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """

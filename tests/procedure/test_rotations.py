@@ -1,0 +1,109 @@
+"""Rotations between attitudes: how they are parted, and how long they take."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airrace.environment.atmosphere import g0
+from airrace.frames import product, quaternion, rotation
+from airrace.planning.planning_model import PlanningModel
+from airrace.planning.rotation_time import roll_time, rotated, rotation_time, rotation_vector
+from airrace.quantities import Interval
+from airrace.track.course import Roll, Turning
+
+PACE = PlanningModel(V=80.0, n=5.0, p=3.0)
+attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
+
+
+@given(attitudes, attitudes)
+def test_rotation_vector_leads_from_start_to_end(start: list[float], end: list[float]) -> None:
+    assert np.allclose(rotation(rotated(start, end, 1.0)), rotation(end), atol=1e-9)
+    assert np.allclose(rotation(rotated(start, end, 0.0)), rotation(start), atol=1e-12)
+
+
+@given(attitudes, attitudes)
+def test_no_rotation_is_longer_than_half_a_turn(start: list[float], end: list[float]) -> None:
+    assert math.hypot(*rotation_vector(start, end)) <= math.pi + 1e-9
+
+
+@given(attitudes, attitudes, st.floats(0.0, 1.0))
+def test_parts_of_a_rotation_add_up(start: list[float], end: list[float], part: float) -> None:
+    on_the_way = rotated(start, end, part)
+    whole = math.hypot(*rotation_vector(start, end))
+    assert math.hypot(*rotation_vector(start, on_the_way)) == pytest.approx(part * whole, abs=1e-6)
+    assert math.hypot(*rotation_vector(on_the_way, end)) == pytest.approx((1.0 - part) * whole, abs=1e-6)
+
+
+@given(attitudes, attitudes)
+def test_opposite_quaternions_are_the_same_attitude(start: list[float], end: list[float]) -> None:
+    negated = [-one for one in end]
+    assert rotation_time(start, negated, PACE) == pytest.approx(rotation_time(start, end, PACE), rel=1e-6)
+
+
+@given(attitudes)
+def test_staying_takes_no_time(attitude: list[float]) -> None:
+    assert rotation_time(attitude, attitude, PACE) == pytest.approx(0.0, abs=1e-6)
+
+
+@given(attitudes, attitudes, attitudes)
+def test_time_does_not_depend_on_the_direction_of_north(
+    start: list[float], end: list[float], north: list[float]
+) -> None:
+    turned = rotation_time(product(north, start), product(north, end), PACE)
+    assert turned == pytest.approx(rotation_time(start, end, PACE), rel=1e-6, abs=1e-6)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
+def test_rolling_takes_the_angle_over_the_roll_rate(bank: float, climb: float) -> None:
+    start, end = quaternion(0.3, climb, 0.0), quaternion(0.3, climb, bank)
+    assert rotation_time(start, end, PACE) == pytest.approx(abs(bank) / PACE.p, abs=1e-6)
+
+
+def test_pulling_up_takes_the_angle_over_the_rate_of_the_load_factor() -> None:
+    seconds = rotation_time(quaternion(0.0, 0.0, 0.0), quaternion(0.0, 1.0, 0.0), PACE)
+    assert seconds == pytest.approx(1.0 / (g0 * (PACE.n - 1.0) / PACE.V))
+
+
+def test_pushing_takes_three_times_as_long_as_pulling() -> None:
+    level, up, down = (quaternion(0.0, climb, 0.0) for climb in (0.0, 0.8, -0.8))
+    assert rotation_time(level, down, PACE) == pytest.approx(3.0 * rotation_time(level, up, PACE))
+
+
+every_heading = pytest.mark.parametrize("heading", range(360))
+
+
+@every_heading
+def test_half_a_loop_is_pulled_whatever_its_heading(heading: int) -> None:
+    chi = math.radians(heading)
+    _, pitch, _ = rotation_vector(quaternion(chi, 0.0, 0.0), quaternion(chi + math.pi, 0.0, math.pi))
+    assert pitch == pytest.approx(math.pi)
+
+
+@every_heading
+@pytest.mark.parametrize(("turning", "sign"), [(Turning.RIGHT, 1), (Turning.LEFT, -1)])
+@pytest.mark.parametrize("degrees", [180, 360])
+def test_roll_on_a_vertical_line_is_no_longer_than_asked_for(
+    heading: int, turning: Turning, sign: int, degrees: int
+) -> None:
+    begin, angle = quaternion(math.radians(heading), math.pi / 2, 0.0), math.radians(degrees)
+    end = product(begin, [math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
+    seconds, rolled = roll_time(begin, end, Roll(angle, Interval(), turning=turning), PACE)
+    assert rolled == pytest.approx(sign * angle)
+    assert seconds == pytest.approx(angle / PACE.p, abs=1e-5)
+
+
+@given(st.floats(0.1, 1.0), st.floats(-1e-3, 1e-3))
+def test_time_does_not_jump_where_a_pull_becomes_a_push(yaw: float, pitch: float) -> None:
+    start = quaternion(0.0, 0.0, 0.0)
+    level = rotation_time(start, rotated_by(start, (0.0, 0.0, yaw)), PACE)
+    tilted = rotation_time(start, rotated_by(start, (0.0, pitch, yaw)), PACE)
+    assert tilted == pytest.approx(level, rel=3.0 * abs(pitch) / yaw + 1e-9)
+
+
+def rotated_by(start: list[float], vector: tuple[float, float, float]) -> list[float]:
+    """The attitude after a rotation, rad."""
+    angle = math.hypot(*vector)
+    return product(start, [math.cos(angle / 2), *(math.sin(angle / 2) * one / angle for one in vector)])
