@@ -173,7 +173,7 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
         assert way.difference > -WORTH, "a price that was not tried jointly"
     texts = [way.text for way in others]
     assert len(set(texts)) == len(texts)
-    assert explored.led >= 1
+    assert explored.converged_to_best >= 1
     assert explored.seconds > 0.0
 
 
