@@ -15,16 +15,13 @@ from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.runs.verification import discrepancies
 
 ALL = settings(GuessKind.PLAN)
-
-
 LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
-
-
 UNREACHABLE = dataclasses.replace(
     ALL,
     certificate=dataclasses.replace(ALL.certificate, race_time=1e-9),
     mesh=dataclasses.replace(ALL.mesh, refinements_max=1),
 )
+"""Settings with which no mesh check ever succeeds."""
 
 
 @functools.cache

@@ -8,7 +8,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from races import PLAN, SMALL, prepared, settings, solve_stages
+from races import PLAN, SMALL, prepared, solve_stages
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.optimal_control.constraint_check import ConstraintCheck
@@ -34,9 +34,8 @@ from airrace.procedure.refinement import (
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import RefinementReason, Stage, StageResult
-from airrace.procedure.run import optimize
-from airrace.procedure.settings import LONG_RACE, CertificateLimits, GuessKind, MeshCheck, Settings
+from airrace.procedure.result import RefinementReason
+from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
 from airrace.procedure.start import InitialBarrier
@@ -515,37 +514,3 @@ def test_error_that_is_too_large_for_a_short_race_needs_no_finer_mesh_in_a_long_
     erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
     optimum = flown({"drift": RESTLESS, "integration": erring}, (40.0 * minutes, 20.0 * minutes))
     assert (adapt(optimum, LIMITS, early=True, joining=True) is not None) is cut
-
-
-ALL = settings(GuessKind.PLAN)
-LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
-UNREACHABLE = dataclasses.replace(
-    ALL,
-    certificate=dataclasses.replace(ALL.certificate, race_time=1e-9),
-    mesh=dataclasses.replace(ALL.mesh, refinements_max=1),
-)
-"""Settings with which no proof ever succeeds."""
-
-
-@functools.cache
-def solve(
-    chosen: Settings, until: Stage = Stage.TRANSFER_FUNCTION, finished: int = 0, start: int = 0
-) -> tuple[StageResult, ...]:
-    """A race up to a stage; the first so many stages of the run that proves the last one alone are finished, or where
-    it starts from."""
-    known = solve(LAST) if finished or start else ()
-    return tuple(
-        optimize(
-            SMALL,
-            chosen,
-            until=until,
-            threads=1,
-            finished=known[:finished],
-            start=known[:start],
-            progress=Silent(),
-        )
-    )
-
-
-def seconds(result: StageResult) -> float:
-    return result.trajectory.race_time

@@ -7,6 +7,7 @@ import hashlib
 import io
 import pickle
 import queue
+import struct
 import threading
 from collections.abc import Callable
 from typing import IO, Any, Self
@@ -68,10 +69,34 @@ Shared = System | Observation
 
 @record
 class _Definition:
-    """A shared object under the name by which later messages refer to it."""
+    """A pickled shared object under the name by which later messages refer to it."""
 
     name: str
-    shared: Shared
+    content: bytes
+
+
+KNOWN_MAX = 32
+"""The number of shared objects that are kept pickled, each some 0.1 MB; a race through all stages has a dozen."""
+_known: dict[int, tuple[Shared, _Definition]] = {}  # by id, which the reference keeps valid
+_pickling = threading.Lock()
+
+
+def _definition(shared: Shared) -> _Definition:
+    """Pickle a shared object, once for all solver processes.
+
+    One thread at a time: casadi lets other threads run meanwhile, and counts references to SX nodes without a lock.
+    """
+    with _pickling:
+        if id(shared) not in _known:
+            content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
+            _known[id(shared)] = shared, _Definition(hashlib.sha256(content).hexdigest(), content)
+            if len(_known) > KNOWN_MAX:
+                del _known[next(iter(_known))]
+        return _known[id(shared)][1]
+
+
+_SIZE = struct.Struct("<Q")
+"""The head of a message: its size in bytes."""
 
 
 class _Pickler(pickle.Pickler):
@@ -120,9 +145,9 @@ class Sender:
             shared += [message.problem.system, *message.problem.observations, *exact]
         for one in shared:
             if id(one) not in self._names:
-                name = hashlib.sha256(pickle.dumps(one, protocol=pickle.HIGHEST_PROTOCOL)).hexdigest()
-                self._pack(_Definition(name, one))
-                self._names[id(one)] = name
+                definition = _definition(one)
+                self._pack(definition)
+                self._names[id(one)] = definition.name
                 self._sent.append(one)
         self._pack(message)
 
@@ -135,26 +160,43 @@ class Sender:
     def _pack(self, message: SolveRequest | PreloadRequest | _Definition) -> None:
         buffer = io.BytesIO()
         _Pickler(buffer, self._names).dump(message)
-        self._waiting.append(buffer.getvalue())
+        self._waiting += [_SIZE.pack(buffer.tell()), buffer.getvalue()]
 
 
 class Receiver:
-    """A reader of messages, in which equal Systems and Observations arrive as the same object."""
+    """A reader of messages, in which equal Systems and Observations arrive as the same object.
+
+    Any thread may `read`, but only the one that works with casadi may `unpack`: casadi lets other threads run, and
+    counts the references to its nodes without a lock.
+    """
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._shared: dict[str, Shared] = {}
 
+    def read(self) -> bytes | None:
+        """Return the next message as it was sent; None at the end of the stream."""
+        head = self._stream.read(_SIZE.size)
+        if len(head) < _SIZE.size:
+            return None
+        content = self._stream.read(_SIZE.unpack(head)[0])
+        return content if len(content) == _SIZE.unpack(head)[0] else None
+
+    def unpack(self, content: bytes) -> SolveRequest | PreloadRequest | None:
+        """Return a message; None if it only defines what later ones refer to."""
+        message = _Unpickler(io.BytesIO(content), self._shared).load()
+        if not isinstance(message, _Definition):
+            return message
+        if message.name not in self._shared:
+            self._shared[message.name] = pickle.loads(message.content)
+        return None
+
     def receive(self) -> SolveRequest | PreloadRequest | None:
-        """Return the next message; None at the end of the stream."""
-        while True:
-            try:
-                message = _Unpickler(self._stream, self._shared).load()
-            except EOFError:
-                return None
-            if not isinstance(message, _Definition):
+        """Return the next request; None at the end of the stream."""
+        while (content := self.read()) is not None:
+            if (message := self.unpack(content)) is not None:
                 return message
-            self._shared.setdefault(message.name, message.shared)
+        return None
 
 
 class Outbox:

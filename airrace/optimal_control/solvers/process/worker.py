@@ -150,12 +150,14 @@ def main() -> None:
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = ProgressReader(replies)
     interposition.install()  # before fatrop is loaded
-    requests = Inbox(asked, partial(_receive, Receiver(asked))).start()
+    receiver = Receiver(asked)
+    requests = Inbox(asked, partial(_read, receiver)).start()
     with contextlib.suppress(SolverCrash):  # which the first solve tells
         require_known_interface()  # while the other process prepares what is to be solved
     server = SolveServer()
     while True:
-        request = requests.next()
+        if (request := receiver.unpack(requests.next())) is None:
+            continue
         try:
             if isinstance(request, PreloadRequest):
                 server.preload(request)
@@ -170,12 +172,12 @@ def main() -> None:
                 replies.send(WorkerFailure(traceback.format_exc()))
 
 
-def _receive(receiver: Receiver) -> SolveRequest | PreloadRequest:
-    """Return the next request; after the last one end this process, whatever it is at."""
-    request = receiver.receive()
-    if request is None:
+def _read(receiver: Receiver) -> bytes:
+    """Return the next message; after the last one end this process, whatever it is at."""
+    content = receiver.read()
+    if content is None:
         os._exit(0)
-    return request
+    return content
 
 
 if __name__ == "__main__":
