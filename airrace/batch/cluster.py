@@ -341,8 +341,6 @@ LOOK = 1.0
 FETCH = 60.0
 """The time that may pass until a result is here, s."""
 
-_log = logging.getLogger(__name__)
-
 
 @dataclass
 class _RunningAttempt:
@@ -373,7 +371,7 @@ class ClusterExecutor:
 
     Args:
         address: the address of the scheduler.
-        command: arguments with which a worker's Python runs a job, see `process.py`.
+        command: arguments with which a worker's Python runs a job, see `airrace.batch.local`.
         versions: the versions that workers must have, by name.
         slots: the largest number of jobs at a time; None for as many as workers have threads.
         wait: the time to wait for a worker when there is none, s. After it jobs end unflown, until there is one.

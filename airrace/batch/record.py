@@ -74,7 +74,7 @@ class JobRecord:
     Attributes:
         fingerprint: what it was flown with.
         ended: whether it has ended; otherwise it was under way when this was written.
-        code, message, wall: the end of its last attempt, see `executor.AttemptResult`.
+        code, message, wall: the end of its last attempt, see `AttemptResult`.
         retries: why earlier attempts of the same call were not the last.
         run: the object of `airrace optimize --json`, None where there is none.
         findings: what was wrong with its inputs.
