@@ -239,7 +239,7 @@ BY_PAGE = {page: [block for block in RUN if block.page == page] for page in dict
 def parameters() -> list[Any]:  # Any: pytest's parameter sets
     """Every page; those that optimise a race take half a minute each and are slow."""
     return [
-        pytest.param(page, marks=pytest.mark.slow if any("airrace.optimize(" in one.text for one in found) else ())
+        pytest.param(page, marks=pytest.mark.slow if any("airrace.optimize" in one.text for one in found) else ())
         for page, found in BY_PAGE.items()
     ]
 

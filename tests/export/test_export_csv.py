@@ -11,9 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airrace.errors import UsageError
-from airrace.export import flight_table
+from airrace.export import flight_table as module
 from airrace.export.csv import Provenance, export_csv
-from airrace.export.flight_table import Samples, at_nodes, at_times, flight_frame, times_at_rate, unit_suffix
+from airrace.export.flight_table import (
+    Samples,
+    at_nodes,
+    at_times,
+    flight_frame,
+    flight_table,
+    times_at_rate,
+    unit_suffix,
+)
 from airrace.export.netcdf import flight_dataset
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
@@ -289,7 +297,7 @@ def test_a_table_of_any_rate_is_made_in_pieces_and_stays_the_same(monkeypatch: p
     whole = [exported(**one) for one in options]
     (rows,) = asked
     assert rows == len(whole[1]["time_s"]) > 1000
-    monkeypatch.setattr(flight_table, "ROWS_AT_ONCE", 7)
+    monkeypatch.setattr(module, "ROWS_AT_ONCE", 7)
     assert [exported(**one) for one in options] == whole
     assert sum(asked[1:]) == rows
     assert max(asked[1:]) == 7
