@@ -19,6 +19,7 @@ import yaml
 from pages import DOCS, PAGES, ROOT, Block, blocks, languages, name_of, shell_lines
 
 from airrace.cli.main import app
+from airrace.export import formats
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.batch import read_batch
 from airrace.inputs.json_schema import LANGUAGES, json_schema
@@ -255,6 +256,7 @@ def test_the_python_of_a_page_runs(
         shutil.copy(flown, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setattr(formats, "_formats", dict(formats.formats()))  # a page registers one of its own
     names: dict[str, Any] = {"__name__": "page"}  # Any: whatever the page defines
     for block in found:
         exec(compiled(block), names)
