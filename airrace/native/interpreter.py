@@ -1,7 +1,10 @@
 """The interpreter of casadi's functions: their tables made, their evaluation bound to numpy's arrays.
 
-It does casadi's operations in casadi's order (as far as they depend on each other), for `lanes` intervals at once, so
-its results have the bits of casadi's own evaluation.
+A function is a list of elementary operations on numbers that have places: constants, arguments, results, and what lies
+between, one after another. An operation takes two numbers and writes a third. Operations of one kind are brought
+together as far as their arguments allow, ten to twenty on average: grouping avoids branch mispredictions (1.4 to 2
+times faster), and the order of operations that do not depend on each other changes no bit of a result. They are done
+for `lanes` intervals at once, and have the bits of casadi's own evaluation.
 """
 
 import ctypes
@@ -9,7 +12,7 @@ import heapq
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache, partial
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import casadi as ca
 import numpy as np
@@ -22,8 +25,12 @@ from airrace.trajectory import Array
 
 PLACES = 2**16
 """The number of places that an instruction can tell apart."""
+FUNCTIONS = 5
+"""The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
 _ARGUMENTS, _RESULTS = 4, 2  # of a function, at most
+_ALIGNMENT = 64  # bytes of the widest vector
 
+Table = Sequence[int]
 Operation = tuple[int, int, int]
 """A kind, and the numbers that it takes. A number is a place of the fixed ones, or that of an operation behind them."""
 
@@ -43,6 +50,12 @@ class Bytecode:
     constants: list[float]
 
 
+NOTHING = Bytecode(
+    [[0, 0, 0], [0] * _ARGUMENTS, [0] * _ARGUMENTS, [0] * _RESULTS, [0] * _RESULTS], np.zeros((0, 3), np.uint16), []
+)
+"""The function that a model does not have."""
+
+
 @cache
 def operation_numbers() -> dict[int, int]:
     """Return the interpreter's numbers of casadi's operations; the next number ends a function."""
@@ -51,71 +64,47 @@ def operation_numbers() -> dict[int, int]:
     return {getattr(ca, f"OP_{name}"): number for number, name in enumerate(found.operations)}
 
 
-NOTHING = Bytecode(
-    [[0, 0, 0], [0] * _ARGUMENTS, [0] * _ARGUMENTS, [0] * _RESULTS, [0] * _RESULTS], np.zeros((0, 3), np.uint16), []
-)
-"""The function that a model does not have."""
-
-
 def bytecode(function: ca.Function) -> Bytecode:
     """Return an SX function for the interpreter.
 
     Raises:
         KernelError: it has an operation that is not known, or too many numbers.
     """
-    graph = _Graph(function)
-    runs = in_runs(graph.operations, graph.fixed)
-    code, places = _instructions(graph, runs)
+    kinds = [function.instruction_id(number) for number in range(function.n_instructions())]
+    written = [float(function.instruction_constant(n)) for n, kind in enumerate(kinds) if kind == ca.OP_CONST]
+    constants = {repr(constant): constant for constant in written}
+    sizes = [
+        [function.nnz_in(place) for place in range(function.n_in())],
+        [function.nnz_out(place) for place in range(function.n_out())],
+    ]
+    *arguments, end = accumulate(sizes[0], initial=len(constants))
+    *results, fixed = accumulate(sizes[1], initial=end)
+    at, known = {text: place for place, text in enumerate(constants)}, operation_numbers()
+    operations: list[Operation] = []
+    outputs: list[tuple[int, int]] = []  # which number belongs at which place of a result
+    holds: dict[int, int] = {}  # the number in each of casadi's variables
+    for number, kind in enumerate(kinds):
+        given, found = function.instruction_input(number), function.instruction_output(number)
+        if kind == ca.OP_OUTPUT:
+            outputs.append((results[found[0]] + found[1], holds[given[0]]))
+        elif kind == ca.OP_INPUT:
+            holds[found[0]] = arguments[given[0]] + given[1]
+        elif kind == ca.OP_CONST:
+            holds[found[0]] = at[repr(float(function.instruction_constant(number)))]
+        elif kind in known:
+            operations.append((known[kind], holds[given[0]], holds[given[-1]]))
+            holds[found[0]] = fixed + len(operations) - 1
+        else:
+            raise KernelError(f"{function.name()}: operation {kind} is not known to the interpreter")
+    code, places = _instructions(operations, fixed, outputs)
     if places >= PLACES:
         raise KernelError(f"{function.name()} has too many numbers for the interpreter")
-    sizes = [
-        [function.nnz_in(k) for k in range(function.n_in())],
-        [function.nnz_out(k) for k in range(function.n_out())],
-    ]
     tables = [
-        [len(code), len(graph.constants), places],
-        *(_filled(one, _ARGUMENTS) for one in (graph.arguments, sizes[0])),
-        *(_filled(one, _RESULTS) for one in (graph.results, sizes[1])),
+        [len(code), len(constants), places],
+        *([*one, *[0] * (_ARGUMENTS - len(one))] for one in (arguments, sizes[0])),
+        *([*one, *[0] * (_RESULTS - len(one))] for one in (results, sizes[1])),
     ]
-    return Bytecode(tables, np.array(code, dtype=np.uint16), list(graph.constants.values()))
-
-
-class _Graph:
-    """A function as casadi tells it.
-
-    Attributes:
-        constants: different ones, by how they are written.
-        arguments, results: the places of their first numbers.
-        fixed: number of places of constants, arguments and results.
-        operations: all others, in casadi's order.
-        outputs: which number belongs at which place of a result.
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        count = range(function.n_instructions())
-        kinds = [function.instruction_id(number) for number in count]
-        written = [function.instruction_constant(number) for number in count if kinds[number] == ca.OP_CONST]
-        self.constants = {repr(float(constant)): float(constant) for constant in written}
-        self.arguments, end = _places(len(self.constants), [function.nnz_in(k) for k in range(function.n_in())])
-        self.results, self.fixed = _places(end, [function.nnz_out(k) for k in range(function.n_out())])
-        self.operations: list[Operation] = []
-        self.outputs: list[tuple[int, int]] = []
-        at = {written: place for place, written in enumerate(self.constants)}
-        known = operation_numbers()
-        held: dict[int, int] = {}  # the number in each of casadi's variables
-        for number, kind in enumerate(kinds):
-            given, found = function.instruction_input(number), function.instruction_output(number)
-            if kind == ca.OP_OUTPUT:
-                self.outputs.append((self.results[found[0]] + found[1], held[given[0]]))
-            elif kind == ca.OP_INPUT:
-                held[found[0]] = self.arguments[given[0]] + given[1]
-            elif kind == ca.OP_CONST:
-                held[found[0]] = at[repr(float(function.instruction_constant(number)))]
-            elif kind in known:
-                self.operations.append((known[kind], held[given[0]], held[given[-1]]))
-                held[found[0]] = self.fixed + len(self.operations) - 1
-            else:
-                raise KernelError(f"{function.name()}: operation {kind} is not known to the interpreter")
+    return Bytecode(tables, np.array(code, dtype=np.uint16), list(constants.values()))
 
 
 def in_runs(operations: Sequence[Operation], fixed: int) -> list[list[int]]:
@@ -148,19 +137,21 @@ def in_runs(operations: Sequence[Operation], fixed: int) -> list[list[int]]:
     return runs
 
 
-def _instructions(graph: _Graph, runs: Sequence[Sequence[int]]) -> tuple[list[Operation], int]:
+def _instructions(
+    operations: Sequence[Operation], fixed: int, outputs: Sequence[tuple[int, int]]
+) -> tuple[list[Operation], int]:
     """Return the instructions and the number of places.
 
     A result is computed where it belongs; what lies between takes a place that is free again after its last use.
     """
-    fixed, operations = graph.fixed, graph.operations
     place = {number: number for number in range(fixed)}
     copies: list[tuple[int, int]] = []
-    for to, number in graph.outputs:
+    for to, number in outputs:
         if number in place:
             copies.append((to, number))
         else:
             place[number] = to
+    runs = in_runs(operations, fixed)
     order = [number for run in runs for number in run]
     last = {one: time for time, number in enumerate(order) for one in operations[number][1:]}
     stays, free, places, time = set(place), list[int](), fixed, 0
@@ -182,27 +173,6 @@ def _instructions(graph: _Graph, runs: Sequence[Sequence[int]]) -> tuple[list[Op
         code.append((known[ca.OP_ASSIGN], len(copies), 0))
         code += [(to, place[number], place[number]) for to, number in copies]
     return [*code, (len(known), 0, 0)], places
-
-
-def _places(first: int, sizes: Sequence[int]) -> tuple[list[int], int]:
-    """Return where each of several groups of numbers begins, and where they end."""
-    begins: list[int] = []
-    for size in sizes:
-        begins.append(first)
-        first += size
-    return begins, first
-
-
-def _filled(numbers: Sequence[int], count: int) -> list[int]:
-    return [*numbers, *[0] * (count - len(numbers))]
-
-
-FUNCTIONS = 5
-"""The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
-
-_ALIGNMENT = 64  # bytes of the widest vector
-
-Table = Sequence[int]
 
 
 @record
@@ -267,7 +237,10 @@ class Entry:
 
 
 class Interpreter:
-    """The interpreter of a variant of the library."""
+    """The interpreter of a variant of the library.
+
+    Its methods raise KernelError where a function has an operation that the interpreter does not know.
+    """
 
     def __init__(self, library: Library) -> None:
         self.lanes = library.lanes
@@ -281,9 +254,6 @@ class Interpreter:
         Args:
             tables, constants: of the model, see `step_tables.py`.
             functions: f, Jacobian and Hessian of f, and those of the projection, if there is one.
-
-        Raises:
-            KernelError: the interpreter does not know one of their operations.
         """
         coded = [bytecode(function) for function in functions]
         of = Tables.of(tables, constants, [*coded, *[NOTHING] * (FUNCTIONS - len(coded))])
@@ -299,21 +269,12 @@ class Interpreter:
         return [step(order) for order in range(3)]
 
     def function(self, function: ca.Function) -> Entry:
-        """Return the evaluation of a function of up to four arguments, the third of which all intervals share.
-
-        Raises:
-            KernelError: the interpreter does not know one of its operations.
-        """
+        """Return the evaluation of a function of up to four arguments, the third of which all intervals share."""
         tables = function_tables(function)
-        memory = self._evaluator.function_memory(tables.kernel())
-        return Entry(tables, memory, self._evaluator.evaluate_function)
+        return Entry(tables, self._evaluator.function_memory(tables.kernel()), self._evaluator.evaluate_function)
 
     def at_points(self, function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
-        """Return a function (x, u, p) -> values of the states (n_x, n) at n points, see `replay.py`.
-
-        Raises:
-            KernelError: the interpreter does not know one of its operations.
-        """
+        """Return a function (x, u, p) -> values of the states (n_x, n) at n points, see `function_at_points`."""
         tables = function_tables(function)
         memory = _aligned(self._evaluator.function_memory(tables.kernel()))
         u, count, values = np.ascontiguousarray(control, dtype=np.float64), control.shape[1], function.nnz_out(0)
@@ -338,11 +299,7 @@ def interpreter() -> Interpreter | None:
 
 @lru_cache(maxsize=32)
 def function_tables(function: ca.Function) -> Tables:
-    """Return the tables of a function that stands for itself.
-
-    Raises:
-        KernelError: the interpreter does not know one of its operations.
-    """
+    """Return the tables of a function that stands for itself."""
     return Tables.of([], [], [bytecode(function)])
 
 

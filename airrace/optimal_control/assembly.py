@@ -5,13 +5,12 @@ derivatives is a weighted sum; the weights carry the scaling. These are index ar
 problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.constraint_rows import Indices, OutputSample
+from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.kernels import Callee, Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly, unique_rows
@@ -111,21 +110,35 @@ class Assembly:
         self._stages = layout.intervals + 1
         self._system_parameters = np.arange(len(problem.parameters))
         self._fractions = len(problem.parameters) + np.arange(layout.intervals)
-        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._output_samples()]
+        self.calls = [self._steps(kernels.step)]
+        if kernels.path is not None:
+            self.calls.append(self._path(kernels.path))
+        samples_of: dict[int, list[int]] = {}
+        for number, sample in enumerate(layout.output_samples):
+            samples_of.setdefault(id(sample.observation), []).append(number)
+        self.calls += [self._observations(numbers) for numbers in samples_of.values()]
         self.linear = np.zeros(layout.unknowns)
         self.linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
-        for component, quantity in enumerate(problem.system.states):
-            self.linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
+        terminal = [objective.terminal.get(quantity.name, 0.0) for quantity in problem.system.states]
+        self.linear[layout.state_index[-1]] += terminal
         self.linear *= layout.scale
         self.final: FinalCost | None = None
         if (seen := objective.observation) is not None:
-            terminal = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
+            weights = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
             end = len(layout.parameter_values())
             own = np.arange(end - len(objective.values), end)
-            self.final = FinalCost(observation_kernel(seen, layout.n_x), terminal, layout.state_index[-1], own)
+            self.final = FinalCost(observation_kernel(seen, layout.n_x), weights, layout.state_index[-1], own)
         weights = np.array([objective.regularisation.get(one.name, 0.0) for one in problem.system.controls])
         penalty = Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
         self.penalty = penalty if weights.any() else None
+        # the linear part of the gaps, in scaled units: rows, unknowns, signs and stages
+        states, durations, intervals = layout.gap_index[:, :-1], layout.gap_index[:, -1], np.arange(layout.intervals)
+        self._gap_rows = np.concatenate([states.ravel(), durations, durations])
+        self._gap_unknowns = np.concatenate(
+            [layout.state_index[1:].ravel(), layout.duration_index[1:], layout.duration_source]
+        )
+        self._gap_signs = np.repeat([1.0, 1.0, -1.0], [states.size, layout.intervals, layout.intervals])
+        self._gap_stages = np.concatenate([np.repeat(intervals, layout.n_x), intervals, intervals])
 
     # the kernel calls
 
@@ -143,33 +156,30 @@ class Assembly:
             stages=np.arange(layout.intervals),
         )
 
-    def _path(self, kernel: Callee | None) -> list[Calls]:
-        layout = self.layout
-        if kernel is None:
-            return []
+    def _path(self, kernel: Callee) -> Calls:
+        layout, nodes = self.layout, np.arange(self._stages)
         # The last node has no control of its own; no row there depends on it.
         inputs = np.hstack([layout.state_index, np.vstack([layout.control_index, layout.control_index[-1:]])])
-        rows, weights = self._rows(kernel, len(inputs), np.where(layout.rows.source < 0, layout.rows.node, -1))
-        own = np.zeros((len(inputs), 0), dtype=np.int64)
-        return [Calls(kernel, inputs, own, self._system_parameters, rows, weights, np.arange(len(inputs)))]
+        rows, weights = self._rows(kernel, len(nodes), np.where(layout.rows.source < 0, layout.rows.node, -1))
+        own = np.zeros((len(nodes), 0), dtype=np.int64)
+        return Calls(kernel, inputs, own, self._system_parameters, rows, weights, nodes)
 
-    def _output_samples(self) -> list[Calls]:
-        """Return the calls of the observations, those of one kind together."""
-        groups: dict[int, list[int]] = {}
-        for number, sample in enumerate(self.layout.output_samples):
-            groups.setdefault(id(sample.observation), []).append(number)
-        return [self._observations(members) for members in groups.values()]
-
-    def _observations(self, members: list[int]) -> Calls:
+    def _observations(self, numbers: list[int]) -> Calls:
+        """Return the calls of one observation, for the output samples of these numbers."""
         layout = self.layout
-        samples = [layout.output_samples[number] for number in members]
+        samples = [layout.output_samples[number] for number in numbers]
         observation = samples[0].observation
         call_of = np.full(len(layout.output_samples) + 1, -1)  # the last one stands for the path
-        call_of[members] = np.arange(len(members))
+        call_of[numbers] = np.arange(len(numbers))
         kernel = observation_kernel(observation, layout.n_x)
         nodes = np.array([sample.node for sample in samples])
-        rows, weights = self._rows(kernel, len(members), call_of[layout.rows.source])
+        rows, weights = self._rows(kernel, len(numbers), call_of[layout.rows.source])
         offsets = len(layout.problem.parameters) + layout.intervals + np.array([sample.offset for sample in samples])
+        jumps = None
+        if any(sample.jump is not None for sample in samples):
+            nothing = np.full(layout.n_x, len(layout.parameter_values()))  # the place of the zero behind p
+            at = layout.jump_offset + np.arange(layout.n_x)
+            jumps = np.stack([nothing if one.jump is None else at + one.jump * layout.n_x for one in samples])
         return Calls(
             kernel=kernel,
             inputs=layout.state_index[nodes],
@@ -178,19 +188,8 @@ class Assembly:
             rows=rows,
             weights=weights,
             stages=nodes,
-            jumps=self._unseen_jumps(samples),
+            jumps=jumps,
         )
-
-    def _unseen_jumps(self, samples: Sequence[OutputSample]) -> Indices | None:
-        """Return the places of the changes to be subtracted from the states, shape (samples, n_x); None without any."""
-        layout = self.layout
-        if all(sample.jump is None for sample in samples):
-            return None
-        places = np.full((len(samples), layout.n_x), len(layout.parameter_values()))
-        for row, sample in enumerate(samples):
-            if sample.jump is not None:
-                places[row] = layout.jump_offset + sample.jump * layout.n_x + np.arange(layout.n_x)
-        return places
 
     def _rows(self, kernel: Callee, calls: int, call: Indices) -> tuple[Indices, Array]:
         """Return the places and weights of the outputs that are constrained; `call` is that of each row, or -1."""
@@ -217,19 +216,8 @@ class Assembly:
             g.add_block(calls.rows.shape[1] * len(calls.of_lane))
             g.add(rows[used], np.zeros_like(used), calls.weights.ravel()[used], used)
         g.add_block(self.layout.unknowns)
-        for gap, unknown, sign in self._linear_gaps():
-            g.add(gap, np.zeros_like(gap), np.full(len(gap), sign), unknown)
+        g.add(self._gap_rows, np.zeros_like(self._gap_rows), self._gap_signs, self._gap_unknowns)
         return g.build()
-
-    def _linear_gaps(self) -> list[tuple[Indices, Indices, float]]:
-        """Return the linear part of the gaps: (rows, unknowns, sign), all in scaled units."""
-        layout = self.layout
-        duration_gap = layout.gap_index[:, -1]
-        return [
-            (layout.gap_index[:, :-1].ravel(), layout.state_index[1:].ravel(), 1.0),
-            (duration_gap, layout.duration_index[1:], 1.0),
-            (duration_gap, layout.duration_source, -1.0),
-        ]
 
     @cached_property
     def jacobian(self) -> SparseAssembly:
@@ -239,7 +227,7 @@ class Assembly:
     def jacobian_of(self, stages: Indices) -> SparseAssembly:
         """Return the rows of the Jacobian that belong to some stages; the others are left out."""
         layout = self.layout
-        within, nowhere = self._mask(stages), np.zeros(self._stages, dtype=np.int64)
+        within = np.isin(np.arange(self._stages), stages)
         matrix = COOBuilder(layout.constraints, layout.unknowns)
         for calls in self.calls:
             component, of = _nonzeros(calls.kernel.jacobian_pattern)
@@ -251,11 +239,9 @@ class Assembly:
             count = len(component)
             matrix.add_block(count * len(calls.of_lane), count * calls.first_of_stage(self._stages))
             matrix.add(rows[used], columns[used], weights[used], _results(some, count)[used])
-        matrix.add_block(1, nowhere)
-        intervals = np.flatnonzero(within[:-1])
-        for gap, unknown, sign in self._linear_gaps():
-            gap, unknown = (one.reshape(layout.intervals, -1)[intervals].ravel() for one in (gap, unknown))
-            matrix.add(gap, unknown, np.full(len(gap), sign), np.zeros_like(gap))
+        matrix.add_block(1, np.zeros(self._stages, dtype=np.int64))
+        gaps = np.flatnonzero(within[self._gap_stages])
+        matrix.add(self._gap_rows[gaps], self._gap_unknowns[gaps], self._gap_signs[gaps], np.zeros_like(gaps))
         return matrix.build()
 
     @cached_property
@@ -268,8 +254,7 @@ class Assembly:
             adjoint.add_block(calls.inputs.shape[1] * len(calls.of_lane))
             adjoint.add(places, np.zeros_like(places), layout.scale[places], np.arange(len(places)))
         adjoint.add_block(layout.constraints)
-        for gap, unknown, sign in self._linear_gaps():
-            adjoint.add(unknown, np.zeros_like(unknown), np.full(len(gap), sign), gap)
+        adjoint.add(self._gap_unknowns, np.zeros_like(self._gap_rows), self._gap_signs, self._gap_rows)
         return adjoint.build()
 
     @cached_property
@@ -284,7 +269,7 @@ class Assembly:
     def hessian_of(self, stages: Indices) -> SparseAssembly:
         """Return what some stages contribute to the Hessian; the others are left out."""
         layout, scale = self.layout, self.layout.scale
-        within, nowhere = self._mask(stages), np.zeros(self._stages, dtype=np.int64)
+        within = np.isin(np.arange(self._stages), stages)
         matrix = COOBuilder(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
             row, column = _nonzeros(calls.kernel.hessian_pattern)
@@ -300,7 +285,7 @@ class Assembly:
         if self.final is not None:
             row, column = _nonzeros(self.final.kernel.hessian_pattern)
             rows, columns = self.final.inputs[row], self.final.inputs[column]
-            matrix.add_block(len(rows), nowhere)
+            matrix.add_block(len(rows), np.zeros(self._stages, dtype=np.int64))
             if within[-1]:
                 matrix.add(rows, columns, scale[rows] * scale[columns], np.arange(len(rows)))
         if (penalty := self.penalty) is not None:  # T fraction weight w^2
@@ -308,17 +293,10 @@ class Assembly:
             controls = penalty.controls[intervals].ravel()
             factor = 2.0 * np.tile(penalty.weights, len(intervals))
             durations = np.repeat(penalty.durations[intervals], layout.n_u)
-            sources = _results(intervals, layout.n_u)
-            matrix.add_block(penalty.controls.size, begins)
-            matrix.add(controls, controls, factor, sources)
-            matrix.add_block(penalty.controls.size, begins)
-            matrix.add(controls, durations, factor * scale[durations], sources)
+            for columns, weights in ((controls, factor), (durations, factor * scale[durations])):
+                matrix.add_block(penalty.controls.size, begins)
+                matrix.add(controls, columns, weights, _results(intervals, layout.n_u))
         return matrix.build()
-
-    def _mask(self, stages: Indices) -> Indices:
-        mask = np.zeros(self._stages, dtype=np.int64)
-        mask[stages] = 1
-        return mask
 
     def structure_keys(self, *, rows: bool) -> Indices:
         """Return what tells stages apart whose derivatives have other patterns, shape (N + 1, n).

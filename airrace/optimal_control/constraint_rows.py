@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.problem import Boundary, Problem
+from airrace.optimal_control.problem import Problem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation
@@ -19,7 +19,7 @@ from airrace.trajectory import Array
 Indices = NDArray[np.int64]
 
 
-class Limit(NamedTuple):
+class LimitedQuantity(NamedTuple):
     """A quantity with its range (SI), and its place among those that are observed together."""
 
     component: int
@@ -27,10 +27,10 @@ class Limit(NamedTuple):
     bounds: Interval
 
 
-class Row(NamedTuple):
+class ConstraintRow(NamedTuple):
     """A constraint that is not a gap: its node, what it limits, its range and scale (SI).
 
-    `source` is the path (-1) from the output sample with that number; `component` is the place within its quantities.
+    `source` is the path (-1) or the number of an output sample; `component` is the place within its quantities.
     """
 
     node: int
@@ -40,16 +40,16 @@ class Row(NamedTuple):
     bounds: Interval
 
 
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Limits that hold at each of some nodes; `source` as of a row."""
 
     nodes: Indices
     source: int
-    limits: Sequence[Limit]
+    limits: Sequence[LimitedQuantity]
 
 
 @record
-class Rows:
+class ConstraintRows:
     """All n rows of a program, node by node.
 
     Attributes:
@@ -62,7 +62,7 @@ class Rows:
     node: Indices
     source: Indices
     number: Indices
-    limits: Sequence[Limit]
+    limits: Sequence[LimitedQuantity]
 
     @cached_property
     def component(self) -> Indices:
@@ -85,43 +85,32 @@ class Rows:
         """All that derivatives depend on: where the rows are and what they limit, but not to what range."""
         return np.concatenate([self.node, self.source, self.component]).tobytes()
 
-    def row(self, index: int) -> Row:
+    def row(self, index: int) -> ConstraintRow:
         """Return one row."""
-        return Row(int(self.node[index]), int(self.source[index]), *self.limits[int(self.number[index])])
-
-    def one_by_one(self) -> list[Row]:
-        """Return all rows."""
-        places = zip(self.node.tolist(), self.source.tolist(), self.number.tolist(), strict=True)
-        return [Row(node, source, *self.limits[number]) for node, source, number in places]
+        return ConstraintRow(int(self.node[index]), int(self.source[index]), *self.limits[int(self.number[index])])
 
 
-def limits_on(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) -> list[Limit]:
+def limits_on(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) -> list[LimitedQuantity]:
     """Return the limits on those of the quantities that have a bounded range."""
-    known = [Limit(component, one, ranges.get(one.name, Interval())) for component, one in enumerate(quantities)]
+    known = [LimitedQuantity(place, one, ranges.get(one.name, Interval())) for place, one in enumerate(quantities)]
     return [one for one in known if one.bounds.bounded]
 
 
-def rows_of(blocks: Sequence[Block]) -> Rows:
+def rows_of(blocks: Sequence[RowBlock]) -> ConstraintRows:
     """Return the rows of all blocks, node by node; those of one node in the order of the blocks."""
-    stated: dict[int, int] = {}  # the first number of limits that blocks share
-    limits: list[Limit] = []
-    nodes: list[Indices] = []
-    sources: list[Indices] = []
-    numbers: list[Indices] = []
+    first_of: dict[int, int] = {}  # the first number of limits that blocks share
+    limits: list[LimitedQuantity] = []
+    rows = [np.zeros((3, 0), dtype=np.int64)]
     for block in (one for one in blocks if one.limits):
-        if id(block.limits) not in stated:
-            stated[id(block.limits)] = len(limits)
+        if id(block.limits) not in first_of:
+            first_of[id(block.limits)] = len(limits)
             limits += block.limits
-        first, count = stated[id(block.limits)], len(block.limits)
-        nodes.append(np.repeat(block.nodes, count))
-        sources.append(np.full(len(nodes[-1]), block.source))
-        numbers.append(np.tile(np.arange(first, first + count), len(block.nodes)))
-    if not nodes:
-        nothing = np.zeros(0, dtype=np.int64)
-        return Rows(nothing, nothing, nothing, ())
-    node = np.concatenate(nodes)
-    order = np.argsort(node, kind="stable")
-    return Rows(node[order], np.concatenate(sources)[order], np.concatenate(numbers)[order], limits)
+        count, nodes = len(block.limits), len(block.nodes)
+        numbers = np.tile(first_of[id(block.limits)] + np.arange(count), nodes)
+        rows.append(np.stack([np.repeat(block.nodes, count), np.full(count * nodes, block.source), numbers]))
+    whole = np.concatenate(rows, axis=1)
+    node, source, number = np.ascontiguousarray(whole[:, np.argsort(whole[0], kind="stable")])
+    return ConstraintRows(node, source, number, limits)
 
 
 @record
@@ -145,12 +134,6 @@ class OutputSample:
     jump: int | None = None
 
 
-def boundaries_of(problem: Problem) -> list[tuple[int, Boundary]]:
-    """Return (node, boundary) of the start and of every phase's end."""
-    ends = [(node, phase.end) for node, phase in zip(problem.first_node[1:], problem.phases, strict=True)]
-    return [(0, problem.start), *ends]
-
-
 def output_samples_of(
     problem: Problem, jump_at: Mapping[int, int]
 ) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
@@ -160,27 +143,24 @@ def output_samples_of(
         problem: whose boundaries and watches observe.
         jump_at: number of the jump at each node that has one.
     """
-    output_samples: list[OutputSample] = []
+    samples: list[OutputSample] = []
     values: list[tuple[float, ...]] = []
     offset = 0
-    for node, boundary in boundaries_of(problem):
-        if boundary.observation is not None:
-            before = jump_at.get(node)
-            output_samples.append(
-                OutputSample(node, boundary.name, boundary.observation, boundary.bounds, offset, before)
-            )
+    for node, boundary in zip(problem.first_node, problem.boundaries, strict=True):
+        if (seen := boundary.observation) is not None:
+            samples.append(OutputSample(node, boundary.name, seen, boundary.bounds, offset, jump_at.get(node)))
             values.append(boundary.values)
             offset += len(boundary.values)
     for index, phase in enumerate(problem.phases):
         start, end = problem.first_node[index], problem.first_node[index + 1]
-        watched_before = problem.phases[index - 1].watches if index and start not in jump_at else ()
+        before = problem.phases[index - 1].watches if index and start not in jump_at else ()
         for watch in phase.watches:
             # Where a watch goes on from the phase before, the node between the two has its rows already.
-            begun = any(watch.same_conditions(other) for other in watched_before)
+            goes_on = any(watch.same_conditions(other) for other in before)
             name = f"{phase.name}, {watch.name}"
-            for node in range(start + (1 if begun else 0), end + 1):
-                before = jump_at.get(node) if node == end else None
-                output_samples.append(OutputSample(node, name, watch.observation, watch.bounds, offset, before))
+            for node in range(start + goes_on, end + 1):
+                jump = jump_at.get(node) if node == end else None
+                samples.append(OutputSample(node, name, watch.observation, watch.bounds, offset, jump))
             values.append(watch.values)
             offset += len(watch.values)
-    return output_samples, values
+    return samples, values

@@ -14,188 +14,111 @@ from functools import cached_property
 import numpy as np
 
 from airrace.optimal_control.constraint_rows import (
-    Block,
+    ConstraintRow,
+    ConstraintRows,
     Indices,
-    Limit,
-    OutputSample,
-    Row,
-    Rows,
-    boundaries_of,
+    LimitedQuantity,
+    RowBlock,
     limits_on,
     output_samples_of,
     rows_of,
 )
 from airrace.optimal_control.problem import Iterate, Problem, require_valid
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
 class Layout:
-    """The index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
+    """The index arrays of one problem (N intervals, n_x states, n_u controls, n phases, n_w unknowns, n_g constraints).
 
-    problem: Problem
+    Attributes:
+        problem: whose layout this is.
+        n_x, n_u, intervals: the numbers of states, controls and intervals.
+        first_node: the node at which each phase begins and, last, the final node; shape (n + 1,).
+        phase_of_interval: the phase of each interval, shape (N,).
+        fractions: the share of its phase's duration that each interval takes, shape (N,).
+        stage_states, stage_controls: the numbers of stage states and controls per stage, shape (N + 1,).
+        stage_of_unknown: the stage of each unknown, shape (n_w,).
+        unknowns: the number of unknowns n_w.
+        state_index: the places of the states, shape (N + 1, n_x).
+        control_index: the places of the controls, shape (N, n_u).
+        duration_index: the place of the phase's duration at each node, shape (N + 1,).
+        duration_source: the place of what each interval hands on as duration to the next node, shape (N,).
+        phase_durations: the place at which each phase's duration is chosen, shape (n,).
+        interval_index: the places of (x, u, T) of each interval, shape (N, n_x + n_u + 1).
+        scale: the scale of every unknown, shape (n_w,).
+        jump_at: the number of the jump at each node that has one.
+        output_samples: the observations: at the boundaries in order, then watch by watch and node by node.
 
-    def __post_init__(self) -> None:
-        """Refuse a problem that does not say what it seems to say.
+    Raises:
+        ValueError: the problem does not say what it seems to say, see `require_valid`.
+    """
 
-        Raises:
-            ValueError: see `require_valid`.
-        """
-        require_valid(self.problem)
-
-    @cached_property
-    def n_x(self) -> int:
-        """The number of states."""
-        return len(self.problem.system.states)
-
-    @cached_property
-    def n_u(self) -> int:
-        """The number of controls."""
-        return len(self.problem.system.controls)
-
-    @cached_property
-    def first_node(self) -> Indices:
-        """The node at which each phase begins and, last, the final node; shape (n + 1,)."""
-        return np.array(self.problem.first_node, dtype=np.int64)
-
-    @cached_property
-    def intervals(self) -> int:
-        """The number of intervals N."""
-        return self.problem.intervals
-
-    @cached_property
-    def phase_of_interval(self) -> Indices:
-        """The phase of each interval, shape (N,)."""
-        return np.repeat(np.arange(len(self.problem.phases)), np.diff(self.first_node))
-
-    @cached_property
-    def fractions(self) -> Array:
-        """The share of its phase's duration that each interval takes, shape (N,)."""
-        return np.concatenate([np.asarray(phase.fractions) for phase in self.problem.phases])
-
-    # unknowns
-
-    @cached_property
-    def stage_states(self) -> Indices:
-        """The number of stage states per stage, shape (N + 1,)."""
-        return np.full(self.intervals + 1, self.n_x + 1)
-
-    @cached_property
-    def stage_controls(self) -> Indices:
-        """The number of stage controls per stage, shape (N + 1,)."""
-        count = np.full(self.intervals + 1, self.n_u)
-        count[self.first_node[1:-1] - 1] += 1
-        count[-1] = 0
-        return count
-
-    @cached_property
-    def _stage_offset(self) -> Indices:
-        return np.concatenate([[0], np.cumsum(self.stage_states + self.stage_controls)])
-
-    @cached_property
-    def stage_of_unknown(self) -> Indices:
-        """The stage of each unknown, shape (n_w,)."""
-        sizes = np.diff(self._stage_offset)
-        return np.repeat(np.arange(len(sizes)), sizes)
-
-    @property
-    def unknowns(self) -> int:
-        """The number of unknowns n_w."""
-        return int(self._stage_offset[-1])
-
-    @cached_property
-    def state_index(self) -> Indices:
-        """The places of the states, shape (N + 1, n_x)."""
-        return self._stage_offset[:-1, None] + np.arange(self.n_x)
-
-    @cached_property
-    def duration_index(self) -> Indices:
-        """The place of the phase's duration at each node, shape (N + 1,)."""
-        return self._stage_offset[:-1] + self.n_x
-
-    @cached_property
-    def control_index(self) -> Indices:
-        """The places of the controls, shape (N, n_u)."""
-        return self._stage_offset[:-2, None] + self.n_x + 1 + np.arange(self.n_u)
-
-    @cached_property
-    def duration_source(self) -> Indices:
-        """The place of the value that each interval hands on as duration to the next node, shape (N,)."""
-        source = self.duration_index[:-1].copy()
-        last = self.first_node[1:-1] - 1
-        source[last] = self.control_index[last, -1] + 1 if self.n_u else self.duration_index[last] + 1
-        return source
-
-    @cached_property
-    def interval_index(self) -> Indices:
-        """The places of (x, u, T) of each interval, shape (N, n_x + n_u + 1)."""
-        return np.hstack([self.state_index[:-1], self.control_index, self.duration_index[:-1, None]])
-
-    @cached_property
-    def scale(self) -> Array:
-        """The scale of every unknown, shape (n_w,)."""
-        system = self.problem.system
-        scale = np.full(self.unknowns, self.problem.time_scale)
-        scale[self.state_index] = [quantity.scale for quantity in system.states]
-        scale[self.control_index] = [quantity.scale for quantity in system.controls]
-        return scale
+    def __init__(self, problem: Problem) -> None:
+        require_valid(problem)
+        states, controls = problem.system.states, problem.system.controls
+        self.problem = problem
+        self.n_x, self.n_u, self.intervals = len(states), len(controls), problem.intervals
+        self.first_node: Indices = np.array(problem.first_node, dtype=np.int64)
+        self.phase_of_interval: Indices = np.repeat(np.arange(len(problem.phases)), np.diff(self.first_node))
+        self.fractions: Array = np.concatenate([np.asarray(phase.fractions) for phase in problem.phases])
+        last = self.first_node[1:-1] - 1  # the last interval of every phase but the last
+        self.stage_states: Indices = np.full(self.intervals + 1, self.n_x + 1)
+        self.stage_controls: Indices = np.full(self.intervals + 1, self.n_u)
+        self.stage_controls[last] += 1
+        self.stage_controls[-1] = 0
+        sizes = self.stage_states + self.stage_controls
+        begins = np.cumsum(sizes) - sizes
+        self.stage_of_unknown: Indices = np.repeat(np.arange(self.intervals + 1), sizes)
+        self.unknowns = len(self.stage_of_unknown)
+        self.state_index: Indices = begins[:, None] + np.arange(self.n_x)
+        self.control_index: Indices = begins[:-1, None] + self.n_x + 1 + np.arange(self.n_u)
+        self.duration_index: Indices = begins + self.n_x
+        self.duration_source: Indices = self.duration_index[:-1].copy()
+        self.duration_source[last] += self.n_u + 1
+        self.phase_durations: Indices = np.append(self.duration_index[:1], self.duration_source[last])
+        self.interval_index: Indices = np.hstack(
+            [self.state_index[:-1], self.control_index, self.duration_index[:-1, None]]
+        )
+        self.scale = np.full(self.unknowns, problem.time_scale)
+        self.scale[self.state_index] = [quantity.scale for quantity in states]
+        self.scale[self.control_index] = [quantity.scale for quantity in controls]
+        jumps = [node for node, phase in zip(problem.first_node[1:], problem.phases, strict=True) if phase.jump]
+        self.jump_at = {node: number for number, node in enumerate(jumps)}
+        self.output_samples, self._sample_values = output_samples_of(problem, self.jump_at)
 
     # constraints
 
     @cached_property
-    def jump_at(self) -> dict[int, int]:
-        """The number of the jump at each node that has one."""
-        nodes = [int(node) for node, phase in zip(self.first_node[1:], self.problem.phases, strict=True) if phase.jump]
-        return {node: number for number, node in enumerate(nodes)}
-
-    @cached_property
-    def _output_samples(self) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
-        return output_samples_of(self.problem, self.jump_at)
-
-    @property
-    def output_samples(self) -> list[OutputSample]:
-        """The observations: at the boundaries in order, then along the phases, watch by watch and node by node."""
-        return self._output_samples[0]
-
-    @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> ConstraintRows:
         """The constraints besides the gaps: at every node those of the path, then those of what is observed there."""
-        known: dict[tuple[int, int], Sequence[Limit]] = {}  # what limits a watch is the same at all of its nodes
+        known: dict[tuple[int, int], Sequence[LimitedQuantity]] = {}  # what limits a watch is the same at all its nodes
         blocks = self._path_blocks()
-        for number, output_sample in enumerate(self.output_samples):
-            shared = id(output_sample.observation), id(output_sample.bounds)
+        for number, sample in enumerate(self.output_samples):
+            shared = id(sample.observation), id(sample.bounds)
             if shared not in known:
-                known[shared] = limits_on(output_sample.observation.quantities, output_sample.bounds)
-            blocks.append(Block(np.array([output_sample.node]), number, known[shared]))
+                known[shared] = limits_on(sample.observation.quantities, sample.bounds)
+            blocks.append(RowBlock(np.array([sample.node]), number, known[shared]))
         return rows_of(blocks)
 
-    def _path_blocks(self) -> list[Block]:
+    def _path_blocks(self) -> list[RowBlock]:
         """Return the limits on path quantities, and the nodes at which they hold.
 
         Those that depend on u have none at the last node. Where phases meet, those of both hold; after a jump, those of
         the phase that begins.
         """
-        path = self.problem.system.path
+        path, values = self.problem.system.path, self.problem.system.path_values
         ranges = [{one.name: narrow_range(one, phase.bounds) for one in path} for phase in self.problem.phases]
-        blocks: list[Block] = []
+        blocks: list[RowBlock] = []
         for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
             meeting = phase > 0 and begin not in self.jump_at
             if meeting:
                 both = {name: one.intersect(ranges[phase][name]) for name, one in ranges[phase - 1].items()}
-                blocks.append(Block(np.array([begin]), -1, limits_on(path, both)))
-            blocks.append(Block(np.arange(begin + meeting, end), -1, limits_on(path, ranges[phase])))
-        with_control = self._components_with_control()
+                blocks.append(RowBlock(np.array([begin]), -1, limits_on(path, both)))
+            blocks.append(RowBlock(np.arange(begin + meeting, end), -1, limits_on(path, ranges[phase])))
+        with_control = () if values is None else values.jac_sparsity(0, 1).get_triplet()[0]
         last = [one for one in limits_on(path, ranges[-1]) if one.component not in with_control]
-        return [*blocks, Block(self.first_node[-1:], -1, last)]
-
-    def _components_with_control(self) -> list[int]:
-        values = self.problem.system.path_values
-        if values is None:
-            return []
-        rows = values.jac_sparsity(0, 1).get_triplet()[0]
-        return sorted(set(rows))
+        return [*blocks, RowBlock(self.first_node[-1:], -1, last)]
 
     @cached_property
     def stage_rows(self) -> Indices:
@@ -225,9 +148,9 @@ class Layout:
         return np.arange(len(self.rows.node)) + (self._constraint_offset[1:] - before)[self.rows.node]
 
     @cached_property
-    def flat_rows(self) -> list[Row]:
+    def flat_rows(self) -> list[ConstraintRow]:
         """The rows one by one."""
-        return self.rows.one_by_one()
+        return [self.rows.row(index) for index in range(len(self.rows.node))]
 
     # values
 
@@ -237,26 +160,21 @@ class Layout:
         Raises:
             ValueError: the iterate belongs to another problem or another mesh, to judge by its shapes.
         """
-        self._require_shapes(iterate)
-        w = np.zeros(self.unknowns)
-        w[self.state_index] = iterate.state.T
-        w[self.control_index] = iterate.control.T
-        phase = np.append(self.phase_of_interval, len(self.problem.phases) - 1)
-        w[self.duration_index] = iterate.durations[phase]
-        w[self.duration_source[self.first_node[1:-1] - 1]] = iterate.durations[1:]
-        return w / self.scale
-
-    def _require_shapes(self, iterate: Iterate) -> None:
-        """Refuse arrays that numpy would silently repeat to the shape that is needed."""
         expected = {
             "durations": (len(self.problem.phases),),
             "state": (self.n_x, self.intervals + 1),
             "control": (self.n_u, self.intervals),
         }
-        for name, shape in expected.items():
+        for name, shape in expected.items():  # numpy would silently repeat other arrays to these shapes
             found = getattr(iterate, name).shape
             if found != shape:
                 raise ValueError(f"the iterate's {name} has the shape {found}, the problem's {shape}")
+        w = np.zeros(self.unknowns)
+        w[self.state_index] = iterate.state.T
+        w[self.control_index] = iterate.control.T
+        w[self.duration_index] = iterate.durations[np.append(self.phase_of_interval, len(iterate.durations) - 1)]
+        w[self.phase_durations] = iterate.durations
+        return w / self.scale
 
     def unpack(self, w: Array) -> Iterate:
         """Return the iterate of scaled unknowns."""
@@ -269,29 +187,27 @@ class Layout:
         lower = np.full(self.unknowns, -np.inf)
         upper = np.full(self.unknowns, np.inf)
 
-        def narrow(places: Indices | int, bounds: Interval) -> None:
-            lower[places] = np.maximum(lower[places], bounds.lower)
-            upper[places] = np.minimum(upper[places], bounds.upper)
+        def narrow(places: Indices | int, bounds: Interval, change: float = 0.0) -> None:
+            """Bound `x + change` where `bounds` is the range of x."""
+            lower[places] = np.maximum(lower[places], bounds.lower + change)
+            upper[places] = np.minimum(upper[places], bounds.upper + change)
 
         system, jumps = self.problem.system, self.problem.jumps
         for index, phase in enumerate(self.problem.phases):
             first, last = self.first_node[index], self.first_node[index + 1]
             for component, quantity in enumerate(system.states):
                 bounds = narrow_range(quantity, phase.bounds)
-                narrow(self.state_index[first : last if phase.jump else last + 1, component], bounds)
-                if phase.jump:
-                    narrow(int(self.state_index[last, component]), shift_range(bounds, float(jumps[component, index])))
+                narrow(self.state_index[first:last, component], bounds)
+                narrow(int(self.state_index[last, component]), bounds, float(jumps[component, index]))
             for component, quantity in enumerate(system.controls):
                 narrow(self.control_index[first:last, component], narrow_range(quantity, phase.bounds))
-            place = self.duration_index[0] if index == 0 else self.duration_source[first - 1]
-            narrow(int(place), phase.duration)
-        names = [quantity.name for quantity in system.states]
-        for node, boundary in boundaries_of(self.problem):
+            narrow(int(self.phase_durations[index]), phase.duration)
+        number = {quantity.name: component for component, quantity in enumerate(system.states)}
+        for index, (node, boundary) in enumerate(zip(self.first_node, self.problem.boundaries, strict=True)):
             for name, bounds in boundary.bounds.items():
-                if name in names:
-                    component = names.index(name)
-                    change = float(jumps[component, self._phase_before(node)]) if node else 0.0
-                    narrow(int(self.state_index[node, component]), shift_range(bounds, change))
+                if name in number:
+                    change = float(jumps[number[name], index - 1]) if index else 0.0
+                    narrow(int(self.state_index[node, number[name]]), bounds, change)
         return lower / self.scale, upper / self.scale
 
     def constraint_bounds(self) -> tuple[Array, Array]:
@@ -311,25 +227,15 @@ class Layout:
 
         They are the system's, the fractions, those of all samples, the jumps, those of the objective's observation.
         """
-        jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
-        parts = [
-            self.problem.parameters,
-            self.fractions,
-            *self._output_samples[1],
-            *jumps,
-            self.problem.objective.values,
-        ]
-        return np.concatenate(parts)
+        jumps = [jump for jump, phase in zip(self.problem.jumps.T, self.problem.phases, strict=True) if phase.jump]
+        objective = self.problem.objective.values
+        return np.concatenate([self.problem.parameters, self.fractions, *self._sample_values, *jumps, objective])
 
     @property
     def jump_offset(self) -> int:
         """The place of the first jump among the parameters of the nonlinear program."""
         jumps = self.n_x * len(self.jump_at)
         return len(self.parameter_values()) - len(self.problem.objective.values) - jumps
-
-    def _phase_before(self, node: int) -> int:
-        """Return the phase that ends at a node or continues through it; not for the first node."""
-        return int(self.phase_of_interval[node - 1])
 
     def describe(self, constraint: int) -> str:
         """Return a description of a constraint, for people."""
@@ -342,11 +248,6 @@ class Layout:
         row = self.rows.row(int(np.searchsorted(self.rows.node, stage)) + within - gaps)
         place = phase.name if row.source < 0 else self.output_samples[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"
-
-
-def shift_range(bounds: Interval, change: float) -> Interval:
-    """Return the range of `x + change` where `bounds` is that of x."""
-    return Interval(bounds.lower + change, bounds.upper + change) if change else bounds
 
 
 def narrow_range(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:

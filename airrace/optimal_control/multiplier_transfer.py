@@ -127,8 +127,7 @@ def _control_limits(layout: Layout) -> Limits:
 
 
 def _duration_limits(layout: Layout) -> Limits:
-    later = layout.duration_source[layout.first_node[1:-1] - 1]
-    places = layout.constraints + np.concatenate([layout.duration_index[:1], later])
+    places = layout.constraints + layout.phase_durations
     return {(Kind.DURATION, "duration"): Limit(places, np.arange(float(len(places))), np.ones(len(places)))}
 
 

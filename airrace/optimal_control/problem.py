@@ -182,11 +182,15 @@ class Problem:
         return self.phases[bisect.bisect_right(self.first_node, interval) - 1]
 
     @property
+    def boundaries(self) -> list[Boundary]:
+        """The start, and the ends of all phases."""
+        return [self.start, *(phase.end for phase in self.phases)]
+
+    @property
     def observations(self) -> list[Observation]:
         """All observations, each once."""
-        boundaries = [self.start, *(phase.end for phase in self.phases)]
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [one.observation for one in (*boundaries, *watches, self.objective) if one.observation is not None]
+        seen = [one.observation for one in (*self.boundaries, *watches, self.objective) if one.observation is not None]
         return list({id(one): one for one in seen}.values())
 
 

@@ -70,7 +70,7 @@ def test_course_chooses_both_ends(stage: Stage) -> None:
 def test_all_limits_along_the_path_hold_at_the_finish(stage: Stage) -> None:
     problem = problem_of(SMALL, stage)
     limited = {one.name for one in problem.system.path if np.isfinite([one.lower, one.upper]).any()}
-    rows = Layout(problem).rows.one_by_one()
+    rows = Layout(problem).flat_rows
     last = [row for row in rows if row.node == problem.intervals and row.source < 0]
     assert {row.quantity.name for row in last} == limited
     assert "beta_A" in limited
