@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
     from airrace.planning.race import Race
     from airrace.procedure.progress import Progress
-    from airrace.procedure.result import Outcome, StageResult
+    from airrace.procedure.result import StageResult, Status
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
@@ -66,7 +66,6 @@ __all__ = [
     "LogView",
     "Manoeuvre",
     "Origin",
-    "Outcome",
     "Passage",
     "Passing",
     "Point",
@@ -83,6 +82,7 @@ __all__ = [
     "StageResult",
     "StageView",
     "StaticWind",
+    "Status",
     "Thermal",
     "Tolerances",
     "Trajectory",
@@ -108,7 +108,7 @@ _HOMES = {
     "airrace.optimal_control.certificate": ("Certificate",),
     "airrace.planning.race": ("Race",),
     "airrace.procedure.progress": ("Progress",),
-    "airrace.procedure.result": ("Outcome", "StageResult"),
+    "airrace.procedure.result": ("Status", "StageResult"),
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),

@@ -61,7 +61,7 @@ class Measurement:
             accuracy = (f"{items.get('replay_defect', 0.0):.1e}", f"{items.get('race_time_change', 0.0):.4f}")
             seconds = (f"{one[key]:.2f}" for key in ("solve_s", "derivatives_s", "wall_s"))
             intervals = str(one["mesh"]["intervals"]) if one["mesh"] else ""
-            found = (one["state"], f"{one['race_time_s']:.3f}", str(one["iterations"]), intervals)
+            found = (one["status"], f"{one['race_time_s']:.3f}", str(one["iterations"]), intervals)
             rows.append((f"`{one['stage']}`", *found, *seconds, f"{one['wall_s'] / self.wall:.0%}", *accuracy))
         rest = self.wall - sum(one["wall_s"] for one in self.answer["stages"])
         return [*rows, ("loading and writing", *[""] * 6, f"{rest:.2f}", f"{rest / self.wall:.0%}", "", "")]

@@ -16,7 +16,7 @@ from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.planning.race import Race
 from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageProvenance, StageResult, Timings
+from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Stage, StageProvenance, StageResult, Status, Timings
 from airrace.procedure.results_api import Continuous
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
@@ -48,7 +48,7 @@ def certificate(*, kkt_error: float = 1e-9) -> Certificate:
 
 def stage_result(
     stage: Stage,
-    outcome: Outcome = Outcome.SOLVED,
+    outcome: Status = Status.SOLVED,
     *,
     kkt_error: float = 1e-9,
     passings: Sequence[str] = ("1:start", "1:g1", "1:finish"),
@@ -69,7 +69,7 @@ def stage_result(
     return StageResult(
         stage=stage,
         outcome=outcome,
-        message="" if outcome is Outcome.SOLVED else "gate g1 cannot be reached",
+        message="" if outcome is Status.SOLVED else "gate g1 cannot be reached",
         trajectory=trajectory,
         constraint_multipliers=np.zeros(3),
         bound_multipliers=np.zeros(2),
@@ -77,7 +77,7 @@ def stage_result(
         splits=tuple(
             GateSplit(name, 10.0 * index / legs, 80.0, 20.0, 1.0, 0.0, 0.0, 0.0) for index, name in enumerate(passings)
         ),
-        attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Outcome.SOLVED, 12, 0.5),),
+        attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Status.SOLVED, 12, 0.5),),
         timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
         provenance=StageProvenance() if stage in STAGES else StageProvenance(source_stage=Stage.POINT_MASS.value),
     )
@@ -140,8 +140,8 @@ def _result(stage: Stage, scenario: str, passings: Sequence[str]) -> StageResult
         return stage_result(stage, passings=passings)
     if scenario == "loose":
         return stage_result(stage, kkt_error=1e-3, passings=passings)
-    outcomes = {outcome.value: outcome for outcome in Outcome}
-    return stage_result(stage, outcomes.get(scenario, Outcome.SOLVED), passings=passings)
+    outcomes = {outcome.value: outcome for outcome in OUTCOMES}
+    return stage_result(stage, outcomes.get(scenario, Status.SOLVED), passings=passings)
 
 
 def remeasured(

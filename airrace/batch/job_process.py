@@ -41,7 +41,7 @@ class JsonProgress(Progress):
         self.tell(
             {
                 "stage_finished": result.stage.value,
-                "status": result.outcome.value,
+                "status": result.status.value,
                 "race_time_s": float(result.trajectory.race_time) if result.is_flight else None,
                 "certified": result.certified,
             }

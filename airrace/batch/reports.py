@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 from airrace.batch.planning import BatchPlan, JobResult, PlannedJob
 from airrace.batch.record import RecordError, checkpoint_path, read_record
 from airrace.errors import Finding, StorageError
+from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results.comparison import TIE
@@ -467,10 +468,14 @@ def _properties(row: BatchResult) -> Iterator[tuple[str, str]]:
         yield "retried", reason
 
 
+SOUND = {one.value for one in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)}
+"""The statuses of stages that are no failure."""
+
+
 def _stage_cases(row: BatchResult, stage: Run) -> Iterator[Element]:
     name, kind = stage["stage"], f"{row.step.name}.{stage['stage']}"
     case = _case(kind, name, stage["wall_s"] or 0.0)
-    if stage["status"] != "solved":
+    if stage["status"] not in SOUND:
         _trouble(case, "failure", stage["status"], stage["message"] or stage["status"])
     yield case
     items: Sequence[Run] = stage["certificate"]["items"] if stage["certificate"] else ()

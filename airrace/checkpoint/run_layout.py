@@ -35,17 +35,18 @@ from airrace.checkpoint.hdf5 import Attribute, Group, Node, R, Series, Table, ro
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
+    OUTCOMES,
     Attempt,
     GateSplit,
     MeshRecord,
     Note,
     NoteKind,
-    Outcome,
     RefinementReason,
     Route,
     SearchReport,
     StageProvenance,
     StageResult,
+    Status,
     SuggestedChange,
     Timings,
 )
@@ -327,9 +328,9 @@ def _one_row(place: Place, name: str, record: type[R]) -> R:
     return rows[0]
 
 
-def _outcome(place: Place) -> Outcome:
+def _outcome(place: Place) -> Status:
     text = place.text("outcome")
-    for outcome in Outcome:
+    for outcome in OUTCOMES:
         if outcome.value == text:
             return outcome
     raise CheckpointError(f"{place.path}/outcome: unknown outcome {text[:40]!r}")

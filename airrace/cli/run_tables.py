@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.cli.stored_stages import StoredStages
 from airrace.cli.tables import PAGE, number, rendered
-from airrace.procedure.result import UNVERIFIABLE, Outcome, RefinementReason, StageResult, State
+from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
 from airrace.procedure.split_comparison import compared, last_common
 from airrace.quantities import KNOT
 from airrace.results import Flight, laps_of
@@ -91,7 +91,7 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
     if result.search.routes:
         tables.append(search_table(result.search, most=ROUTES_MAX))
     if certificate and result.certificate is not None:
-        stands = result.outcome is Outcome.SOLVED or not result.certificate.holds
+        stands = result.outcome is Status.SOLVED or not result.certificate.holds
         tables.append(items_table(result.certificate, "" if stands else DOES_NOT_STAND))
     return tables
 
@@ -135,9 +135,9 @@ def stages_table(results: Sequence[StageResult]) -> Table:
     before: float | None = None
     for result in results:
         race_time, provenance = result.trajectory.race_time, result.provenance
-        optimum = result.is_flight and result.state is not State.GUESS
-        sound = result.state in (State.CERTIFIED, State.SOLVED, State.GUESS)
-        status = "NOT certified" if result.state is State.NOT_CERTIFIED else result.state.value
+        optimum = result.is_flight and result.status is not Status.GUESS
+        sound = result.status in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)
+        status = "NOT certified" if result.status is Status.NOT_CERTIFIED else result.status.value
         rows.append(
             (
                 result.stage.value,
@@ -151,7 +151,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             )
         )
         before = race_time if result.holds else before
-    solved = any(result.state is State.SOLVED for result in results)
+    solved = any(result.status is Status.SOLVED for result in results)
     return Table("stages", _STAGES, rows, [f"solved: {ONE_MESH}"] if solved else [])
 
 

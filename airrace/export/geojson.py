@@ -47,7 +47,7 @@ def _line(flight: Flight, begin: datetime) -> dict[str, object]:
             "track": printable(flight.course.name),
             "aircraft": printable(flight.aircraft.name),
             "stage": flight.source.stage or None,
-            "state": None if flight.source.state is None else flight.source.state.value,
+            "status": None if flight.source.status is None else flight.source.status.value,
             "certified": flight.source.certified,
             "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
             "begin": stamp(begin, 0.0),

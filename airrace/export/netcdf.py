@@ -105,7 +105,7 @@ def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provena
             "aircraft": provenance.aircraft,
             "stage": result.stage.value,
             "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
-            "state": result.state.value,
+            "status": result.status.value,
             "certified": str(result.certified).lower(),
             "airrace_version": provenance.version,
         },

@@ -10,10 +10,10 @@ from airrace.procedure.result import (
     NO_RECORD,
     MeshRecord,
     Note,
-    Outcome,
     Stage,
     StageProvenance,
     StageResult,
+    Status,
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight, gate_splits, trajectory
@@ -25,7 +25,7 @@ def conclude(
     problem: Problem,
     iterate: Iterate,
     *,
-    outcome: Outcome,
+    outcome: Status,
     stage: Stage | None = None,
     message: str = "",
     multipliers: Multipliers | None = None,

@@ -33,7 +33,7 @@ from airrace.procedure.multistart.coarse_solution import InitialGuess
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.multistart import Exploration, explore
 from airrace.procedure.multistart.solver_pool import SolverPool
-from airrace.procedure.result import Note, NoteKind, Outcome, SearchReport, Stage, StageResult
+from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import check_mesh_convergence, solve_single_mesh, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
@@ -194,7 +194,7 @@ class FidelityContinuation:
         if not any(one.certified for one in after):
             return after
         return [
-            dataclasses.replace(one, outcome=Outcome.NOT_CERTIFIED) if near and not one.certified else one
+            dataclasses.replace(one, outcome=Status.NOT_CERTIFIED) if near and not one.certified else one
             for one, near in zip(after, close, strict=True)
         ]
 
@@ -244,7 +244,7 @@ class FidelityContinuation:
         """Search routes, with the starts without exploring among the starts, so that nothing is lost by it."""
         flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
         pieces = [self._homotopy(session)] if effort.homotopy or asked else []
-        starts = [("homotopy", _initial_guess(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
+        starts = [("homotopy", _initial_guess(flight, one)) for one in pieces if one.outcome is Status.SOLVED]
         own, twin = (
             _planned(flight, way, session) for way in (flight.plan, plan(self._race.course, flight.plan.cruise, TWIN))
         )
@@ -298,13 +298,13 @@ class FidelityContinuation:
         flight = self.flight(Stage.POINT_MASS)
         mesh = first_mesh(flight.plan, session.settings.mesh)
         problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
-        return conclude(flight, session, problem, guess(flight.plan, mesh), outcome=Outcome.INFEASIBLE, message=message)
+        return conclude(flight, session, problem, guess(flight.plan, mesh), outcome=Status.INFEASIBLE, message=message)
 
     def _infeasible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
         """Return the result of a race that cannot be flown, which says what stands in the way."""
         message = binding_limit(session, found)
         flight = self.flight(Stage.POINT_MASS)
-        return conclude(flight, session, found.problem, found.guess, outcome=Outcome.INFEASIBLE, message=message)
+        return conclude(flight, session, found.problem, found.guess, outcome=Status.INFEASIBLE, message=message)
 
     def _handovers(self, stage: Stage, below: StageResult, session: SolverSession) -> Iterator[Callable[[], Start]]:
         """Yield the starts of a higher fidelity: along the stage below, at rest in it, at rest in the point mass."""
@@ -365,7 +365,7 @@ def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> No
         logger.warning(
             "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another one, "
             "takes %.2f s",
-            *(best.routes[0].race_time, result.state.value, result.trajectory.race_time),
+            *(best.routes[0].race_time, result.status.value, result.trajectory.race_time),
         )
 
 

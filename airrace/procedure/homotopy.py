@@ -20,7 +20,7 @@ from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.phase_segments import joined, moved, phase_piece
-from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageResult
+from airrace.procedure.result import Note, NoteKind, Stage, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
 from airrace.procedure.start import InitialBarrier
@@ -89,7 +89,7 @@ class _Homotopy:
             self.race,
             joined(self.pieces),
             stage=Stage.HOMOTOPY,
-            outcome=Outcome.SOLVED,
+            outcome=Status.SOLVED,
             notes=(Note(NoteKind.PLANNED_PHASES, f"left as planned: {', '.join(skipped)}"),) if skipped else (),
         )
 

@@ -24,7 +24,7 @@ from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.models import iterate_of
 from airrace.procedure.passings import ensure_same_passings
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.result import Note, NoteKind, Stage, StageProvenance, StageResult, Status
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -129,7 +129,7 @@ def superseded(another: SourceRun, optimum: StageResult, route: str) -> str:
 
 def is_better(fallback: StageResult, result: StageResult) -> bool:
     """Tell whether the optimum of a start from another run is better than what came from scratch instead."""
-    if result.outcome is not Outcome.SOLVED:
+    if result.outcome is not Status.SOLVED:
         return True
     return result.stage is fallback.stage and fallback.trajectory.race_time < result.trajectory.race_time
 

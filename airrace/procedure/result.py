@@ -21,21 +21,11 @@ UNVERIFIABLE = (
 """The records of a stage that nobody can measure again."""
 
 
-class Outcome(Enum):
-    """The outcome of a stage."""
-
-    SOLVED = "solved"
-    NOT_CERTIFIED = "not certified"
-    NOT_CONVERGED = "not converged"
-    INFEASIBLE = "infeasible"
-    TIMEOUT = "timeout"
-
-
-class State(Enum):
-    """The trust that a stage deserves, in a word for people.
+class Status(Enum):
+    """The trust that a stage deserves.
 
     `CERTIFIED` holds in all that a certificate measures. `SOLVED` holds in all of it but the race time on a second
-    mesh, which was not looked for. `GUESS` is no optimum, by design.
+    mesh, which was not looked for. `GUESS` is no optimum, by design. The others say how a stage failed.
     """
 
     CERTIFIED = "certified"
@@ -45,6 +35,10 @@ class State(Enum):
     NOT_CONVERGED = "not converged"
     INFEASIBLE = "infeasible"
     TIMEOUT = "timeout"
+
+
+OUTCOMES = (Status.SOLVED, Status.NOT_CERTIFIED, Status.NOT_CONVERGED, Status.INFEASIBLE, Status.TIMEOUT)
+"""The ways in which the solution of a stage ends; its certificate refines `SOLVED`."""
 
 
 @record
@@ -239,7 +233,7 @@ class StageResult:
 
     Attributes:
         stage: which one.
-        outcome: how it ended; only `Outcome.SOLVED` with a certificate that holds counts as success.
+        outcome: how its solution ended, one of `OUTCOMES`; see `status`.
         message: why there is no certified flight (on infeasibility: which gate and which limit); else empty.
         trajectory: the flight on its mesh.
         constraint_multipliers: multipliers of the NLP's constraints in its own order; shape (n_g,).
@@ -258,7 +252,7 @@ class StageResult:
     """
 
     stage: Stage
-    outcome: Outcome
+    outcome: Status
     message: str
     trajectory: Trajectory
     constraint_multipliers: Array
@@ -282,7 +276,7 @@ class StageResult:
     @property
     def is_flight(self) -> bool:
         """Whether the stage found a flight at all; otherwise its trajectory is only where the solver gave up."""
-        return self.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+        return self.outcome in (Status.SOLVED, Status.NOT_CERTIFIED)
 
     @property
     def holds(self) -> bool:
@@ -291,7 +285,7 @@ class StageResult:
         Then it is certified, or it was solved on one mesh only, and nobody knows what another would do to its race
         time.
         """
-        return self.outcome is Outcome.SOLVED and self.certificate is not None and self.certificate.holds
+        return self.outcome is Status.SOLVED and self.certificate is not None and self.certificate.holds
 
     @property
     def certified(self) -> bool:
@@ -299,16 +293,15 @@ class StageResult:
         return self.holds and self.certificate is not None and self.certificate.certified
 
     @property
-    def state(self) -> State:
-        """The trust that the stage deserves."""
-        if self.certified:
-            return State.CERTIFIED
-        if self.holds:
-            return State.SOLVED
-        if self.outcome is Outcome.SOLVED and self.certificate is None:
-            return State.GUESS
-        uncertified = self.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-        return State.NOT_CERTIFIED if uncertified else State(self.outcome.value)
+    def status(self) -> Status:
+        """The trust that the stage deserves: its outcome, refined by what its certificate measures."""
+        if self.outcome is not Status.SOLVED:
+            return self.outcome
+        if self.certificate is None:
+            return Status.GUESS
+        if not self.holds:
+            return Status.NOT_CERTIFIED
+        return Status.CERTIFIED if self.certified else Status.SOLVED
 
     @property
     def coarser_nodes(self) -> NDArray[np.bool_]:

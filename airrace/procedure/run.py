@@ -27,7 +27,7 @@ from airrace.procedure.restart import (
     warm_start_from,
     with_remark,
 )
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
@@ -170,7 +170,7 @@ def _climbed(
             ladder.done[result.stage], wanted = result, _above(result.stage, until)
         result, remark = with_remark(result, remark), ""
         yield result
-        if result.outcome is not Outcome.SOLVED:
+        if result.outcome is not Status.SOLVED:
             return
 
 

@@ -37,7 +37,7 @@ from airrace.procedure.refinement import (
     refine_flagged,
     refine_predicted,
 )
-from airrace.procedure.result import MeshRecord, Outcome, StageResult
+from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
@@ -392,7 +392,7 @@ def _finish(start: Start, refined: Refined) -> StageResult:
         refined.session,
         optimum.problem,
         optimum.iterate,
-        outcome=Outcome.SOLVED if certificate.holds else Outcome.NOT_CERTIFIED,
+        outcome=Status.SOLVED if certificate.holds else Status.NOT_CERTIFIED,
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
@@ -413,9 +413,9 @@ def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Dia
     claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
     start, solution, last = failure.start, failure.solution, failure.start.guess
-    outcome = Outcome.NOT_CONVERGED
+    outcome = Status.NOT_CONVERGED
     if solution is None:
-        outcome, message = Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
+        outcome, message = Status.TIMEOUT, "the solver finished no iteration for too long and was stopped"
     else:
         if solution.iterate.state.shape == last.state.shape:  # else it gave up on a finer mesh
             last = solution.iterate
@@ -428,7 +428,7 @@ def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Dia
             if conflict is None:
                 message = f"{message}; the legs around it can be flown by themselves"
             else:
-                outcome, message = Outcome.INFEASIBLE, conflict
-        if outcome is Outcome.NOT_CONVERGED:
+                outcome, message = Status.INFEASIBLE, conflict
+        if outcome is Status.NOT_CONVERGED:
             message = f"{message}; try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     return conclude(start.flight, session, start.problem, last, outcome=outcome, message=message)

@@ -13,7 +13,7 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
 from airrace.planning.race import Race
-from airrace.procedure.result import State
+from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.results.attitude import interpolate_attitude
@@ -128,33 +128,33 @@ class Source:
     Attributes:
         label: what people call it, e.g. `rovinj.h5:six-dof`; unique among flights that are shown together.
         stage: the stage of a run, e.g. `six-dof`; empty for a recorded flight.
-        state: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
+        status: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for whoever looks at it; often empty.
     """
 
     label: str
     stage: str = ""
-    state: State | None = None
+    status: Status | None = None
     version: str = ""
     remark: str = ""
 
     @property
     def certified(self) -> bool | None:
         """Whether it is a certified optimum; None where that is no question."""
-        return None if self.state is None else self.state is State.CERTIFIED
+        return None if self.status is None else self.status is Status.CERTIFIED
 
     @property
     def verdict(self) -> str:
-        """The state in words for people; empty for what is no optimum."""
-        if self.state is None:
+        """The status in words for people; empty for what is no optimum."""
+        if self.status is None:
             return ""
-        return "solved on one mesh" if self.state is State.SOLVED else self.state.value
+        return "solved on one mesh" if self.status is Status.SOLVED else self.status.value
 
     @property
     def doubtful(self) -> bool:
         """Whether something that was measured of an optimum does not hold, or nothing was measured."""
-        return self.state not in (None, State.CERTIFIED, State.SOLVED)
+        return self.status not in (None, Status.CERTIFIED, Status.SOLVED)
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,8 +48,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
     """Return one stage of the object."""
     return {
         "stage": result.stage.value,
-        "status": result.outcome.value,
-        "state": result.state.value,
+        "status": result.status.value,
         "message": result.remarks,
         "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "lap_times_s": lap_times(result.splits) if result.is_flight else [],
@@ -64,7 +63,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "alternatives": [
             {
                 "race_time_s": finite(alternative.trajectory.race_time),
-                "state": alternative.state.value,
+                "status": alternative.status.value,
                 "certified": alternative.certified,
             }
             for alternative in result.alternatives
@@ -298,7 +297,7 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "track": flight.course.name,
         "aircraft": flight.aircraft.name,
         "stage": flight.source.stage or None,
-        "state": None if flight.source.state is None else flight.source.state.value,
+        "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
         "race_time_s": finite(flight.race_time),
     }

@@ -17,7 +17,7 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
 from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.restart import SourceRun
-from airrace.procedure.result import Outcome, Stage, StageResult, State
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck
 from airrace.records import record
 from airrace.runs.output import documents_of, ensure_unread
@@ -245,7 +245,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
         steps.append(PlannedStage(stage, reason))
         if stored is not None and not reason:
             kept.append(stored.result)
-            if stored.result.state is State.SOLVED and proves(run.inputs.settings, stage, until):
+            if stored.result.status is Status.SOLVED and proves(run.inputs.settings, stage, until):
                 steps[-1] = replace(steps[-1], unproved="it was solved on one mesh")
     return ExecutionPlan(run, until, tuple(kept), tuple(steps))
 
@@ -277,7 +277,7 @@ def _went_without(
 
 def _unfit(result: StageResult) -> str:
     """Return why nothing can be built on a stored stage; empty if something can."""
-    if result.outcome is not Outcome.SOLVED:
+    if result.outcome is not Status.SOLVED:
         return f"it ended {result.outcome.value}"
     if result.certificate is not None and not result.holds:
         return "it is not certified"

@@ -17,7 +17,7 @@ from airrace.optimal_control.certificate import Certificate
 from airrace.parameters import ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure import results_api
-from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, State
+from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
@@ -189,7 +189,7 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
         return f"{name}: no stage is finished yet"
     last = results[-1]
     race_time = f"{last.trajectory.race_time:.3f} s" if last.is_flight else last.outcome.value
-    solved = "solved on one mesh, " if last.state is State.SOLVED else ""
+    solved = "solved on one mesh, " if last.status is Status.SOLVED else ""
     return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
 
 
@@ -213,7 +213,7 @@ def stage_page(race: Race, result: StageResult) -> str:
 
 def _stage_cells(result: StageResult) -> tuple[str | float, ...]:
     race_time = result.trajectory.race_time if result.is_flight else result.outcome.value
-    return result.stage.value, race_time, result.state.value, result.iterations, result.timings.wall
+    return result.stage.value, race_time, result.status.value, result.iterations, result.timings.wall
 
 
 def _flight_html(race: Race, result: StageResult) -> str:
@@ -268,10 +268,10 @@ class StageView:
         return self.result.certified
 
     @property
-    def state(self) -> str:
+    def status(self) -> str:
         """The trust that the stage deserves: `certified`, `solved` (all but the race time on a second mesh), `a guess`,
         `not certified`, or why no flight was found."""
-        return self.result.state.value
+        return self.result.status.value
 
     @property
     def certificate(self) -> Certificate | None:
@@ -308,7 +308,7 @@ class StageView:
         source = Source(
             label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}",
             stage=self.name,
-            state=self.result.state,
+            status=self.result.status,
             version=self.versions.get("airrace", ""),
             remark=self.message,
         )
@@ -418,11 +418,11 @@ class StageView:
 
 
 _CODES = {
-    Outcome.SOLVED: ExitCode.DONE,
-    Outcome.NOT_CERTIFIED: ExitCode.NOT_CERTIFIED,
-    Outcome.NOT_CONVERGED: ExitCode.NOT_CERTIFIED,
-    Outcome.INFEASIBLE: ExitCode.INFEASIBLE,
-    Outcome.TIMEOUT: ExitCode.TIMEOUT,
+    Status.SOLVED: ExitCode.DONE,
+    Status.NOT_CERTIFIED: ExitCode.NOT_CERTIFIED,
+    Status.NOT_CONVERGED: ExitCode.NOT_CERTIFIED,
+    Status.INFEASIBLE: ExitCode.INFEASIBLE,
+    Status.TIMEOUT: ExitCode.TIMEOUT,
 }
 
 
@@ -454,7 +454,7 @@ def downgrade_stale(result: StageResult, stale: str) -> StageResult:
     if not stale:
         return result
     message = "; ".join(text for text in (f"it no longer stands: {stale}", result.message) if text)
-    outcome = Outcome.NOT_CERTIFIED if result.outcome is Outcome.SOLVED else result.outcome
+    outcome = Status.NOT_CERTIFIED if result.outcome is Status.SOLVED else result.outcome
     return replace(result, outcome=outcome, message=message)
 
 
@@ -472,7 +472,7 @@ def _code(result: StageResult, *, last: bool) -> ExitCode:
 
     A stage that is a mere guess by design, or was solved on one mesh, is no failure, unless the run ends with it.
     """
-    if result.outcome is not Outcome.SOLVED:
+    if result.outcome is not Status.SOLVED:
         return _CODES[result.outcome]
     if result.certificate is None:
         return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
@@ -480,11 +480,11 @@ def _code(result: StageResult, *, last: bool) -> ExitCode:
 
 
 def _verdict(result: StageResult) -> str:
-    if result.outcome is not Outcome.SOLVED:
+    if result.outcome is not Status.SOLVED:
         return result.remarks or result.outcome.value
     if result.certificate is None:
         return "the run ends with a guess, which is not certified"
-    if result.state is State.SOLVED:
+    if result.status is Status.SOLVED:
         return one_mesh_note(result)
     failed = ", ".join(item.name for item in result.certificate.failed)
     return f"not certified: {failed or 'nothing was measured'}"

@@ -16,7 +16,7 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, I
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity_continuation import wanted_stages
-from airrace.procedure.result import GateSplit, NoteKind, Outcome, SearchReport, StageResult
+from airrace.procedure.result import GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
@@ -292,7 +292,7 @@ class Verification:
         stored, again = self.result.certificate, self.certificate
         return {
             "stage": self.result.stage.value,
-            "state": self.result.state.value,
+            "status": self.result.status.value,
             "verified": not self.objection,
             "objection": self.objection,
             "certificate": None if again is None else certificate_object(again),
@@ -320,7 +320,7 @@ def verify_run(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
     """
     results = run.results
     if all(result.certificate is None for result in results):
-        unsolved = [one for one in results if one.outcome is not Outcome.SOLVED]
+        unsolved = [one for one in results if one.outcome is not Status.SOLVED]
         ended = [f"; {result.stage.value} ended {result.outcome.value}" for result in unsolved]
         raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
     general = list(_of_the_run(run, versions=versions))
@@ -353,7 +353,7 @@ def _unfinished(result: StageResult) -> str:
 
 def _objections(result: StageResult, again: StageResult | None) -> list[str]:
     """Return clauses that say why a stage is not verified; nothing if it is."""
-    if again is None or result.outcome is not Outcome.SOLVED:
+    if again is None or result.outcome is not Status.SOLVED:
         return [f"it ended {result.outcome.value}"]
     return [*_failures(result, again), *discrepancies(result, again), *inconsistencies(result)]
 

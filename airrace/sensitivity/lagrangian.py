@@ -26,7 +26,7 @@ from airrace.parameters import Parameter, ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure.models import iterate_of
 from airrace.procedure.perturbed import PerturbedProblem
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult, Status
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.sensitivity.sensitivity import Activity, Price
@@ -372,7 +372,7 @@ def prices(
 def _uncertified(result: StageResult) -> str:
     if result.certificate is None:
         return f"{result.stage.value} is a guess and no optimum: only a certified or solved stage has sensitivities"
-    ended = "" if result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED) else f", it ended {result.outcome.value}"
+    ended = "" if result.outcome in (Status.SOLVED, Status.NOT_CERTIFIED) else f", it ended {result.outcome.value}"
     return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has sensitivities"
 
 

@@ -5,23 +5,23 @@ from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import Outcome, Stage, StageResult, State
+from airrace.procedure.result import Stage, StageResult, Status
 
 # Seconds between two plain lines about iterations: often enough to show progress, rare enough for a log.
 LINE_INTERVAL = 2.0
 
 _VERDICTS = {
-    State.CERTIFIED: "certified",
-    State.SOLVED: "checked on one mesh",
-    State.GUESS: "a guess",
+    Status.CERTIFIED: "certified",
+    Status.SOLVED: "checked on one mesh",
+    Status.GUESS: "a guess",
 }
 
 
 def outcome_line(result: StageResult) -> str:
     """Return a finished stage in one line."""
     seconds = f"{result.timings.wall:.1f} s"
-    certified = _VERDICTS.get(result.state, "NOT certified")
-    verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
+    certified = _VERDICTS.get(result.status, "NOT certified")
+    verdict = certified if result.outcome is Status.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
     race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
 

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.checkpoint.group_reader import LARGEST
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, GateSplit, Note, NoteKind, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, Stage, StageResult, Status, Timings
 from airrace.procedure.stage import STAGES
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
@@ -40,7 +40,7 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
     )
     return StageResult(
         stage=stage,
-        outcome=Outcome.SOLVED,
+        outcome=Status.SOLVED,
         message="solved",
         trajectory=trajectory,
         constraint_multipliers=np.linspace(-1.0, 1.0, 9),
@@ -169,7 +169,7 @@ def _any_results(stage: Stage) -> st.SearchStrategy[StageResult]:
     return st.builds(
         StageResult,
         stage=st.just(stage),
-        outcome=st.sampled_from(Outcome),
+        outcome=st.sampled_from(OUTCOMES),
         message=texts,
         trajectory=trajectories(),
         constraint_multipliers=arrays(3),

@@ -32,7 +32,7 @@ from airrace.checkpoint.run_layout import encode
 from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Item
-from airrace.procedure.result import NOT_SEARCHED, Outcome, Route, SearchReport, StageResult, SuggestedChange
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
@@ -201,7 +201,7 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
     suggested_change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
     failed = replace(
         example_result(),
-        outcome=Outcome.INFEASIBLE,
+        outcome=Status.INFEASIBLE,
         suggested_changes=(suggested_change, replace(suggested_change, conflict=2)),
     )
     for result in (failed, example_result()):

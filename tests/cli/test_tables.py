@@ -21,7 +21,7 @@ from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.parameters import ParameterGroup
-from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
+from airrace.procedure.result import MeshRecord, RefinementReason, Stage, StageProvenance, Status
 from airrace.procedure.stage import STAGES
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.sensitivity.sensitivity import Activity, Price
@@ -49,7 +49,7 @@ def test_the_tables_of_a_stage_fit_eighty_columns(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_stage_without_a_flight_shows_no_splits() -> None:
-    for outcome in (Outcome.INFEASIBLE, Outcome.NOT_CONVERGED, Outcome.TIMEOUT):
+    for outcome in (Status.INFEASIBLE, Status.NOT_CONVERGED, Status.TIMEOUT):
         shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
         assert "1:g1" not in shown
 
@@ -89,7 +89,7 @@ def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> 
     eighty(monkeypatch)
     flown = replace(stage_result(Stage.POINT_MASS), provenance=StageProvenance(0.012, "point-mass", "", 123.45))
     ladder = [replace(flown, stage=stage) for stage in STAGES]
-    failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), provenance=flown.provenance)
+    failed = replace(stage_result(Stage.SIX_DOF, Status.NOT_CONVERGED), provenance=flown.provenance)
     solved = [*map(solve_single_mesh, ladder[:-1]), ladder[-1]]
     for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)

@@ -230,7 +230,7 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
             "failed": 1,
             "loops": [LOOP],
         }
-        assert stage["alternatives"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
+        assert stage["alternatives"] == [{"race_time_s": 10.0, "status": "certified", "certified": True}] * 2
 
 
 def test_stage_that_has_not_explored_tells_no_ways() -> None:

@@ -12,7 +12,7 @@ from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Outcome, Stage
+from airrace.procedure.result import Stage, Status
 from airrace.runs.run import run_of_checkpoint
 
 TRACKS = Path(__file__).parents[2] / "tracks"
@@ -142,7 +142,7 @@ def test_damaged_file_is_no_start(run_file: Path, content: bytes) -> None:
 
 def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
     run = read_checkpoint(run_file)
-    failed = fake_optimizer.stage_result(Stage.POINT_MASS, Outcome.NOT_CERTIFIED)
+    failed = fake_optimizer.stage_result(Stage.POINT_MASS, Status.NOT_CERTIFIED)
     write_checkpoint(run_file, run.with_stage(failed))
     ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5")
     assert ran.code == 2

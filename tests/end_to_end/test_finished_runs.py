@@ -14,7 +14,7 @@ from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, a
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.checkpoint.store import seal, unseal
-from airrace.procedure.result import Outcome
+from airrace.procedure.result import Status
 
 CERTIFICATE = {
     "solver",
@@ -364,7 +364,7 @@ def test_json_and_csv_at_once_are_wrong_usage(point_mass_file: Path, tmp_path: P
 
 def test_an_uncertified_stage_has_no_prices(point_mass_file: Path, tmp_path: Path) -> None:
     checkpoint = read_checkpoint(point_mass_file)
-    result = dataclasses.replace(checkpoint.stages[-1].result, outcome=Outcome.NOT_CERTIFIED)
+    result = dataclasses.replace(checkpoint.stages[-1].result, outcome=Status.NOT_CERTIFIED)
     write_checkpoint(tmp_path / "run.h5", checkpoint.with_stage(result))
     ran = inside("sensitivity", "run.h5", "--json", cwd=tmp_path)
     assert ran.code == 5

@@ -25,7 +25,7 @@ from airrace.export.flight_table import (
 from airrace.export.netcdf import flight_dataset
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import GateSplit, Stage, StageResult, Status, Timings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 from airrace.views.stage_tables import splits_table
@@ -68,7 +68,7 @@ def flight() -> Trajectory:
 def result(trajectory: Trajectory | None = None) -> StageResult:
     return StageResult(
         stage=Stage.POINT_MASS,
-        outcome=Outcome.SOLVED,
+        outcome=Status.SOLVED,
         message="solved",
         trajectory=trajectory or flight(),
         constraint_multipliers=np.zeros(0),
@@ -239,8 +239,8 @@ def test_comments_say_whose_flight_it_is_one_line_each() -> None:
     ]
 
 
-@pytest.mark.parametrize("outcome", [Outcome.INFEASIBLE, Outcome.NOT_CONVERGED, Outcome.TIMEOUT])
-def test_comments_claim_no_race_time_where_no_flight_was_found(outcome: Outcome) -> None:
+@pytest.mark.parametrize("outcome", [Status.INFEASIBLE, Status.NOT_CONVERGED, Status.TIMEOUT])
+def test_comments_claim_no_race_time_where_no_flight_was_found(outcome: Status) -> None:
     stream = io.StringIO()
     export_csv(replace(result(), outcome=outcome), stream, provenance=PROVENANCE)
     comments = [line for line in stream.getvalue().splitlines() if line.startswith("#")]
@@ -250,7 +250,7 @@ def test_comments_claim_no_race_time_where_no_flight_was_found(outcome: Outcome)
 
 def test_without_comments_the_header_is_the_first_line() -> None:
     stream = io.StringIO(newline="")
-    export_csv(replace(result(), outcome=Outcome.NOT_CERTIFIED), stream, provenance=PROVENANCE, comments=False)
+    export_csv(replace(result(), outcome=Status.NOT_CERTIFIED), stream, provenance=PROVENANCE, comments=False)
     assert stream.getvalue().startswith("time_s,x_m,")
 
 

@@ -12,7 +12,7 @@ from airrace.dynamics.limits import LEAST_ROOM
 from airrace.environment.air import Air
 from airrace.planning.plan import ONE_PLACE
 from airrace.planning.race import Race
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.results_api import sampler
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
@@ -60,7 +60,7 @@ every_race_and_guess = pytest.mark.parametrize(
 
 
 def assert_certified(result: StageResult) -> None:
-    assert result.outcome is Outcome.SOLVED, result.remarks
+    assert result.outcome is Status.SOLVED, result.remarks
     assert result.certificate is not None
     assert result.certified, [dataclasses.astuple(item) for item in result.certificate.failed]
 

@@ -10,7 +10,7 @@ from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.quantities import Interval
@@ -35,7 +35,7 @@ CEILING = limited(RACES["half_cuban_eight"], height=Interval(10.0, 100.0))
 @every_guess
 def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_limit(guess_kind: GuessKind) -> None:
     result = optimum(CEILING, settings(guess_kind))
-    assert result.outcome is Outcome.INFEASIBLE
+    assert result.outcome is Status.INFEASIBLE
     assert not result.certified
     assert result.certificate is None
     assert any(phase in result.message for phase in result.trajectory.phases)
@@ -73,7 +73,7 @@ def hurried(**changes: float) -> Settings:
 
 def test_too_few_iterations_are_not_converged() -> None:
     result = optimum(SMALL, hurried(iterations_max=4))
-    assert result.outcome is Outcome.NOT_CONVERGED
+    assert result.outcome is Status.NOT_CONVERGED
     assert result.certificate is None
     joint = [one for one in result.attempts if one.purpose.startswith("all")]
     assert [one.solver for one in joint] == ["fatrop", "fatrop", "ipopt", "ipopt"]
@@ -82,7 +82,7 @@ def test_too_few_iterations_are_not_converged() -> None:
 
 def test_solver_that_never_comes_back_is_a_timeout() -> None:
     result = optimum(SMALL, hurried(stall_seconds=0.02))
-    assert result.outcome is Outcome.TIMEOUT
+    assert result.outcome is Status.TIMEOUT
     assert "too long" in result.message
     assert [one.status for one in result.attempts] == ["no iteration finished within 0.02 s"] * 2
 

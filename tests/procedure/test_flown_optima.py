@@ -16,7 +16,7 @@ from airrace.errors import CheckpointError
 from airrace.optimal_control.replay import interval_durations, replay
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.models import iterate_of
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.stage_problem import gate_splits, mesh_of
@@ -225,7 +225,7 @@ def test_refined_optimum_is_that_of_the_usual_mesh() -> None:
 
 def test_mesh_that_may_not_be_refined_is_not_certified_and_says_why() -> None:
     result = optimum(SMALL, coarse(0))
-    assert result.outcome is Outcome.NOT_CERTIFIED
+    assert result.outcome is Status.NOT_CERTIFIED
     assert not result.certified
     assert result.certificate is not None
     failed = {item.name for item in result.certificate.failed}

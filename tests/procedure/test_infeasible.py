@@ -38,7 +38,7 @@ from airrace.procedure.infeasibility.diagnose import WORK_MAX, TrialFlight, Vali
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult, SuggestedChange
+from airrace.procedure.result import Stage, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval
@@ -80,7 +80,7 @@ def result_of(race: Race) -> StageResult:
 def suggested_changes(race: Race) -> dict[str, SuggestedChange]:
     """What is suggested for a race without a flight, by key."""
     result = result_of(race)
-    assert result.outcome is Outcome.INFEASIBLE
+    assert result.outcome is Status.INFEASIBLE
     return {one.key: one for one in result.suggested_changes}
 
 
@@ -263,7 +263,7 @@ def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_h
 
     result = fly_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
     assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
-    assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
+    assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert result.remarks == f"left as planned: {', '.join(result.trajectory.phases)}"
     assert (len(asked(used)) == 1) is answer
 
@@ -286,10 +286,10 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
     ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
-        assert ladder.climb(Stage.HOMOTOPY, used).outcome is Outcome.SOLVED
+        assert ladder.climb(Stage.HOMOTOPY, used).outcome is Status.SOLVED
         used.begin()
     result = ladder.climb(Stage.POINT_MASS, used)
-    assert result.outcome is Outcome.INFEASIBLE
+    assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]
     assert result.remarks.startswith(f"the limits contradict each other at {first}; without the limit of ")

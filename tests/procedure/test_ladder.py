@@ -34,7 +34,7 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelities import fidelity_of, register
 from airrace.procedure.fidelity import Fidelity
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
@@ -244,7 +244,7 @@ def test_run_ends_with_the_stage_that_fails() -> None:
     rest = list(
         optimize(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=solve_stages(SMALL)[:1], progress=Silent())
     )
-    assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Outcome.NOT_CONVERGED)]
+    assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Status.NOT_CONVERGED)]
 
 
 # derived quantities

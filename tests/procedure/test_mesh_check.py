@@ -9,7 +9,7 @@ from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NoteKind, Stage, StageResult, State
+from airrace.procedure.result import NoteKind, Stage, StageResult, Status
 from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.runs.verification import discrepancies
@@ -55,14 +55,14 @@ def items_of(result: StageResult) -> list[str]:
 
 def test_stages_below_the_last_are_solved_and_the_last_is_certified() -> None:
     below, last = solve(LAST)
-    assert (below.state, last.state) == (State.SOLVED, State.CERTIFIED)
+    assert (below.status, last.status) == (Status.SOLVED, Status.CERTIFIED)
     assert below.holds
     assert not below.certified
 
 
 def test_all_that_a_certificate_measures_is_measured_but_the_second_mesh() -> None:
     (solved, last), (proved, _) = solve(LAST), solve(ALL)
-    assert proved.state is State.CERTIFIED
+    assert proved.status is Status.CERTIFIED
     assert items_of(solved) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
     assert RACE_TIME_CHANGE in items_of(last)
 
@@ -121,7 +121,7 @@ def test_another_run_is_started_from_a_solved_stage() -> None:
 def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
     (left,) = solve(UNREACHABLE, finished=1, until=Stage.POINT_MASS)
     solved = solve(LAST)[0]
-    assert left.state is State.SOLVED
+    assert left.status is Status.SOLVED
     np.testing.assert_array_equal(left.trajectory.state, solved.trajectory.state)
     assert left.certificate == solved.certificate
     (note,) = left.notes

@@ -39,7 +39,7 @@ from airrace.planning.race import Race
 from airrace.planning.route_decisions import ANY, TWIN
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome
+from airrace.procedure.result import Status
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.split_comparison import compared, last_common
@@ -375,7 +375,7 @@ def test_flights_of_other_passings_are_not_compared() -> None:
 def test_only_stages_certified_in_both_runs_are_compared() -> None:
     flown = optimum(SMALL, PLAN)
     higher = dataclasses.replace(flown, stage=Stage.TRANSFER_FUNCTION)
-    failed = dataclasses.replace(higher, outcome=Outcome.NOT_CERTIFIED)
+    failed = dataclasses.replace(higher, outcome=Status.NOT_CERTIFIED)
     assert last_common([flown, higher], [flown]) == (flown, flown)
     assert last_common([flown, failed], [flown, higher]) == (flown, flown)
     assert last_common([failed], [higher]) is None

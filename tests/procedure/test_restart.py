@@ -12,7 +12,7 @@ from airrace.planning.race import Race
 from airrace.procedure import restart, solver_session
 from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.quantities import Interval
 from airrace.track.course import Direction
@@ -120,7 +120,7 @@ def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
 
 
 def test_run_without_a_stage_that_holds_is_refused() -> None:
-    failed = dataclasses.replace(stored(), outcome=Outcome.NOT_CERTIFIED)
+    failed = dataclasses.replace(stored(), outcome=Status.NOT_CERTIFIED)
     with pytest.raises(UsageError, match=r"calm\.h5 has no certified or solved stage up to point-mass"):
         started(SMALL, failed)
 

@@ -22,7 +22,7 @@ from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.phase_segments import phase_piece
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
@@ -221,7 +221,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
     flight, used = prepared(RACES[name]), session("stuck")
     result = fly_homotopy(flight, used)
     made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
-    assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
+    assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
     phases = result.trajectory.phases
     assert result.remarks == f"left as planned: {', '.join(phases)}"
@@ -318,7 +318,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     starts = [lambda: Start(prepared(SMALL), problem, made, InitialBarrier.COLD)] * 2
     used = limited(2.0 * problem.intervals, "stuck")
     result = solve_with_refinement(used, starts)
-    assert result.outcome is Outcome.NOT_CONVERGED
+    assert result.outcome is Status.NOT_CONVERGED
     assert result.message.startswith("not converged: fatrop gave up (stuck), most violated: nothing; ")
     assert Ending.BUDGET_EXHAUSTED.value in result.message
     assert len(result.attempts) == 1
@@ -333,7 +333,7 @@ def flown(threads: int) -> StageResult:
 def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budget, "PER_INTERVAL", 5)
     one, two = flown(1), flown(2)
-    assert one.outcome is Outcome.NOT_CONVERGED
+    assert one.outcome is Status.NOT_CONVERGED
     assert Ending.BUDGET_EXHAUSTED.value in one.message
     assert [(a.purpose, a.solver, a.status, a.iterations) for a in one.attempts] == [
         (a.purpose, a.solver, a.status, a.iterations) for a in two.attempts

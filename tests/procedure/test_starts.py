@@ -14,7 +14,7 @@ from airrace.procedure.certification import Evidence
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
@@ -43,7 +43,7 @@ def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
     finished, used = solve_stages(SMALL)[:kept], canned("stuck")
     ladder = FidelityContinuation(SMALL, PLAN, finished)
     result = ladder.climb(OPTIMA[kept], used)
-    assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
+    assert (result.stage, result.outcome) == (OPTIMA[kept], Status.NOT_CONVERGED)
     assert not result.certified
     assert "gave up (stuck)" in result.message
     assert [ladder.done[stage] for stage in OPTIMA[:kept]] == list(finished)
@@ -100,12 +100,12 @@ def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_tor
 def test_first_optimum_counts_where_none_is_certified() -> None:
     starts = solved_start(torn=10.0), solved_start(torn=20.0)
     result, _, solvers = tried(canned("solved"), *starts)
-    assert result.outcome is Outcome.NOT_CERTIFIED
+    assert result.outcome is Status.NOT_CERTIFIED
     assert (result.trajectory.state == starts[0].guess.state).all()
     assert solvers == ["fatrop", "fatrop"]
 
 
 def test_no_further_start_is_made_once_a_solver_hangs() -> None:
     result, made, solvers = tried(canned(STALLED), solved_start(), solved_start())
-    assert result.outcome is Outcome.TIMEOUT
+    assert result.outcome is Status.TIMEOUT
     assert (made, solvers) == ([0], ["fatrop", "ipopt"])

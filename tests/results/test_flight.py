@@ -22,7 +22,7 @@ from airrace.environment.atmosphere import g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.procedure import results_api
-from airrace.procedure.result import Outcome, State
+from airrace.procedure.result import Status
 from airrace.report.flight_page import flight_page, legs_section
 from airrace.results import Basis, Flight, laps_of, legs_of
 from airrace.results.clearances import PYLON_HEIGHT, Clearance, distances, least, near_misses
@@ -178,7 +178,7 @@ def test_positions_on_the_globe_are_there_where_the_course_has_an_origin() -> No
 
 def test_a_stage_without_a_flight_is_refused() -> None:
     stage = half_cuban()["point-mass"]
-    lost = replace(stage, result=replace(stage.result, outcome=Outcome.INFEASIBLE))
+    lost = replace(stage, result=replace(stage.result, outcome=Status.INFEASIBLE))
     with pytest.raises(UsageError, match="found no flight: it ended infeasible"):
         lost.flight()
 
@@ -466,22 +466,22 @@ def test_conditions_that_differ_are_told() -> None:
     ("state", "words"),
     [
         (None, ""),
-        (State.CERTIFIED, ""),
-        (State.SOLVED, "x is solved on one mesh"),
-        (State.GUESS, "x is a guess"),
-        (State.NOT_CERTIFIED, "x is not certified"),
+        (Status.CERTIFIED, ""),
+        (Status.SOLVED, "x is solved on one mesh"),
+        (Status.GUESS, "x is a guess"),
+        (Status.NOT_CERTIFIED, "x is not certified"),
     ],
 )
-def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: State | None, words: str) -> None:
+def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: Status | None, words: str) -> None:
     reference = circling(rovinj())
-    other = replace(reference, source=Source("x", state=state))
+    other = replace(reference, source=Source("x", status=state))
     verdict, *_ = comparison_texts(compare_flights(reference, other), every=False)
     assert [line.strip() for line in verdict.splitlines()[1:]] == ([words] if words else [])
-    good = state not in (State.GUESS, State.NOT_CERTIFIED)
+    good = state not in (Status.GUESS, Status.NOT_CERTIFIED)
     assert flight_page([other]).good == good
     told = comparison_object(other, [])["reference"]
     assert isinstance(told, dict)
-    assert told["state"] == (None if state is None else state.value)
+    assert told["status"] == (None if state is None else state.value)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import MeshRecord, Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.result import MeshRecord, Note, NoteKind, Stage, StageProvenance, StageResult, Status
 from airrace.runs.run import run_of_checkpoint
 from airrace.trajectory import Trajectory
 
@@ -270,7 +270,7 @@ FOUND: dict[str, Tampering] = {
         HOMOTOPY,
         lambda result: replace(result, certificate=Certificate("fatrop: 0", (Item("race_time_change", 0, 1),))),
     ),
-    "a failure below": at(POINT_MASS, lambda result: replace(result, outcome=Outcome.NOT_CERTIFIED)),
+    "a failure below": at(POINT_MASS, lambda result: replace(result, outcome=Status.NOT_CERTIFIED)),
     "a message": last(lambda result: replace(result, message="the fastest flight that anyone can fly")),
     "a message of a guess": at(HOMOTOPY, lambda result: replace(result, message="certified by the race director")),
     "a note of a guess": last(

@@ -12,7 +12,7 @@ import pytest
 import airrace
 from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import OUTCOMES, Stage, StageResult, Status
 from airrace.runs.run import Run
 
 ROOT = Path(__file__).parents[2]
@@ -85,16 +85,16 @@ def test_a_stage_that_is_not_there_is_named_with_those_that_are(run: Run) -> Non
         run["six-dof"]
 
 
-@pytest.mark.parametrize("outcome", [one for one in Outcome if one is not Outcome.SOLVED])
-def test_a_run_that_fails_is_a_run_that_says_why(outcome: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("outcome", [one for one in OUTCOMES if one is not Status.SOLVED])
+def test_a_run_that_fails_is_a_run_that_says_why(outcome: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FAKE_SCENARIO", outcome.value)
     run = airrace.optimize("rovinj_2014")
     assert not run.certified
     assert run.message == "point-mass: gate g1 cannot be reached"
-    assert math.isnan(run.race_time) == (outcome is not Outcome.NOT_CERTIFIED)
+    assert math.isnan(run.race_time) == (outcome is not Status.NOT_CERTIFIED)
     assert (len(run.splits) == 0) == math.isnan(run.race_time)
     assert "not certified" in repr(run)
-    if outcome is not Outcome.NOT_CERTIFIED:  # its canned flight has too few histories to be drawn
+    if outcome is not Status.NOT_CERTIFIED:  # its canned flight has too few histories to be drawn
         assert "gate g1 cannot be reached" in run._repr_html_()
 
 

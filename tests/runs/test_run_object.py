@@ -17,7 +17,7 @@ from airrace.procedure import results_api
 from airrace.procedure import run as procedure
 from airrace.procedure.infeasibility.diagnose import describe_conflicts
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Stage, StageResult, State, SuggestedChange
+from airrace.procedure.result import OUTCOMES, Stage, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import MeshCheck
 from airrace.runs.command_result import CommandResult
 from airrace.runs.execute import execute_for_command, summarise
@@ -39,7 +39,6 @@ def test_the_object_has_the_documented_keys() -> None:
         assert list(stage) == [
             "stage",
             "status",
-            "state",
             "message",
             "race_time_s",
             "lap_times_s",
@@ -76,7 +75,7 @@ def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
         SuggestedChange(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
         SuggestedChange(2, "c", "", "", "", 0.0, 0.0, 0.0),
     )
-    failed = replace(stage_result(Stage.POINT_MASS), outcome=Outcome.INFEASIBLE, suggested_changes=suggested_changes)
+    failed = replace(stage_result(Stage.POINT_MASS), outcome=Status.INFEASIBLE, suggested_changes=suggested_changes)
     (stage,) = json.loads(json.dumps(run_object("t", [failed], 1.0, certified=False), allow_nan=False))["stages"]
     first, second = stage["conflicts"]
     assert (first["where"], second) == ("a -> b", {"where": "c", "suggested_changes": []})
@@ -123,35 +122,35 @@ def test_a_stage_solved_on_one_mesh_is_no_failure_but_never_a_certified_end() ->
 
 def test_the_object_tells_what_was_proved_of_a_stage() -> None:
     solved = stage_object(solve_single_mesh(stage_result(Stage.POINT_MASS)))
-    assert (solved["status"], solved["state"], solved["certified"]) == ("solved", "solved", False)
+    assert (solved["status"], solved["certified"]) == ("solved", False)
     certified = stage_object(stage_result(Stage.POINT_MASS))
-    assert (certified["status"], certified["state"], certified["certified"]) == ("solved", "certified", True)
+    assert (certified["status"], certified["certified"]) == ("certified", True)
 
 
 def test_nothing_but_all_items_makes_a_stage_certified() -> None:
     """Whatever else is left out or does not hold, the state never claims more."""
     result = stage_result(Stage.POINT_MASS)
-    assert result.state is State.CERTIFIED
-    assert solve_single_mesh(result).state is State.SOLVED
-    assert stage_result(Stage.POINT_MASS, kkt_error=1.0).state is State.NOT_CERTIFIED
-    assert solve_single_mesh(stage_result(Stage.POINT_MASS, kkt_error=1.0)).state is State.NOT_CERTIFIED
-    assert stage_result(Stage.HOMOTOPY).state is State.GUESS
-    for outcome in set(Outcome) - {Outcome.SOLVED}:
-        assert stage_result(Stage.POINT_MASS, outcome).state.value == outcome.value
+    assert result.status is Status.CERTIFIED
+    assert solve_single_mesh(result).status is Status.SOLVED
+    assert stage_result(Stage.POINT_MASS, kkt_error=1.0).status is Status.NOT_CERTIFIED
+    assert solve_single_mesh(stage_result(Stage.POINT_MASS, kkt_error=1.0)).status is Status.NOT_CERTIFIED
+    assert stage_result(Stage.HOMOTOPY).status is Status.GUESS
+    for outcome in set(OUTCOMES) - {Status.SOLVED}:
+        assert stage_result(Stage.POINT_MASS, outcome).status.value == outcome.value
         assert not stage_result(Stage.POINT_MASS, outcome).holds
 
 
 @pytest.mark.parametrize(
     ("outcome", "code"),
     [
-        (Outcome.SOLVED, 0),
-        (Outcome.NOT_CERTIFIED, 5),
-        (Outcome.NOT_CONVERGED, 5),
-        (Outcome.INFEASIBLE, 4),
-        (Outcome.TIMEOUT, 6),
+        (Status.SOLVED, 0),
+        (Status.NOT_CERTIFIED, 5),
+        (Status.NOT_CONVERGED, 5),
+        (Status.INFEASIBLE, 4),
+        (Status.TIMEOUT, 6),
     ],
 )
-def test_each_outcome_has_its_code(outcome: Outcome, code: int) -> None:
+def test_each_outcome_has_its_code(outcome: Status, code: int) -> None:
     answer = CommandResult()
     summarise(answer, "t", [stage_result(Stage.HOMOTOPY), stage_result(Stage.POINT_MASS, outcome)], 1.0)
     assert answer.code == code
@@ -305,7 +304,7 @@ def test_completed_proof_is_told_in_the_place_of_its_stage(run: Run, monkeypatch
 
 def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     answer, results = flown_by(monkeypatch, run, replace(SOLVED, message="its race time could not be confirmed"))
-    assert [result.state for result in results] == [State.SOLVED, State.CERTIFIED]
+    assert [result.status for result in results] == [Status.SOLVED, Status.CERTIFIED]
     assert answer.code == 5
     assert answer.error == "point-mass: its race time could not be confirmed"
     assert answer.fields["certified"] is True  # the last stage is

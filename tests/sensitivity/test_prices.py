@@ -13,7 +13,7 @@ from airrace.parameters import ParameterGroup
 from airrace.procedure.models import iterate_of
 from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome
+from airrace.procedure.result import Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.sensitivity.lagrangian import prices
 from airrace.sensitivity.sensitivity import Activity
@@ -156,7 +156,7 @@ def test_solving_again_finds_the_price(key: str) -> None:
 
 def test_only_a_certified_stage_has_prices() -> None:
     with pytest.raises(NotCertified, match="not certified"):
-        prices(inputs(), dataclasses.replace(optimum(), outcome=Outcome.NOT_CERTIFIED))
+        prices(inputs(), dataclasses.replace(optimum(), outcome=Status.NOT_CERTIFIED))
     with pytest.raises(NotCertified, match="guess"):
         prices(inputs(), dataclasses.replace(optimum(), certificate=None))
 

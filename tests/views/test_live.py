@@ -8,7 +8,7 @@ from fake_optimizer import stage_result
 from rich.console import Console
 
 from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import Outcome, Stage
+from airrace.procedure.result import OUTCOMES, Stage, Status
 from airrace.views.lines import LINE_INTERVAL, PlainLines, outcome_line
 from airrace.views.live import LiveView
 from airrace.views.progress_view import watching
@@ -135,8 +135,8 @@ def test_without_a_terminal_progress_is_plain_whatever_the_environment_forces(
     assert "\x1b" not in printed.err
 
 
-@pytest.mark.parametrize("outcome", Outcome)
-def test_the_line_of_a_stage_says_whether_it_is_certified(outcome: Outcome) -> None:
+@pytest.mark.parametrize("outcome", OUTCOMES)
+def test_the_line_of_a_stage_says_whether_it_is_certified(outcome: Status) -> None:
     line = outcome_line(stage_result(Stage.POINT_MASS, outcome))
-    assert ("NOT certified" in line) == (outcome is not Outcome.SOLVED)
+    assert ("NOT certified" in line) == (outcome is not Status.SOLVED)
     assert outcome.value.lower() in line.lower()

@@ -16,7 +16,7 @@ from airrace.procedure.infeasibility.conflicts import KINDS, MARGINS, ConflictSe
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.models import iterate_of
-from airrace.procedure.result import Outcome, StageResult, SuggestedChange
+from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
@@ -53,7 +53,7 @@ def diagnose_infeasibility(
         session: solves.
         routes: the race with all limits relaxed, where that was asked for before.
     """
-    if result.is_flight or result.outcome is Outcome.TIMEOUT:
+    if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
     session = dataclasses.replace(session, budget=session.budget.for_an_explanation())
     trials = _Trials(session, race, flight.stage)
@@ -77,7 +77,7 @@ def diagnose_infeasibility(
     elif session.settings.search is SearchEffort.OFF:
         message = f"{message}; {ROUTES_HINT}"
     diagnosed = dataclasses.replace(
-        result, outcome=Outcome.INFEASIBLE, message=NO_FLIGHT + message, suggested_changes=tuple(changes)
+        result, outcome=Status.INFEASIBLE, message=NO_FLIGHT + message, suggested_changes=tuple(changes)
     )
     return _with_record(diagnosed, session)
 

@@ -18,7 +18,7 @@ from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import Exploration
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_SEARCHED, Outcome, Route, SearchReport, Stage, StageResult, State
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
@@ -113,7 +113,7 @@ def taking(seconds: float, *, certified: bool = True) -> StageResult:
     """A result of a race time."""
     own = search_optimum(SMALL, OFF)
     flown = dataclasses.replace(own.trajectory, durations=own.trajectory.durations * seconds / own.trajectory.race_time)
-    outcome = Outcome.SOLVED if certified else Outcome.NOT_CERTIFIED
+    outcome = Status.SOLVED if certified else Status.NOT_CERTIFIED
     return dataclasses.replace(own, trajectory=flown, outcome=outcome)
 
 
@@ -220,7 +220,7 @@ def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch
     proofs: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
     result, asked = close_together(monkeypatch, first, second, proofs=proofs)
     assert asked == [9.000, 9.008]
-    assert (seconds(result), result.state) == (pytest.approx(8.998), State.CERTIFIED)
+    assert (seconds(result), result.status) == (pytest.approx(8.998), Status.CERTIFIED)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(8.999)]
 
 
@@ -228,17 +228,17 @@ def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) 
     first, second = solve_single_mesh(taking(9.05)), solve_single_mesh(taking(9.0))
     result, asked = close_together(monkeypatch, first, second, proofs={})
     assert asked == []
-    assert (seconds(result), result.state) == (pytest.approx(9.0), State.SOLVED)
-    assert [alternative.state for alternative in result.alternatives] == [State.SOLVED]
+    assert (seconds(result), result.status) == (pytest.approx(9.0), Status.SOLVED)
+    assert [alternative.status for alternative in result.alternatives] == [Status.SOLVED]
 
 
 def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
     result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
-    assert (seconds(result), result.state) == (pytest.approx(9.008), State.CERTIFIED)
+    assert (seconds(result), result.status) == (pytest.approx(9.008), Status.CERTIFIED)
     assert result.alternatives == ()
     neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
-    assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
+    assert (seconds(neither), neither.status) == (pytest.approx(9.0), Status.SOLVED)
     assert neither.remarks == "its race time could not be confirmed on a second mesh: it failed"
 
 

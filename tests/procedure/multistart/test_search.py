@@ -38,7 +38,7 @@ from airrace.procedure.multistart.multistart import Exploration, explore
 from airrace.procedure.multistart.search import WORTH
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Outcome, Route, Stage, StageResult
+from airrace.procedure.result import Route, Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort, Settings
 from airrace.procedure.stage_problem import stage_flight
@@ -311,7 +311,7 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
     good = started(optimum(SLALOM), QUICK)
     promise = "left -> right, flat, saves about 0.03 s"
     monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
-    for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
+    for scratch in (slower(good), dataclasses.replace(good, outcome=Status.NOT_CERTIFIED)):
         monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
         result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
@@ -327,7 +327,7 @@ def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest
     scratch = {
         Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
         Stage.TRANSFER_FUNCTION: dataclasses.replace(
-            good, stage=Stage.TRANSFER_FUNCTION, outcome=Outcome.NOT_CERTIFIED, message="no"
+            good, stage=Stage.TRANSFER_FUNCTION, outcome=Status.NOT_CERTIFIED, message="no"
         ),
     }
     monkeypatch.setattr(FidelityContinuation, "climb", lambda _, stage, session: scratch[stage])
