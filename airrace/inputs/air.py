@@ -10,7 +10,7 @@ from pydantic import Field
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
 
 WIND: KeyPath = ("environment", "wind")
@@ -23,22 +23,18 @@ class WindEntry(Schema):
 
     what: ClassVar[str] = "a wind"
     from_deg: Azimuth = Field(description="the direction it blows from")
-    speed_kt: Annotated[float, Ge(0), Le(100)] | None = Field(
-        default=None, description="its speed at the reference height; or give `speed_m_s`"
+    speed_kt: Annotated[float, Ge(0), Le(100)] | None = optional(
+        "its speed at the reference height; or give `speed_m_s`"
     )
-    speed_m_s: Annotated[float, Ge(0), Le(51)] | None = Field(
-        default=None, description="its speed at the reference height; or give `speed_kt`"
+    speed_m_s: Annotated[float, Ge(0), Le(51)] | None = optional(
+        "its speed at the reference height; or give `speed_kt`"
     )
     profile: Literal["constant", "power", "log"] = Field(default="constant", description="how it changes with height")
-    reference_height_m: Annotated[float, Gt(0), Le(1000)] | None = Field(
-        default=None, description="the height above the ground at which it was measured"
+    reference_height_m: Annotated[float, Gt(0), Le(1000)] | None = optional(
+        "the height above the ground at which it was measured"
     )
-    exponent: Annotated[float, Ge(0), Le(1)] | None = Field(
-        default=None, description="of the power law, with `profile: power`"
-    )
-    roughness_m: Annotated[float, Gt(0), Le(5)] | None = Field(
-        default=None, description="roughness length of the ground, with `profile: log`"
-    )
+    exponent: Annotated[float, Ge(0), Le(1)] | None = optional("of the power law, with `profile: power`")
+    roughness_m: Annotated[float, Gt(0), Le(5)] | None = optional("roughness length of the ground, with `profile: log`")
 
     def numbers(self) -> Mapping[str, float]:
         """Return the numbers that hold where the file gives none, by their keys."""
@@ -87,7 +83,7 @@ class EnvironmentEntry(Schema):
     pressure_offset_hPa: Annotated[float, Ge(-100), Le(100)] = Field(
         default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
     )
-    wind: WindEntry | None = Field(default=None, description="the wind of the day; without it the air is still")
+    wind: WindEntry | None = optional("the wind of the day; without it the air is still")
     thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
         default_factory=list[ThermalEntry], description="columns of rising air"
     )

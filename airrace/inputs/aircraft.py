@@ -29,7 +29,7 @@ from airrace.aircraft.aircraft import (
 )
 from airrace.dynamics.handling import faults
 from airrace.inputs.nodes import Reporter
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.quantities import Interval
 
 AIRCRAFT_SCHEMA = "airrace/aircraft/1"
@@ -154,19 +154,15 @@ class LinearEntry(Schema):
     speed_m_s: Annotated[float, Gt(0), Le(300)] = Field(
         description="where the constants hold, in level flight at sea level; elsewhere they follow the derivatives"
     )
-    omega_z_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
-        default=None, description="natural frequency of the short period, of n_z; with damping_z"
+    omega_z_rad_s: Annotated[float, Gt(0), Le(100)] | None = optional(
+        "natural frequency of the short period, of n_z; with damping_z"
     )
-    damping_z: Annotated[float, Gt(0), Le(10)] | None = Field(
-        default=None, description="damping ratio of the short period"
+    damping_z: Annotated[float, Gt(0), Le(10)] | None = optional("damping ratio of the short period")
+    omega_y_rad_s: Annotated[float, Gt(0), Le(100)] | None = optional(
+        "natural frequency of the Dutch roll, of n_y; with damping_y"
     )
-    omega_y_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
-        default=None, description="natural frequency of the Dutch roll, of n_y; with damping_y"
-    )
-    damping_y: Annotated[float, Gt(0), Le(10)] | None = Field(
-        default=None, description="damping ratio of the Dutch roll"
-    )
-    tau_p_s: Annotated[float, Gt(0), Le(10)] | None = Field(default=None, description="lag of the roll rate")
+    damping_y: Annotated[float, Gt(0), Le(10)] | None = optional("damping ratio of the Dutch roll")
+    tau_p_s: Annotated[float, Gt(0), Le(10)] | None = optional("lag of the roll rate")
 
 
 class SurfacesEntry(Schema):
@@ -219,10 +215,8 @@ class AircraftEntry(Schema):
     surfaces: SurfacesEntry = Field(description="travels of the control surfaces")
     point_mass: PointMassEntry = Field(description="rates that stand in for the rotational dynamics")
     envelope: EnvelopeEntry = Field(description="limits of speed and load factor")
-    propeller: PropellerEntry | None = Field(default=None, description="what the propeller does besides pulling")
-    linear: LinearEntry | None = Field(
-        default=None, description="constants of the linear models that replace those of the derivatives"
-    )
+    propeller: PropellerEntry | None = optional("what the propeller does besides pulling")
+    linear: LinearEntry | None = optional("constants of the linear models that replace those of the derivatives")
 
 
 def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:

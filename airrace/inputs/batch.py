@@ -8,7 +8,7 @@ from pydantic import Field
 
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import Reporter
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.inputs.validation import read_entry
 from airrace.inputs.yaml_reader import plain_scalar
 
@@ -27,16 +27,14 @@ class BatchEntry(Schema):
     schema_: Literal["airrace/batch/1"] = Field(alias="schema", description="the language of this file and its version")
     notes: str = Field(default="", description="whatever a reader should know")
     courses: Files = Field(description="track files, patterns such as `tracks/*.yaml`, or courses that come along")
-    aircraft: Files | None = Field(
-        default=None, description="aircraft files, each of which flies every course; without them the tracks' own"
-    )
-    settings: str | None = Field(default=None, description="a settings file")
+    aircraft: Files | None = optional("aircraft files, each of which flies every course; without them the tracks' own")
+    settings: str | None = optional("a settings file")
     set: dict[str, Value] = Field(default_factory=dict[str, Value], description="single values, as `--set` gives them")
     sweep: dict[str, str | list[Value]] = Field(
         default_factory=dict[str, str | list[Value]],
         description="values that are flown in turn, as `--sweep` gives them: a list, or a range `first:last:step`",
     )
-    until: str | None = Field(default=None, description="the last stage")
+    until: str | None = optional("the last stage")
 
 
 def is_batch(document: Document) -> bool:

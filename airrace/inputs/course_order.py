@@ -11,7 +11,7 @@ from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
-from airrace.inputs.schema import Schema, ShorthandSchema
+from airrace.inputs.schema import Schema, ShorthandSchema, optional
 from airrace.inputs.surroundings import LINES_MAX, room_beside
 from airrace.quantities import Interval
 from airrace.records import record
@@ -30,8 +30,8 @@ class PassingReferenceEntry(ShorthandSchema):
     form: ClassVar[str] = "the name of a gate or {gate: NAME, direction: reverse}"
     shorthand: ClassVar[str | None] = "gate"
     gate: str = Field(description="the name of an element of `gates`")
-    direction: DirectionName | None = Field(
-        default=None, description="which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
+    direction: DirectionName | None = optional(
+        "which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
     )
     safety_lines: Annotated[list[str], Field(max_length=LINES_MAX)] = Field(
         default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
@@ -46,21 +46,19 @@ class CourseEntry(Schema):
 
     what: ClassVar[str] = "a course"
     start: str = Field(description="the element that starts the clock")
-    start_direction: DirectionName | None = Field(default=None, description="which way the start is flown")
+    start_direction: DirectionName | None = optional("which way the start is flown")
     start_state: EndStateName = Field(
         default="settled",
         description="how the aircraft flies when the clock starts: `settled`, as in a steady flight with the load "
         "factor and the roll rate of that instant, or `free`, in any way within the limits",
     )
-    lap: Lap | None = Field(default=None, description="the elements in the order flown")
-    laps: Annotated[int, Ge(1), Le(100)] | None = Field(
-        default=None, description="how often the lap is flown; once by default"
+    lap: Lap | None = optional("the elements in the order flown")
+    laps: Annotated[int, Ge(1), Le(100)] | None = optional("how often the lap is flown; once by default")
+    each_lap: Annotated[list[Lap], Field(min_length=1, max_length=100)] | None = optional(
+        "instead of `lap` and `laps`: an order of its own for every lap"
     )
-    each_lap: Annotated[list[Lap], Field(min_length=1, max_length=100)] | None = Field(
-        default=None, description="instead of `lap` and `laps`: an order of its own for every lap"
-    )
-    finish: PassingReferenceEntry | None = Field(
-        default=None, description="the element that stops the clock, if it is not the last of the last lap"
+    finish: PassingReferenceEntry | None = optional(
+        "the element that stops the clock, if it is not the last of the last lap"
     )
     finish_state: EndStateName = Field(
         default="free", description="how the aircraft flies when the clock stops, likewise"

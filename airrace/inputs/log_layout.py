@@ -12,7 +12,7 @@ from pydantic import Field
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.inputs.validation import read_entry
 from airrace.logs.recording import FIELDS, ColumnLayout, split_unit, unit_named
 
@@ -33,15 +33,13 @@ class LogEntry(Schema):
         default_factory=dict[str, str],
         description="the header of every quantity, with its unit in brackets: `altitude: GPS alt [ft]`",
     )
-    time_zone: str | None = Field(
-        default=None, description="of times that name none: `+02:00` or a name such as `Europe/Zagreb`; else UTC"
-    )
-    delimiter: Literal["comma", "semicolon", "tab", "bar"] | None = Field(
-        default=None, description="what stands between the columns; found out by default"
+    time_zone: str | None = optional("of times that name none: `+02:00` or a name such as `Europe/Zagreb`; else UTC")
+    delimiter: Literal["comma", "semicolon", "tab", "bar"] | None = optional(
+        "what stands between the columns; found out by default"
     )
     decimal: Literal["point", "comma"] = Field(default="point", description="what stands before the decimals")
-    position_noise_m: Annotated[float, Gt(0), Le(100)] | None = Field(
-        default=None, description="standard deviation of the positions; estimated from them by default"
+    position_noise_m: Annotated[float, Gt(0), Le(100)] | None = optional(
+        "standard deviation of the positions; estimated from them by default"
     )
 
 

@@ -1,16 +1,16 @@
 """Courses and aircraft built in Python, as documents: what a run stores of them, and reads back exactly.
 
-The document is JSON. Every object is a mapping from the name of its class to its fields, as they are: SI and radians.
-Only classes that courses, air and aircraft consist of are ever built from such a text.
+The document is JSON as pydantic writes it, in SI and radians; an element stands behind the name of its class, since
+kinds of elements differ in their fields. Only classes that courses, air and aircraft consist of are ever built from
+such a text.
 """
 
-import dataclasses
 import json
-import math
-from enum import Enum
 from functools import cache
-from types import NoneType, UnionType
-from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, cast
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import PydanticSerializationError, to_json
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
@@ -21,9 +21,9 @@ from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 from airrace.records import record
 from airrace.track.course import Course
+from airrace.track.element import Element
 
 OBJECTS_SCHEMA = "airrace/objects/1"
-PATH = "<Python>"
 BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
 """The text with which such a document begins."""
 
@@ -44,8 +44,19 @@ def document_of_objects(objects: CourseAndAir | Aircraft, name: str) -> Document
     Args:
         objects: a course with its air, or an aircraft.
         name: what the document is called; runs are named after that of their course.
+
+    Raises:
+        InputError: they hold something that is no part of a course or an aircraft.
     """
-    return Document(name, json.dumps({"schema": OBJECTS_SCHEMA, "objects": _plain(objects, typed=True)}))
+    try:
+        plain = json.loads(to_json(objects, inf_nan_mode="strings", fallback=float))  # float: numbers of numpy
+    except PydanticSerializationError as error:
+        message = f"a course or an aircraft cannot hold that: {error}"
+        raise InputError([Finding(name, 0, 0, "", message)]) from error
+    if isinstance(objects, CourseAndAir):
+        for passage, written in zip(objects.course.passages, plain["course"]["passages"], strict=True):
+            written["element"] = {type(passage.element).__name__: written["element"]}
+    return Document(name, json.dumps({"schema": OBJECTS_SCHEMA, "objects": plain}))
 
 
 def is_of_objects(document: Document) -> bool:
@@ -85,95 +96,44 @@ def aircraft_of(document: Document) -> Aircraft:
 
 
 def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
-    """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians.
+    """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians; no limit is null.
 
     `settings.mesh_check` is left out: a stage stands whichever stages have a mesh check, and its certificate says what
     was measured of it.
     """
-    plain = {name: _plain(getattr(settings, name), typed=False) for name in field_names(Settings)}
-    del plain["mesh_check"]
-    return {
-        "course": _plain(race.course, typed=False),
-        "aircraft": _plain(race.aircraft, typed=False),
-        "air": _plain(race.air, typed=False),
-        "settings": plain,
-    }
-
-
-def _plain(value: object, *, typed: bool) -> JSON:
-    """Return a value as JSON holds it.
-
-    To be read back (`typed`), objects carry their class and infinities are the texts `inf` and `-inf`; for reading
-    alone they are null, which stands for no limit.
-    """
-    match value:
-        case Enum():
-            return _plain(value.value, typed=typed)
-        case None | bool() | int() | str():
-            return value
-        case float():
-            return value if math.isfinite(value) else str(value) if typed else None
-        case tuple():
-            return [_plain(item, typed=typed) for item in cast(tuple[object, ...], value)]
-        case _ if dataclasses.is_dataclass(type(value)):
-            fields = {name: _plain(getattr(value, name), typed=typed) for name in field_names(type(value))}
-            return {type(value).__name__: fields} if typed else fields
-        case _ if hasattr(value, "__index__"):  # numbers of other libraries, such as numpy's
-            return int(cast(int, value))
-        case _ if hasattr(value, "__float__"):
-            return _plain(float(cast(float, value)), typed=typed)
-        case _:
-            message = f"a course or an aircraft cannot hold a {type(value).__name__}"
-            raise InputError([Finding(PATH, 0, 0, "", message)])
+    objects = {"course": race.course, "aircraft": race.aircraft, "air": race.air, "settings": settings}
+    plain = json.loads(to_json(objects, exclude={"settings": {"mesh_check"}}, inf_nan_mode="null"))
+    return cast(dict[str, JSON], plain)
 
 
 def _read(document: Document, kind: type[T]) -> T:
     try:
-        return cast(T, _build(kind, json.loads(document.text)["objects"]))
+        plain = json.loads(document.text)["objects"]
+        if kind is CourseAndAir:
+            classes = _elements(Element)
+            for passage in plain["course"]["passages"]:
+                ((name, fields),) = passage["element"].items()
+                passage["element"] = _build(classes[name], fields)
+        return _build(kind, plain)
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
-        message = f"does not hold a {kind.__name__} as this version of airrace knows it ({error})"
+        reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else error
+        message = f"does not hold a {kind.__name__} as this version of airrace knows it ({reason})"
         raise InputError([Finding(document.path, 0, 0, "", message)]) from error
 
 
-# Any: a type hint, and JSON that `_plain` wrote; what does not fit raises.
-def _build(hint: Any, plain: Any) -> object:
-    """Return the value of a type hint that a piece of JSON stands for."""
-    if get_origin(hint) in (Union, UnionType):
-        if plain is None:
-            return None
-        others = [one for one in get_args(hint) if one is not NoneType]
-        kinds = (one for one in others if len(others) == 1 or set(plain) <= set(_classes(one)))
-        return _build(next(kinds, NoneType), plain)
-    if get_origin(hint) is tuple:
-        return tuple(_build(get_args(hint)[0], item) for item in plain)
-    if hint is float:
-        return float(plain)
-    if issubclass(hint, Enum):
-        return hint(plain)
-    if hint in (bool, int, str):
-        if type(plain) is not hint:
-            raise TypeError(f"{plain!r} is no {hint.__name__}")
-        return plain
-    (name,) = plain
-    kind = _classes(hint)[name]
-    hints = _hints(kind)
-    return kind(**{field: _build(hints[field], value) for field, value in plain[name].items()})
+def _build(kind: type[T], plain: object) -> T:
+    return _reader(kind).validate_python([plain])[0]
 
 
-def _classes(kind: type) -> dict[str, type]:
-    """Return a class and those that inherit from it, as far as they are dataclasses, by name."""
+@cache
+def _reader(kind: Any) -> TypeAdapter[list[Any]]:  # Any: a class, and its instances
+    """Return the reader of a list of objects: a list, since pydantic configures no dataclass by itself."""
+    return TypeAdapter(list[kind], config=ConfigDict(arbitrary_types_allowed=True, extra="forbid"))
+
+
+def _elements(kind: type[Element]) -> dict[str, type[Element]]:
+    """Return the classes of elements that have fields, by name."""
     classes = {kind.__name__: kind} if hasattr(kind, "__dataclass_fields__") else {}
     for heir in kind.__subclasses__():
-        classes = _classes(heir) | classes
+        classes |= _elements(heir)
     return classes
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
-
-
-@cache
-def field_names(kind: type) -> tuple[str, ...]:
-    """Return the fields of a dataclass; cached, since a long course asks for the same few thousands of times."""
-    return tuple(field.name for field in dataclasses.fields(kind))

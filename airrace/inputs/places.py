@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.nodes import KeyPath, Reporter
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.records import record
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
@@ -39,14 +39,10 @@ Longitude = Annotated[float, Ge(-180), Le(180)]
 class PlacedEntry(Schema):
     """The position of an element: exactly one pair, metres from the origin or WGS 84."""
 
-    north_m: Coordinate | None = Field(default=None, description="its position, north of the origin; with `east_m`")
-    east_m: Coordinate | None = Field(default=None, description="its position, east of the origin; with `north_m`")
-    latitude_deg: Latitude | None = Field(
-        default=None, description="its WGS 84 latitude, with `longitude_deg` instead of north and east"
-    )
-    longitude_deg: Longitude | None = Field(
-        default=None, description="its WGS 84 longitude, with `latitude_deg` instead of north and east"
-    )
+    north_m: Coordinate | None = optional("its position, north of the origin; with `east_m`")
+    east_m: Coordinate | None = optional("its position, east of the origin; with `north_m`")
+    latitude_deg: Latitude | None = optional("its WGS 84 latitude, with `longitude_deg` instead of north and east")
+    longitude_deg: Longitude | None = optional("its WGS 84 longitude, with `latitude_deg` instead of north and east")
 
 
 class PlaceEntry(PlacedEntry):
@@ -56,8 +52,8 @@ class PlaceEntry(PlacedEntry):
 
 class OriginEntry(Schema):
     what: ClassVar[str] = "the origin"
-    latitude_deg: Latitude | None = Field(default=None, description="WGS 84 latitude of north = east = 0")
-    longitude_deg: Longitude | None = Field(default=None, description="WGS 84 longitude of north = east = 0")
+    latitude_deg: Latitude | None = optional("WGS 84 latitude of north = east = 0")
+    longitude_deg: Longitude | None = optional("WGS 84 longitude of north = east = 0")
     elevation_m: Annotated[float, Ge(-450), Le(5000)] = Field(
         default=0.0, description="height of the origin above mean sea level; all other heights are above the origin"
     )

@@ -13,7 +13,7 @@ from airrace.inputs.document import SUFFIX, Document
 from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.places import Height
-from airrace.inputs.schema import Schema, ShorthandSchema
+from airrace.inputs.schema import Schema, ShorthandSchema, optional
 from airrace.inputs.validation import read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import Interval
@@ -29,29 +29,21 @@ class LimitsEntry(Schema):
     """The limits that a flight must keep to from start to finish."""
 
     what: ClassVar[str] = "a rule book"
-    n_z_max: Annotated[float, Gt(1), Le(25)] | None = Field(default=None, description="the largest load factor")
+    n_z_max: Annotated[float, Gt(1), Le(25)] | None = optional("the largest load factor")
     n_z_min: Annotated[float, Ge(-25), Lt(1)] = Field(default=-2.0, description="the least load factor")
-    C_L_max: Annotated[float, Gt(0), Le(5)] | None = Field(
-        default=None, description="largest lift coefficient, besides the aircraft's own"
+    C_L_max: Annotated[float, Gt(0), Le(5)] | None = optional("largest lift coefficient, besides the aircraft's own")
+    alpha_max_deg: Annotated[float, Gt(0), Le(90)] | None = optional("largest angle of attack")
+    alpha_min_deg: Annotated[float, Ge(-90), Lt(90)] | None = optional("least angle of attack")
+    roll_rate_max_deg_s: Annotated[float, Ge(10), Le(1000)] | None = optional(
+        "largest roll rate to either side, besides the aircraft's own"
     )
-    alpha_max_deg: Annotated[float, Gt(0), Le(90)] | None = Field(default=None, description="largest angle of attack")
-    alpha_min_deg: Annotated[float, Ge(-90), Lt(90)] | None = Field(default=None, description="least angle of attack")
-    roll_rate_max_deg_s: Annotated[float, Ge(10), Le(1000)] | None = Field(
-        default=None, description="largest roll rate to either side, besides the aircraft's own"
-    )
-    sideslip_max_deg: Annotated[float, Gt(0), Le(45)] | None = Field(
-        default=None, description="largest sideslip to either side, besides the aircraft's own"
+    sideslip_max_deg: Annotated[float, Gt(0), Le(45)] | None = optional(
+        "largest sideslip to either side, besides the aircraft's own"
     )
     floor_m: Height = Field(default=10.0, description="least height above the origin")
-    ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = Field(
-        default=None, description="largest height above the origin"
-    )
-    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = Field(
-        default=None, description="largest speed over ground at the start"
-    )
-    crowd_distance_m: Distance | None = Field(
-        default=None, description="least distance from every crowd that does not say its own"
-    )
+    ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = optional("largest height above the origin")
+    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = optional("largest speed over ground at the start")
+    crowd_distance_m: Distance | None = optional("least distance from every crowd that does not say its own")
 
 
 class RulesEntry(LimitsEntry, ShorthandSchema):
@@ -59,7 +51,7 @@ class RulesEntry(LimitsEntry, ShorthandSchema):
 
     form: ClassVar[str] = "the name of a preset, or a mapping (`key: value` lines)"
     shorthand: ClassVar[str | None] = "preset"
-    preset: str | None = Field(default=None, description="the season whose rules hold where no key here says otherwise")
+    preset: str | None = optional("the season whose rules hold where no key here says otherwise")
 
 
 Seconds = Annotated[float, Ge(0), Le(100)] | Literal["dnf"] | None
@@ -70,34 +62,26 @@ class PenaltiesEntry(Schema):
     """The penalties for broken rules, by which flown logs are judged; no optimum depends on them."""
 
     what: ClassVar[str] = "penalties"
-    pylon: Seconds = Field(default=None, alias="pylon_s", description="a wing touches a pylon")
-    missed: Seconds = Field(
-        default=None, alias="missed_s", description="a gate is passed outside of its pylons, or not at all"
+    pylon: Seconds = optional("a wing touches a pylon", alias="pylon_s")
+    missed: Seconds = optional("a gate is passed outside of its pylons, or not at all", alias="missed_s")
+    too_high: Seconds = optional("a gate is passed above its legal heights", alias="too_high_s")
+    too_low: Seconds = optional("a gate is passed below its legal heights", alias="too_low_s")
+    bank: Seconds = optional("a gate is passed with another bank than prescribed", alias="bank_s")
+    climb: Seconds = optional("a gate is passed climbing or descending too steeply", alias="climb_s")
+    manoeuvre: Seconds = optional("a height or an attitude is not reached", alias="manoeuvre_s")
+    start_speed: Seconds = optional("the start is passed too fast", alias="start_speed_s")
+    start_speed_end: Annotated[float, Ge(50), Le(500)] | None = optional(
+        "the speed at the start from which on the race is over", alias="start_speed_dnf_kt"
     )
-    too_high: Seconds = Field(default=None, alias="too_high_s", description="a gate is passed above its legal heights")
-    too_low: Seconds = Field(default=None, alias="too_low_s", description="a gate is passed below its legal heights")
-    bank: Seconds = Field(
-        default=None, alias="bank_s", description="a gate is passed with another bank than prescribed"
-    )
-    climb: Seconds = Field(
-        default=None, alias="climb_s", description="a gate is passed climbing or descending too steeply"
-    )
-    manoeuvre: Seconds = Field(default=None, alias="manoeuvre_s", description="a height or an attitude is not reached")
-    start_speed: Seconds = Field(default=None, alias="start_speed_s", description="the start is passed too fast")
-    start_speed_end: Annotated[float, Ge(50), Le(500)] | None = Field(
-        default=None, alias="start_speed_dnf_kt", description="the speed at the start from which on the race is over"
-    )
-    load_factor: Seconds = Field(default=None, alias="load_factor_s", description="the load factor is too large")
-    load_factor_from: Annotated[float, Gt(1), Le(25)] | None = Field(
-        default=None,
-        alias="load_factor_g",
-        description="the load factor from which that counts, if it is not `n_z_max`",
+    load_factor: Seconds = optional("the load factor is too large", alias="load_factor_s")
+    load_factor_from: Annotated[float, Gt(1), Le(25)] | None = optional(
+        "the load factor from which that counts, if it is not `n_z_max`", alias="load_factor_g"
     )
     load_factor_time: Annotated[float, Ge(0), Le(10)] = Field(
         default=0.0, alias="load_factor_time_s", description="for how long it has to last"
     )
-    load_factor_end: Annotated[float, Gt(1), Le(25)] | None = Field(
-        default=None, alias="load_factor_dnf_g", description="the load factor above which the race is over at once"
+    load_factor_end: Annotated[float, Gt(1), Le(25)] | None = optional(
+        "the load factor above which the race is over at once", alias="load_factor_dnf_g"
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 from airrace.quantities import KNOT
@@ -50,6 +50,11 @@ class ShorthandSchema(Schema):
     @classmethod
     def _write_out(cls, value: object) -> object:
         return {cls.shorthand: value} if isinstance(value, str) else value
+
+
+def optional(description: str, alias: str | None = None) -> Any:  # Any: the declaration of a field of any type
+    """Return the declaration of a key that may be left out, with None in its place."""
+    return Field(default=None, alias=alias, description=description)
 
 
 def schema_of(annotation: Annotation) -> type[Schema] | None:

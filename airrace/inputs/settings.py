@@ -1,13 +1,13 @@
 """The settings language `airrace/settings/1`. Every key is optional; the defaults are the procedure's own."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.inputs.nodes import Reporter
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.procedure.settings import (
     CertificateLimits,
     GuessKind,
@@ -27,55 +27,48 @@ Limit = Annotated[float, Gt(0)] | None
 
 class MeshEntry(Schema):
     what: ClassVar[str] = "the mesh"
-    interval: Annotated[float, Ge(0.005), Le(5)] | None = Field(
-        default=None, alias="interval_s", description="about this long is an interval of the first mesh"
+    interval: Annotated[float, Ge(0.005), Le(5)] | None = optional(
+        "about this long is an interval of the first mesh", alias="interval_s"
     )
-    intervals_min: Count | None = Field(default=None, description="at least so many intervals in a leg")
-    refinements_max: Annotated[int, Ge(0), Le(20)] | None = Field(
-        default=None, description="how many other meshes may be tried until the certificate holds"
+    intervals_min: Count | None = optional("at least so many intervals in a leg")
+    refinements_max: Annotated[int, Ge(0), Le(20)] | None = optional(
+        "how many other meshes may be tried until the certificate holds"
     )
 
 
 class SolverEntry(Schema):
     what: ClassVar[str] = "the solver"
-    primary: SolverName | None = Field(default=None, description="the solver that is tried first")
-    fallback: SolverName | None = Field(
-        default=None, description="the solver that is tried on the same problem where the first one fails"
+    primary: SolverName | None = optional("the solver that is tried first")
+    fallback: SolverName | None = optional("the solver that is tried on the same problem where the first one fails")
+    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = optional("of the solver, on the scaled problem")
+    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = optional("per attempt")
+    stall_seconds: Annotated[float, Ge(1), Le(86_400)] | None = optional(
+        "a solver that finishes no iteration for so long is stopped", alias="stall_s"
     )
-    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = Field(
-        default=None, description="of the solver, on the scaled problem"
-    )
-    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = Field(default=None, description="per attempt")
-    stall_seconds: Annotated[float, Ge(1), Le(86_400)] | None = Field(
-        default=None, alias="stall_s", description="a solver that finishes no iteration for so long is stopped"
-    )
-
-
-def _limit(key: str | None, description: str) -> Any:
-    """Return the declaration of a limit of the certificate; `key` is None where it is the limit's name."""
-    return Field(default=None, alias=key, description=description)
 
 
 class CertificateEntry(Schema):
     """The limits of the certificate; they can be tightened, never loosened."""
 
     what: ClassVar[str] = "the certificate"
-    kkt_error: Limit = _limit(None, "largest error of the conditions of optimality, scaled")
-    load_factor: Limit = _limit(
-        None, "largest excess of load factors, lift coefficient and power lever between the mesh points"
+    kkt_error: Limit = optional("largest error of the conditions of optimality, scaled")
+    load_factor: Limit = optional(
+        "largest excess of load factors, lift coefficient and power lever between the mesh points"
     )
-    length: Limit = _limit("length_m", "largest excess of floor and ceiling between the mesh points")
-    angle: Limit = _limit(
-        "angle_deg", "largest excess of the sideslip between the mesh points, and per second of the roll rate"
+    length: Limit = optional("largest excess of floor and ceiling between the mesh points", alias="length_m")
+    angle: Limit = optional(
+        "largest excess of the sideslip between the mesh points, and per second of the roll rate", alias="angle_deg"
     )
-    speed: Limit = _limit("speed_m_s", "largest excess of speeds, between the mesh points and at gates")
-    gate_length: Limit = _limit("gate_length_m", "largest excess of positions at a gate")
-    gate_angle: Limit = _limit("gate_angle_deg", "largest excess of bank, climb and crossing angle at a gate")
-    replay: Limit = _limit(None, "largest deviation of the controls flown again, interval by interval, scaled")
-    replay_gate: Limit = _limit("replay_gate_m", "largest deviation of the controls flown again at the end of each leg")
-    hamiltonian: Limit = _limit(None, "how far the Hamiltonian may be from -1")
-    race_time: Limit = _limit("race_time_s", "how much the race time may change when all intervals are halved")
-    variation: Limit = _limit(None, "how much the controls may be moved on average, as a share of their fastest rate")
+    speed: Limit = optional("largest excess of speeds, between the mesh points and at gates", alias="speed_m_s")
+    gate_length: Limit = optional("largest excess of positions at a gate", alias="gate_length_m")
+    gate_angle: Limit = optional("largest excess of bank, climb and crossing angle at a gate", alias="gate_angle_deg")
+    replay: Limit = optional("largest deviation of the controls flown again, interval by interval, scaled")
+    replay_gate: Limit = optional(
+        "largest deviation of the controls flown again at the end of each leg", alias="replay_gate_m"
+    )
+    hamiltonian: Limit = optional("how far the Hamiltonian may be from -1")
+    race_time: Limit = optional("how much the race time may change when all intervals are halved", alias="race_time_s")
+    variation: Limit = optional("how much the controls may be moved on average, as a share of their fastest rate")
 
     def build(self, reporter: Reporter) -> CertificateLimits:
         """Return the limits; one that is looser than the default is reported."""
@@ -99,23 +92,18 @@ class SettingsEntry(Schema):
         alias="schema", description="the language of this file and its version"
     )
     notes: str = Field(default="", description="whatever a reader should know")
-    guess: Literal["homotopy", "plan"] | None = Field(
-        default=None, description="where the point mass starts from: phase by phase, or straight from the plan"
+    guess: Literal["homotopy", "plan"] | None = optional(
+        "where the point mass starts from: phase by phase, or straight from the plan"
     )
-    search: Literal["off", "quick", "thorough"] | None = Field(
-        default=None,
-        description="how much is tried to find the fastest route",
+    search: Literal["off", "quick", "thorough"] | None = optional("how much is tried to find the fastest route")
+    alternatives: Annotated[int, Ge(1), Le(20)] | None = optional(
+        "how many of the best routes are taken through all stages"
     )
-    alternatives: Annotated[int, Ge(1), Le(20)] | None = Field(
-        default=None,
-        description="how many of the best routes are taken through all stages",
+    mesh_check: Literal["last", "all"] | None = optional(
+        "which stages have their race time confirmed on a second mesh: the last one of a run, or all"
     )
-    mesh_check: Literal["last", "all"] | None = Field(
-        default=None,
-        description="which stages have their race time confirmed on a second mesh: the last one of a run, or all",
-    )
-    regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
-        default=None, description="weight of the squared, scaled control rates against seconds"
+    regularisation: Annotated[float, Ge(0), Le(1)] | None = optional(
+        "weight of the squared, scaled control rates against seconds"
     )
     mesh: MeshEntry = Field(default=MeshEntry(), description="how finely a flight is cut into intervals")
     solver: SolverEntry = Field(default=SolverEntry(), description="which solvers, and how long they may try")

@@ -12,7 +12,7 @@ from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, PlaceEntry, Places
 from airrace.inputs.rules import Distance
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
@@ -50,14 +50,10 @@ class CrowdEntry(Schema):
     """A group of people on the ground, given by exactly one of `point`, `line` and `polygon`."""
 
     what: ClassVar[str] = "a crowd"
-    point: PlaceEntry | None = Field(default=None, description="where people are: a single place")
-    line: Corners | None = Field(default=None, description="where people are: along a line from corner to corner")
-    polygon: Corners | None = Field(
-        default=None, description="where people are: within an area; its corners in order, the first not repeated"
-    )
-    distance_m: Distance | None = Field(
-        default=None, description="least distance to be kept; without it that of `rules.crowd_distance_m`"
-    )
+    point: PlaceEntry | None = optional("where people are: a single place")
+    line: Corners | None = optional("where people are: along a line from corner to corner")
+    polygon: Corners | None = optional("where people are: within an area; its corners in order, the first not repeated")
+    distance_m: Distance | None = optional("least distance to be kept; without it that of `rules.crowd_distance_m`")
     height_m: Annotated[float, Ge(-500), Le(5000)] = Field(
         default=0.0, description="height of the people above the origin"
     )

@@ -17,7 +17,7 @@ from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindE
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.places import OriginEntry, Places
 from airrace.inputs.rules import RulesEntry, build_rules, with_preset
-from airrace.inputs.schema import Annotation, Schema
+from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
     LINES_MAX,
     Corners,
@@ -49,7 +49,7 @@ class TrackEntry(Schema):
     name: Annotated[str, Field(min_length=1)] = Field(description="what the race is called")
     source: str = Field(default="", description="where the numbers come from")
     notes: str = Field(default="", description="anything worth knowing; without effect")
-    aircraft: str | None = Field(default=None, description="path of the aircraft file, relative to this file")
+    aircraft: str | None = optional("path of the aircraft file, relative to this file")
     origin: OriginEntry = Field(default=OriginEntry(), description="where the track's frame lies on the earth")
     environment: EnvironmentEntry = Field(default=EnvironmentEntry(), description="air and wind of the day")
     rules: RulesEntry = Field(description="the limits of the race")
@@ -66,9 +66,7 @@ class TrackEntry(Schema):
     crowd: Annotated[dict[str, CrowdEntry], Field(max_length=CROWDS_MAX)] = Field(
         default_factory=dict[str, CrowdEntry], description="where people are, by name; kept away from all along"
     )
-    airspace: Corners | None = Field(
-        default=None, description="corners of the convex area within which the race is flown, in order"
-    )
+    airspace: Corners | None = optional("corners of the convex area within which the race is flown, in order")
     course: CourseEntry = Field(description="the order in which it is flown")
 
 

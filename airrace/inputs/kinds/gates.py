@@ -21,6 +21,7 @@ from airrace.inputs.kinds.kind import (
 )
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import GEODETIC, METRIC, NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
+from airrace.inputs.schema import optional
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing, Pylon, Tolerances
@@ -47,12 +48,10 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
     across, with the first of them to the left.
     """
 
-    pylons: Annotated[list[PlaceEntry], Field(min_length=2, max_length=2)] | None = Field(
-        default=None,
-        description="its two pylons, the left one first as flown forward, instead of position, `heading_deg` and "
-        "`width_m`",
+    pylons: Annotated[list[PlaceEntry], Field(min_length=2, max_length=2)] | None = optional(
+        "its two pylons, the left one first as flown forward, instead of position, `heading_deg` and `width_m`"
     )
-    heading_deg: Azimuth | None = Field(default=None, description="its axis when flown forward")
+    heading_deg: Azimuth | None = optional("its axis when flown forward")
 
     def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
         numbers = passing_numbers(self, defaults)
@@ -137,9 +136,7 @@ class QuadEntry(TwoPylonEntry):
 
     what: ClassVar[str] = "a quad"
     type: Literal["quad"] = Field(description="two crossed gates, passed twice from perpendicular directions")
-    heading_deg: Azimuth | None = Field(
-        default=None, description="the direction of the first passing when flown forward"
-    )
+    heading_deg: Azimuth | None = optional("the direction of the first passing when flown forward")
     then: KnifeEdgeName = Field(
         description="the second passing's direction: a quarter turn to this side of the first one's"
     )
@@ -147,10 +144,9 @@ class QuadEntry(TwoPylonEntry):
         default="level", description="at the first passing: wings level, or the wing that points down"
     )
     second_bank: BankName = Field(default="level", description="the same at the second passing")
-    crossing_max_deg: Annotated[float, Gt(0), Le(QUAD_CROSSING_MAX_DEG)] | None = Field(
-        default=None,
-        description="largest horizontal angle between the path and the axis of either passing; without it that of "
-        f"gate_defaults, but {QUAD_CROSSING_MAX_DEG} at most",
+    crossing_max_deg: Annotated[float, Gt(0), Le(QUAD_CROSSING_MAX_DEG)] | None = optional(
+        "largest horizontal angle between the path and the axis of either passing; without it that of "
+        f"gate_defaults, but {QUAD_CROSSING_MAX_DEG} at most"
     )
 
     def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
@@ -184,7 +180,7 @@ class PylonEntry(PassingEntry, PlacedEntry, KindEntry):
     what: ClassVar[str] = "a pylon"
     type: Literal["pylon"] = Field(description="a single pylon, passed on one side")
     pass_side_deg: Azimuth = Field(description="the azimuth from the pylon to the side on which it is passed")
-    reach_m: Reach | None = Field(default=None, description="farthest distance at which the passing counts")
+    reach_m: Reach | None = optional("farthest distance at which the passing counts")
 
     def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
         clearance = PYLON_CLEARANCE_M if self.clearance_m is None else self.clearance_m

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, TypeVar, get_args
 
 from annotated_types import Ge, Gt, Le
-from pydantic import Field
 
 from airrace.extensions import load_extensions
 from airrace.inputs.nodes import KeyPath
 from airrace.inputs.places import ClimbAngle, Height, Places
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.records import record
 from airrace.track.course import Direction, Roll
 from airrace.track.element import Element
@@ -61,34 +60,28 @@ class CompositeElement:
 class PassingEntry(Schema):
     """The keys that gates and pylons have in common; an absent one takes the value of `gate_defaults`."""
 
-    height_m: Height | None = Field(
-        default=None, description="nominal height of the passing above the origin; exact where `passing` is `point`"
+    height_m: Height | None = optional(
+        "nominal height of the passing above the origin; exact where `passing` is `point`"
     )
-    passing: Literal["point", "window"] | None = Field(
-        default=None, description="`point`: passed exactly here; `window`: anywhere within the tolerances"
+    passing: Literal["point", "window"] | None = optional(
+        "`point`: passed exactly here; `window`: anywhere within the tolerances"
     )
-    clearance_m: Annotated[float, Ge(0), Le(50)] | None = Field(
-        default=None, description="least distance of the wing tips from a pylon"
-    )
-    height_min_m: Height | None = Field(default=None, description="least legal height of a `window` passing")
-    height_max_m: Height | None = Field(default=None, description="largest legal height of a `window` passing")
-    climb_min_deg: ClimbAngle | None = Field(
-        default=None, description="least climb angle at the passing, negative in descent"
-    )
-    climb_max_deg: ClimbAngle | None = Field(default=None, description="largest climb angle at the passing")
-    crossing_max_deg: Annotated[float, Gt(0), Le(85)] | None = Field(
-        default=None, description="largest horizontal angle between the path and the axis"
+    clearance_m: Annotated[float, Ge(0), Le(50)] | None = optional("least distance of the wing tips from a pylon")
+    height_min_m: Height | None = optional("least legal height of a `window` passing")
+    height_max_m: Height | None = optional("largest legal height of a `window` passing")
+    climb_min_deg: ClimbAngle | None = optional("least climb angle at the passing, negative in descent")
+    climb_max_deg: ClimbAngle | None = optional("largest climb angle at the passing")
+    crossing_max_deg: Annotated[float, Gt(0), Le(85)] | None = optional(
+        "largest horizontal angle between the path and the axis"
     )
 
 
 class GatePassingEntry(PassingEntry):
     """The keys that all two-pylon gates have in common."""
 
-    width_m: Annotated[float, Gt(0), Le(500)] | None = Field(
-        default=None, description="distance between the two pylons"
-    )
-    bank_tolerance_deg: Annotated[float, Gt(0), Le(90)] | None = Field(
-        default=None, description="largest deviation from the prescribed bank in a `window` passing"
+    width_m: Annotated[float, Gt(0), Le(500)] | None = optional("distance between the two pylons")
+    bank_tolerance_deg: Annotated[float, Gt(0), Le(90)] | None = optional(
+        "largest deviation from the prescribed bank in a `window` passing"
     )
 
 
@@ -99,9 +92,7 @@ class GateDefaultsEntry(GatePassingEntry):
     """
 
     what: ClassVar[str] = "gate_defaults"
-    reach_m: Reach | None = Field(
-        default=None, description="farthest distance from a single pylon at which its passing counts"
-    )
+    reach_m: Reach | None = optional("farthest distance from a single pylon at which its passing counts")
 
 
 LANGUAGE_DEFAULTS = GateDefaultsEntry(

@@ -11,6 +11,7 @@ from airrace.inputs.kinds.gates import KnifeEdgeName
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import Azimuth, ClimbAngle, Coordinate, Height, PlacedEntry, Places, radians_or_none
+from airrace.inputs.schema import optional
 from airrace.quantities import Interval
 from airrace.track.course import Roll, Turning
 from airrace.track.gates import INVERTED, Manoeuvre
@@ -27,19 +28,17 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
 
     what: ClassVar[str] = "a manoeuvre"
     type: Literal["manoeuvre"] = Field(description="an attitude, at a position that is free within bounds")
-    climb_deg: ClimbAngle | None = Field(default=None, description="climb angle; 90 is straight up")
-    bank_deg: Annotated[float, Ge(-180), Le(180)] | None = Field(
-        default=None, description="bank angle, positive with the right wing down"
-    )
-    inverted: bool | None = Field(default=None, description="`true`: upside down, a bank of 180 degrees")
-    heading_deg: Azimuth | None = Field(default=None, description="course over ground")
-    north_min_m: Coordinate | None = Field(default=None, description="southern end of the range it may lie in")
-    north_max_m: Coordinate | None = Field(default=None, description="northern end of the range it may lie in")
-    east_min_m: Coordinate | None = Field(default=None, description="western end of the range it may lie in")
-    east_max_m: Coordinate | None = Field(default=None, description="eastern end of the range it may lie in")
-    height_m: Height | None = Field(default=None, description="exact height above the origin")
-    height_min_m: Height | None = Field(default=None, description="least height above the origin")
-    height_max_m: Height | None = Field(default=None, description="largest height above the origin")
+    climb_deg: ClimbAngle | None = optional("climb angle; 90 is straight up")
+    bank_deg: Annotated[float, Ge(-180), Le(180)] | None = optional("bank angle, positive with the right wing down")
+    inverted: bool | None = optional("`true`: upside down, a bank of 180 degrees")
+    heading_deg: Azimuth | None = optional("course over ground")
+    north_min_m: Coordinate | None = optional("southern end of the range it may lie in")
+    north_max_m: Coordinate | None = optional("northern end of the range it may lie in")
+    east_min_m: Coordinate | None = optional("western end of the range it may lie in")
+    east_max_m: Coordinate | None = optional("eastern end of the range it may lie in")
+    height_m: Height | None = optional("exact height above the origin")
+    height_min_m: Height | None = optional("least height above the origin")
+    height_max_m: Height | None = optional("largest height above the origin")
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return an attitude at a position that is free within bounds."""
@@ -75,7 +74,7 @@ class HighTurnEntry(KindEntry):
     what: ClassVar[str] = "a high turn"
     type: Literal["high-turn"] = Field(description="a height to be reached between two gates")
     height_min_m: Height = Field(description="the height above the origin that must be reached")
-    height_max_m: Height | None = Field(default=None, description="largest height at its top")
+    height_max_m: Height | None = optional("largest height at its top")
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return a height to be reached between two gates."""
@@ -96,12 +95,8 @@ class VerticalRollEntry(KindEntry):
         default=10.0, description="largest deviation from that climb angle while rolling"
     )
     turning: KnifeEdgeName = Field(default="either", description="which way it rolls, as the pilot sees it")
-    height_min_m: Height | None = Field(
-        default=None, description="height above the origin that must be reached at the end of the roll"
-    )
-    height_gain_m: Annotated[float, Ge(0), Le(2000)] | None = Field(
-        default=None, description="least height gained while rolling"
-    )
+    height_min_m: Height | None = optional("height above the origin that must be reached at the end of the roll")
+    height_gain_m: Annotated[float, Ge(0), Le(2000)] | None = optional("least height gained while rolling")
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return two passages on a steep line: where the roll begins, and where it ends."""
