@@ -14,7 +14,7 @@ from airrace.report.sections import penalty_text
 from airrace.results import Flight
 from airrace.results.comparison import TIE, Comparison, conditions
 from airrace.runs.log_view import LogView
-from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.tables import Column, Table
 
 TIE_MS = round(1000.0 * TIE)
@@ -167,7 +167,7 @@ LEAST_MS = 0.0005
 """The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
 
-def sensitivities_csv(sensitivities: Sequence[Price]) -> str:
+def sensitivities_csv(sensitivities: Sequence[Sensitivity]) -> str:
     """Return sensitivities as CSV, one row per number, the largest first.
 
     An entry is empty where the inputs allow no value to that side.
@@ -193,7 +193,7 @@ _SENSITIVITIES = (
 )
 
 
-def sensitivities_text(result: StageResult, sensitivities: Sequence[Price], columns: int | None = None) -> str:
+def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity], columns: int | None = None) -> str:
     """Return a table of what costs something, why some sensitivities are one-sided, and how many numbers are free.
 
     Args:
@@ -222,13 +222,13 @@ def sensitivities_text(result: StageResult, sensitivities: Sequence[Price], colu
     return "\n\n".join(parts)
 
 
-def _row(one: Price, *, folded: bool) -> tuple[str | float, ...]:
+def _row(one: Sensitivity, *, folded: bool) -> tuple[str | float, ...]:
     unit = "" if one.unit == "1" else f" {one.unit}"
     key = f"{one.key}*" if one.activity is Activity.ONE_SIDED else one.key
     if folded and len(key) > KEY_MAX:  # on two lines, cut after a dot
         section, dot, name = key.rpartition(".")
         key = f"{section}{dot}\n  {name}"
-    return (key, f"{one.value:.6g}{unit}", one.price, f"{one.usual_step:.3g}{unit}", _cost(one.cost_up))
+    return (key, f"{one.value:.6g}{unit}", one.per_unit, f"{one.usual_step:.3g}{unit}", _cost(one.cost_up))
 
 
 def _cost(seconds: float) -> str:

@@ -206,7 +206,7 @@ def report(
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        write_text(path, report_of_flights(names, stage=stage, priced=sensitivities))
+        write_text(path, report_of_flights(names, stage=stage, sensitivities=sensitivities))
         answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
 
 

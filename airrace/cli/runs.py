@@ -143,11 +143,11 @@ def sensitivity(
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")
         run = open_run(run_file)
-        priced = run.stage(stage)
-        answer.fields.update(track=run.name, stage=priced.name, race_time_s=None, sensitivities={})
-        found = list(priced.sensitivities(None if by is None else by.value).values())
-        answer.fields["race_time_s"] = priced.race_time
-        answer.fields["sensitivities"] = {price.key: price.as_object() for price in found}
+        view = run.stage(stage)
+        answer.fields.update(track=run.name, stage=view.name, race_time_s=None, sensitivities={})
+        found = list(view.sensitivities(None if by is None else by.value).values())
+        answer.fields["race_time_s"] = view.race_time
+        answer.fields["sensitivities"] = {one.key: one.as_object() for one in found}
         answer.texts.append(
-            sensitivities_csv(found) if as_csv else sensitivities_text(priced.result, found, terminal_columns())
+            sensitivities_csv(found) if as_csv else sensitivities_text(view.result, found, terminal_columns())
         )

@@ -8,7 +8,7 @@ from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
-from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.plain_text import escaped
 from airrace.views.stage_tables import certificate_table, search_table
 from airrace.views.tables import Cell, Column, Table
@@ -60,13 +60,13 @@ def search_section(result: StageResult) -> str:
     return table_section(search_table(search, "Routes that were tried", notes=[mesh, *search.loops]))
 
 
-def sensitivities_table(sensitivities: Mapping[str, Price], most: int, title: str = "sensitivities") -> Table:
+def sensitivities_table(sensitivities: Mapping[str, Sensitivity], most: int, title: str = "sensitivities") -> Table:
     """Return a table of the numbers of the inputs that cost most, and how many there are besides."""
-    dear = [one for one in sensitivities.values() if one.activity is not Activity.FREE][:most]
+    largest = [one for one in sensitivities.values() if one.activity is not Activity.FREE][:most]
     rows: list[tuple[str | float, ...]] = [
-        (one.key, one.value, one.unit, one.price, one.usual_step, 1e3 * one.cost_up) for one in dear
+        (one.key, one.value, one.unit, one.per_unit, one.usual_step, 1e3 * one.cost_up) for one in largest
     ]
-    if others := len(sensitivities) - len(dear):
+    if others := len(sensitivities) - len(largest):
         rows.append((f"and {others} more", "", "", "", "", ""))
     columns = (
         Column("key"),
@@ -79,7 +79,7 @@ def sensitivities_table(sensitivities: Mapping[str, Price], most: int, title: st
     return Table(title, columns, rows)
 
 
-def sensitivities_section(sensitivities: Mapping[str, Price] | None) -> str:
+def sensitivities_section(sensitivities: Mapping[str, Sensitivity] | None) -> str:
     """Return the sensitivities to the numbers of the inputs, the largest first; empty where they are not known."""
     if sensitivities is None:
         return ""

@@ -186,20 +186,20 @@ def begin_of(text: str) -> datetime:
     return when if when.tzinfo is not None else when.replace(tzinfo=UTC)
 
 
-def report_of_flights(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
+def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensitivities: bool = False) -> str:
     """Return the page as text.
 
     Args:
         names: `RUN.h5`, `RUN.h5:STAGE` or a flown log each; the report is about the first of them, the others fly
             beside it.
         stage: for those that name none; None for the last one of the run.
-        priced: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
+        sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs.
         UsageError: a run has no such stage, or that found no flight, or a flight is of a course with other passings.
-        NotCertified: prices were asked for, and the stage is no certified optimum, or the first flight is a log.
+        NotCertified: sensitivities were asked for, and the stage is no certified optimum, or the first flight is a log.
     """
     from airrace.report.flight_page import flight_page
 
@@ -207,11 +207,11 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, priced:
     kept = open_file(first.path)
     flights = open_flights(names, stage=stage)
     if isinstance(kept, LogView):
-        if priced:
+        if sensitivities:
             raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
         return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}").as_html()
     flown = kept.stage(first.stage or stage)
-    sections = stage_sections(flown, explored_stage(kept, flown), priced=priced)
+    sections = stage_sections(flown, explored_stage(kept, flown), sensitivities=sensitivities)
     return flight_page(flights, sections, footer_of(flown)).as_html()
 
 
@@ -228,7 +228,9 @@ def log_sections(flown: LogView) -> list[str]:
     ]
 
 
-def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False) -> str:
+def report_page(
+    run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, sensitivities: bool = False
+) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
     """
@@ -236,7 +238,7 @@ def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str
 
     flown = run.stage(stage)
     flights = [flown.flight(), *open_flights(others)]
-    sections = stage_sections(flown, explored_stage(run, flown), priced=priced)
+    sections = stage_sections(flown, explored_stage(run, flown), sensitivities=sensitivities)
     return flight_page(flights, sections, footer_of(flown)).as_html()
 
 
@@ -249,17 +251,18 @@ def explored_stage(run: Run, flown: StageView) -> StageView:
     return next((one for one in reversed(before) if one.result.search.routes), flown)
 
 
-def stage_sections(flown: StageView, explored: StageView | None = None, *, priced: bool = False) -> list[str]:
-    """Return what a run knows of a stage: routes that were tried, prices, certificate, inputs; each is HTML, and empty
-    where there is nothing to tell.
+def stage_sections(flown: StageView, explored: StageView | None = None, *, sensitivities: bool = False) -> list[str]:
+    """Return what a run knows of a stage: routes that were tried, sensitivities, certificate, inputs.
+
+    Each is HTML, and empty where there is nothing to tell.
 
     Args:
         flown: the stage.
         explored: the stage before it that tried routes; None for itself.
-        priced: whether prices are computed and told.
+        sensitivities: whether sensitivities are computed and shown.
 
     Raises:
-        NotCertified: prices were asked for, and the stage is no certified optimum.
+        NotCertified: sensitivities were asked for, and the stage is no certified optimum.
     """
     from airrace.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
 
@@ -267,7 +270,7 @@ def stage_sections(flown: StageView, explored: StageView | None = None, *, price
     solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
     return [
         search_section((explored or flown).result),
-        sensitivities_section(flown.sensitivities() if priced else None),
+        sensitivities_section(flown.sensitivities() if sensitivities else None),
         certificate_section(flown.certificate),
         inputs_section(flown.inputs, [("stage", solved)], flown.versions),
     ]

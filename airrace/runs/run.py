@@ -30,7 +30,7 @@ from airrace.procedure.settings import MeshCheck
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
 from airrace.runs.json_objects import near_misses_object, run_object, stage_object
 from airrace.runs.stage_view import (
-    Prices,
+    Sensitivities,
     Splits,
     StageView,
     downgrade_stale,
@@ -233,7 +233,7 @@ class Run:
 
         return verify_run(self)
 
-    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Prices:
+    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Sensitivities:
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
         return self.stage(stage).sensitivities(by)
 
@@ -283,7 +283,7 @@ class Run:
         from airrace.runs.flight_sources import report_page
         from airrace.runs.output import write_text
 
-        write_text(Path(path), report_page(self, stage, others, priced=sensitivities))
+        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:

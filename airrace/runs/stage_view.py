@@ -24,7 +24,7 @@ from airrace.results.derivation import table_columns
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
-from airrace.sensitivity.sensitivity import Price
+from airrace.sensitivity.sensitivity import Sensitivity
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escaped, one_line
@@ -107,25 +107,25 @@ class Splits(Sequence[GateSplit]):
 
 
 SENSITIVITIES_SHOWN = 30
-"""The largest number of prices that are shown; a data frame has all of them."""
+"""The largest number of sensitivities that are shown; a data frame has all of them."""
 
 
 @dataclass(frozen=True, repr=False)
-class Prices(Mapping[str, Price]):
-    """The prices of a stage by the keys of `set`, the largest first.
+class Sensitivities(Mapping[str, Sensitivity]):
+    """The sensitivities of a stage by the keys of `set`, the largest first.
 
     Examples:
-        >>> prices = run.sensitivities(by="rules")
-        >>> prices["rules.n_z_max"].price < 0.0
+        >>> sensitivities = run.sensitivities(by="rules")
+        >>> sensitivities["rules.n_z_max"].per_unit < 0.0
         True
 
     Attributes:
         by_key: one per number that can be changed alone.
     """
 
-    by_key: Mapping[str, Price]
+    by_key: Mapping[str, Sensitivity]
 
-    def __getitem__(self, key: str) -> Price:
+    def __getitem__(self, key: str) -> Sensitivity:
         return self.by_key[key]
 
     def __iter__(self) -> Iterator[str]:
@@ -135,7 +135,7 @@ class Prices(Mapping[str, Price]):
         return len(self.by_key)
 
     def to_dataframe(self) -> "DataFrame":
-        """Return all prices as a data frame of pandas, one row per key.
+        """Return all sensitivities as a data frame of pandas, one row per key.
 
         An entry is empty where the inputs allow no value to that side.
 
@@ -143,7 +143,7 @@ class Prices(Mapping[str, Price]):
             UsageError: pandas is not installed.
         """
         pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-        rows = {key: price.as_object() for key, price in self.by_key.items()}
+        rows = {key: one.as_object() for key, one in self.by_key.items()}
         return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
 
     def __repr__(self) -> str:
@@ -153,8 +153,8 @@ class Prices(Mapping[str, Price]):
         return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
 
 
-def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
-    """Return the prices of a stage.
+def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Sensitivities:
+    """Return the sensitivities of a stage.
 
     Args:
         inputs: what the run was given.
@@ -165,13 +165,13 @@ def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = No
         UsageError: there is no such group, or course or aircraft were built in Python.
         NotCertified: the stage is no optimum, certified or solved.
     """
-    from airrace.sensitivity.lagrangian import prices  # takes compiled functions, which no reader of runs needs
+    from airrace.sensitivity.lagrangian import sensitivities  # takes compiled functions, which no reader of runs needs
 
     known = {group.value: group for group in ParameterGroup}
     if by is not None and by not in known:
         raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
     groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
-    return Prices(prices(inputs, result, groups=groups))
+    return Sensitivities(sensitivities(inputs, result, groups=groups))
 
 
 STAGES = (
@@ -368,7 +368,7 @@ class StageView:
         derived, sampler = self._derived, self._sampler(rate)
         export_csv(self.result, stream, rate_hz=rate, derived=derived, sampler=sampler, provenance=self._provenance)
 
-    def sensitivities(self, by: str | None = None) -> Prices:
+    def sensitivities(self, by: str | None = None) -> Sensitivities:
         """Return the sensitivity of the race time to every number of the inputs, in seconds per unit (shadow prices).
 
         Nothing is solved again. The dearest numbers come first.

@@ -1,1 +1,1 @@
-"""Prices: what every number of the inputs costs, in seconds per unit, from an optimum that holds."""
+"""Sensitivities: what every number of the inputs costs, in seconds per unit, from an optimum that holds."""

@@ -16,7 +16,7 @@ class Activity(Enum):
 
 
 @record
-class Price:
+class Sensitivity:
     """The derivative of the objective by one number of the inputs.
 
     Attributes:
@@ -24,11 +24,11 @@ class Price:
         group: whose number it is.
         unit: the unit of the number, "1" without one.
         value: the number now, in its unit.
-        upward: the price for larger values, s per unit; NaN if the inputs allow none.
-        downward: the price for smaller values, s per unit (positive if those make the race faster); NaN likewise.
+        upward: the derivative towards larger values, s per unit; NaN if the inputs allow none.
+        downward: that towards smaller values, s per unit (positive if those make the race faster); NaN likewise.
         usual_step: what is usually argued about: 1 m, 1 deg, 1 kt, 0.1 g, 1 %, ...; in the unit.
         activity: to which sides the number matters.
-        note: why the price is one-sided, a clause; empty otherwise.
+        note: why it is one-sided, a clause; empty otherwise.
     """
 
     key: str
@@ -42,8 +42,8 @@ class Price:
     note: str = ""
 
     @property
-    def price(self) -> float:
-        """The price in seconds per unit: the mean of both sides, or the only one there is."""
+    def per_unit(self) -> float:
+        """The derivative, s per unit: the mean of both sides, or the only one there is."""
         sides = [side for side in (self.upward, self.downward) if math.isfinite(side)]
         return sum(sides) / len(sides)
 
@@ -59,25 +59,24 @@ class Price:
 
     @property
     def weight(self) -> float:
-        """The larger of both costs by size, s: what prices are sorted by."""
+        """The larger of both costs by size, s: what sensitivities are sorted by."""
         return max(abs(cost) for cost in (self.cost_up, self.cost_down) if math.isfinite(cost))
 
     def as_object(self) -> dict[str, object]:
         """Return plain values for scripts; null where the inputs allow no value to that side."""
+        numbers = {
+            "value": self.value,
+            "s_per_unit": self.per_unit,
+            "s_per_unit_up": self.upward,
+            "s_per_unit_down": self.downward,
+            "usual_step": self.usual_step,
+            "step_up_s": self.cost_up,
+            "step_down_s": self.cost_down,
+        }
         return {
             "group": self.group.value,
             "unit": self.unit,
-            "value": self.value,
-            "s_per_unit": self.price,
-            "s_per_unit_up": _number(self.upward),
-            "s_per_unit_down": _number(self.downward),
-            "usual_step": self.usual_step,
-            "step_up_s": _number(self.cost_up),
-            "step_down_s": _number(self.cost_down),
+            **{name: number if math.isfinite(number) else None for name, number in numbers.items()},
             "activity": self.activity.value,
             "note": self.note,
         }
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -1,8 +1,8 @@
-"""Hold prices against re-optimised differences.
+"""Hold sensitivities against re-optimised differences.
 
 Every number that is not free is moved by a twentieth of its usual step to either side, fifty times as far as for its
-price, and the race is solved again from the stored optimum, on the same mesh, the same route. The differences of
-the objective are what the prices say, or they are listed.
+sensitivity, and the race is solved again from the stored optimum, on the same mesh, the same route. The differences of
+the objective are what the sensitivities say, or they are listed.
 
     python scripts/experiments/sensitivities.py tracks/rovinj_2014.yaml tracks/abu_dhabi_2016.yaml --stage point-mass
 """
@@ -29,14 +29,14 @@ from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.runs.run import run_of_checkpoint
-from airrace.sensitivity.lagrangian import STEP, prices
-from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.sensitivity.lagrangian import SETTINGS, sensitivities
+from airrace.sensitivity.sensitivity import Activity, Sensitivity
 
-WIDER = 50.0  # than the step of a price
+WIDER = 50.0  # than the step of a sensitivity
 TOLERANCE = 1e-9
 BARRIER = 1e-6
 SOLVERS = ("ipopt",)  # fatrop ends "nearly optimal" at such a tolerance
-RELATIVE, ABSOLUTE = 0.05, 1e-3  # a price is confirmed within 5 %, or within 1 ms per usual step
+RELATIVE, ABSOLUTE = 0.05, 1e-3  # a sensitivity is confirmed within 5 %, or within 1 ms per usual step
 STRICT = 1e-4  # s per usual step, also counted
 
 
@@ -50,9 +50,9 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A price and the re-optimised slopes to both sides, s per unit; NaN to a side that has none."""
+    """A sensitivity and the re-optimised slopes to both sides, s per unit; NaN to a side that has none."""
 
-    price: Price
+    sensitivity: Sensitivity
     upward: float
     downward: float
     of_race_time: float
@@ -65,28 +65,28 @@ class Comparison:
 
     @property
     def errors(self) -> list[tuple[float, float]]:
-        """(s per usual step, share) by which the price is wrong: of a one-sided price to each side that it has."""
-        price = self.price
-        if price.activity is Activity.ONE_SIDED:
-            pairs = [(price.upward, self.upward), (price.downward, self.downward)]
+        """(s per usual step, share) by which the sensitivity is wrong, to each side if it is one-sided."""
+        one = self.sensitivity
+        if one.activity is Activity.ONE_SIDED:
+            pairs = [(one.upward, self.upward), (one.downward, self.downward)]
         else:
-            pairs = [(price.price, self.central)]
+            pairs = [(one.per_unit, self.central)]
         known = [(told, found) for told, found in pairs if math.isfinite(told)]
         return [
-            (abs(told - found) * price.usual_step, abs(told - found) / abs(found) if found else math.inf)
+            (abs(told - found) * one.usual_step, abs(told - found) / abs(found) if found else math.inf)
             for told, found in known
         ]
 
     def within(self, absolute: float) -> bool:
-        """Whether the price is confirmed within 5 % or so many seconds per usual step."""
+        """Whether the sensitivity is confirmed within 5 % or so many seconds per usual step."""
         return all(seconds <= absolute or share <= RELATIVE for seconds, share in self.errors)
 
     @property
     def reason(self) -> str:
-        """Why a price is not confirmed."""
+        """Why a sensitivity is not confirmed."""
         if not math.isfinite(self.central):
             return "not solved again"
-        up, down = (1e3 * side * self.price.usual_step for side in (self.upward, self.downward))
+        up, down = (1e3 * side * self.sensitivity.usual_step for side in (self.upward, self.downward))
         if abs(up - down) > 0.1 * max(abs(up), abs(down)):
             return f"limits come and go within the step: {up:+.3f} ms above, {down:+.3f} ms below"
         return "unexplained"
@@ -103,10 +103,10 @@ class Study:
         self._guess: Iterate = iterate_of(result.trajectory)
         self.now = self._solved(inputs.race)
 
-    def compare(self, price: Price) -> Comparison:
+    def compare(self, one: Sensitivity) -> Comparison:
         """Move one number to both sides."""
-        change = WIDER * STEP * price.usual_step
-        up, down = self._moved(price, change), self._moved(price, -change)
+        change = WIDER * SETTINGS.step * one.usual_step
+        up, down = self._moved(one, change), self._moved(one, -change)
 
         def slope(to: Optimum | None, sign: float) -> float:
             solved = to is not None and self.now is not None
@@ -114,11 +114,11 @@ class Study:
 
         both = up is not None and down is not None
         of_time = (up.race_time - down.race_time) / (2.0 * change) if both else math.nan
-        return Comparison(price, slope(up, 1.0), slope(down, -1.0), of_time)
+        return Comparison(one, slope(up, 1.0), slope(down, -1.0), of_time)
 
-    def _moved(self, price: Price, change: float) -> Optimum | None:
+    def _moved(self, one: Sensitivity, change: float) -> Optimum | None:
         try:
-            return self._solved(self._variation.race(price.key, price.value + change))
+            return self._solved(self._variation.race(one.key, one.value + change))
         except InputError:
             return None
 
@@ -147,14 +147,14 @@ def flown(source: Path, stage: Stage, threads: int) -> tuple[str, Inputs, StageR
 def study(source: Path, stage: Stage, *, every: int, threads: int) -> tuple[str, list[Comparison]]:
     """All comparisons of one course: of every n-th number that is not free, the largest first."""
     name, inputs, result = flown(source, stage, threads)
-    active = [price for price in prices(inputs, result).values() if price.activity is not Activity.FREE]
+    active = [one for one in sensitivities(inputs, result).values() if one.activity is not Activity.FREE]
     solver = inputs.settings.solver
     with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
         own = Study(inputs, result, service)
         compared: list[Comparison] = []
-        for price in active[::every]:
-            compared.append(own.compare(price))
-            print(f"{name}: {len(compared)} of {len(active[::every])}, {price.key}", file=sys.stderr)
+        for one in active[::every]:
+            compared.append(own.compare(one))
+            print(f"{name}: {len(compared)} of {len(active[::every])}, {one.key}", file=sys.stderr)
         return f"{name}, {stage.value}", compared
 
 
@@ -165,9 +165,9 @@ def row(title: str, compared: list[Comparison]) -> str:
     solved = [one for one in compared if math.isfinite(one.central)]
     errors = sorted(max(seconds for seconds, _ in one.errors) for one in solved) or [math.nan]
     times = sorted(
-        abs(one.price.price - one.of_race_time) / abs(one.of_race_time)
+        abs(one.sensitivity.per_unit - one.of_race_time) / abs(one.of_race_time)
         for one in compared
-        if one.of_race_time and math.isfinite(one.of_race_time) and one.price.weight > ABSOLUTE
+        if one.of_race_time and math.isfinite(one.of_race_time) and one.sensitivity.weight > ABSOLUTE
     )
     middle = f"{100.0 * times[len(times) // 2]:.1f} %" if times else "-"
     return (
@@ -180,7 +180,7 @@ def row(title: str, compared: list[Comparison]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sources", nargs="+", type=Path, help="course files, or checkpoints that have the stage")
-    parser.add_argument("--stage", default="point-mass", help="the stage whose prices are studied")
+    parser.add_argument("--stage", default="point-mass", help="the stage whose sensitivities are studied")
     parser.add_argument("--every", type=int, default=1, help="only every n-th of the numbers that are not free")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--all", action="store_true", help="list every comparison")
@@ -196,11 +196,11 @@ def main() -> None:
         print(row(title, compared), flush=True)
         for one in compared:
             if options.all or not one.within(STRICT):
-                told, found = 1e3 * one.price.price * one.price.usual_step, 1e3 * one.central * one.price.usual_step
+                told, found = 1e3 * one.sensitivity.per_unit * one.sensitivity.usual_step, 1e3 * one.central * one.sensitivity.usual_step
                 why = "" if one.within(STRICT) else one.reason
                 mark = "" if one.within(ABSOLUTE) else "**no**"
-                listed.append(f"| {title} | `{one.price.key}` | {told:+.4f} | {found:+.4f} | {mark} | {why} |")
-    print("\n| course, stage | number | price, ms per step | re-optimised | confirmed | why it differs |")
+                listed.append(f"| {title} | `{one.sensitivity.key}` | {told:+.4f} | {found:+.4f} | {mark} | {why} |")
+    print("\n| course, stage | number | sensitivity, ms per step | re-optimised | confirmed | why it differs |")
     print("|---|---|---|---|---|---|")
     print("\n".join(listed))
 

@@ -24,7 +24,7 @@ from airrace.parameters import ParameterGroup
 from airrace.procedure.result import MeshRecord, RefinementReason, Stage, StageProvenance, Status
 from airrace.procedure.stage import STAGES
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.sensitivity.sensitivity import Activity, Price
+from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.tables import Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
@@ -131,13 +131,13 @@ def test_every_shipped_course_is_shown_in_eighty_columns(name: str, monkeypatch:
 
 def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
     key = "aircraft.point_mass.roll_acceleration_max_rad_s2"
-    price = Price(key, ParameterGroup.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
-    narrow = sensitivities_text(stage_result(Stage.POINT_MASS), [price], 80)
+    one = Sensitivity(key, ParameterGroup.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
+    narrow = sensitivities_text(stage_result(Stage.POINT_MASS), [one], 80)
     assert max(map(len, narrow.splitlines())) <= 80
     assert "aircraft.point_mass.\n  roll_acceleration_max_rad_s2" in re.sub(
         r" +\n", "\n", re.sub(r"(\.) .*", r"\1", narrow)
     )
-    assert key in sensitivities_text(stage_result(Stage.POINT_MASS), [price])
+    assert key in sensitivities_text(stage_result(Stage.POINT_MASS), [one])
 
 
 def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:

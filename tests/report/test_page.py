@@ -142,7 +142,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
 
 def test_prices_are_told_when_they_are_asked_for() -> None:
     stage = half_cuban().stage()
-    cells = read("".join(stage_sections(stage, priced=True))).texts["td"]
+    cells = read("".join(stage_sections(stage, sensitivities=True))).texts["td"]
     assert next(iter(stage.sensitivities())) in cells
     assert not any("rules.n_z_max" in section for section in stage_sections(stage))
 

@@ -1,4 +1,4 @@
-"""A small course for the tests of prices, as documents, and its optimum, flown once."""
+"""A small course for the tests of sensitivities, as documents, and its optimum, flown once."""
 
 import functools
 import re
@@ -10,8 +10,8 @@ from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
-from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Price
+from airrace.sensitivity.lagrangian import sensitivities
+from airrace.sensitivity.sensitivity import Sensitivity
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
@@ -65,6 +65,6 @@ def optimum(text: str = COURSE, *overrides: str) -> StageResult:
 
 
 @functools.cache
-def priced(text: str = COURSE, *overrides: str) -> dict[str, Price]:
-    """The prices of that optimum."""
-    return prices(inputs(text, *overrides), optimum(text, *overrides))
+def sensitivities_of(text: str = COURSE, *overrides: str) -> dict[str, Sensitivity]:
+    """The sensitivities of that optimum."""
+    return sensitivities(inputs(text, *overrides), optimum(text, *overrides))
