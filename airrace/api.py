@@ -344,7 +344,7 @@ def import_log(
         UsageError: an argument says nothing sensible.
     """
     from airrace.inputs.log_layout import read_layout, with_columns, with_zone
-    from airrace.logs.recording import ColumnLayout
+    from airrace.logs.csv_log import ColumnLayout
 
     named = document_or_path(track)
     if named is None:

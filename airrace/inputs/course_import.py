@@ -20,7 +20,7 @@ import yaml
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
-from airrace.logs.gpx_log import xml_tree
+from airrace.logs.reading import xml_tree
 from airrace.logs.recording import refuse
 from airrace.records import record
 from airrace.standard_streams import name_of

@@ -14,7 +14,7 @@ from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
 from airrace.inputs.schema import Schema, optional
 from airrace.inputs.validation import read_entry
-from airrace.logs.recording import FIELDS, ColumnLayout, split_unit, unit_named
+from airrace.logs.csv_log import FIELDS, ColumnLayout, parse_unit, split_unit
 
 LOG_SCHEMA = "airrace/log/1"
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
@@ -102,7 +102,7 @@ def _problem(name: str, text: str) -> str:
     header, unit = split_unit(text)
     if not header:
         return "names no header"
-    if unit and unit_named(FIELDS[name], unit) is None and len(unit) <= UNIT_MAX:
+    if unit and parse_unit(FIELDS[name], unit) is None and len(unit) <= UNIT_MAX:
         return f"`{unit}` is no unit of {name}; known are {', '.join(FIELDS[name].units)}"
     return ""
 
@@ -110,7 +110,7 @@ def _problem(name: str, text: str) -> str:
 def _header(name: str, text: str) -> tuple[str, str]:
     """Return header and unit; brackets that hold no unit belong to the header."""
     header, unit = split_unit(text)
-    return (header, unit) if unit and unit_named(FIELDS[name], unit) else (text.strip(), "")
+    return (header, unit) if unit and parse_unit(FIELDS[name], unit) else (text.strip(), "")
 
 
 def _zone(text: str) -> tzinfo | None:

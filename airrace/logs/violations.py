@@ -66,7 +66,7 @@ class Penalties:
 
 NONE_KNOWN = Penalties()
 """The penalties of a course whose rules name none."""
-SURE = 3.0
+CERTAIN_DEVIATIONS = 3.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
 An optimum touches its limits at many gates, and of two standard deviations every fortieth such passing exceeds them.
@@ -100,7 +100,7 @@ class Violation:
     @property
     def certain(self) -> bool:
         """Whether the violation is larger than what the measurement may be wrong by."""
-        return not abs(self.value - self.limit) < SURE * self.deviation  # certain where that is not known
+        return not abs(self.value - self.limit) < CERTAIN_DEVIATIONS * self.deviation  # certain where that is not known
 
 
 @record
@@ -142,110 +142,80 @@ def violations(
     found: list[Violation] = []
     for crossing in flight.crossings:
         known = deviations.get(crossing.name, NOT_KNOWN)
-        found += _PassingRules(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).violations()
+        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties)
+        for rule, value, limit, deviation, unit, penalty in broken:
+            price = math.nan if penalty is None else penalty
+            found.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
     worst = max(deviations.values(), key=lambda one: one.up, default=NOT_KNOWN)
     return (*found, *_load_factors(flight, penalties, worst.load), *_distances(flight, worst))
 
 
-class _PassingRules:
-    """The rules of one passing, at which a gate that is optimised to a point is a window."""
+def _passing_violations(
+    race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
+) -> Iterator[tuple[str, float, float, float, str, float | None]]:
+    """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks.
 
-    def __init__(
-        self, race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
-    ) -> None:
-        element = crossing.passage.element
-        self._tolerances = element.tolerances if isinstance(element, Tolerant) else None
-        if isinstance(element, Tolerant) and element.passing is Passing.POINT:
-            kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
-            element = replace(kind, passing=Passing.WINDOW)
-        self._element: Element = element
-        self._crossing, self._known, self._penalties = crossing, known, penalties
-        self._span, self._axis = race.aircraft.airframe.b, axis
+    A gate that is optimised to a point is judged as a window.
+    """
+    element: Element = crossing.passage.element
+    manoeuvre = ("manoeuvre", penalties.manoeuvre)
+    if not crossing.found:
+        rule, penalty = ("missed", penalties.missed) if element.stands else manoeuvre
+        yield rule, math.nan, math.nan, math.nan, "", penalty
+        return
+    tolerances = element.tolerances if isinstance(element, Tolerant) else None
+    if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+        kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
+        element = replace(kind, passing=Passing.WINDOW)
+    bounds, bank = element.conditions(axis), element.prescribed_bank or 0.0
+    if element.two_edged and crossing.value("mu") * bank < 0.0:
+        bank = -bank
+    value = crossing.value
+    measured = crossing_values(
+        position=(value("x"), value("y"), value("z")),
+        V_K=value("V_K"),
+        q=[value(name) for name in PATH_ATTITUDE],
+        place=crossing_parameters(element.frame(axis=axis, bank=bank, span=race.aircraft.airframe.b)),
+    )
+    values = {name: float(one) for name, one in vars(measured).items()}
 
-    def violations(self) -> Iterator[Violation]:
-        """Yield what is broken."""
-        if not self._crossing.found:
-            rule, penalty = ("missed", self._penalties.missed) if self._element.stands else self._manoeuvre
-            yield self._violation(rule, math.nan, math.nan, "", penalty)
-            return
-        bounds, values = self._element.conditions(self._axis), self._values()
-        yield from self._beside(bounds, values)
-        yield from self._heights(bounds, values)
-        yield from self._angles(bounds, values)
-        yield from self._speed()
+    # beside: of the centre, else of the worse of the wing tips
+    right, half = values["right"], 0.5 * getattr(element, "width", math.inf)
+    tips = [name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds]
+    if excess := _excess(right, bounds.get("right", Interval(-half, half))):
+        yield "missed", right, right - excess, known.across, "m", penalties.missed
+    elif excess := max((abs(_excess(values[name], bounds[name])) for name in tips), default=0.0):
+        clearance = 0.0 if tolerances is None else tolerances.clearance
+        penalty = penalties.pylon if clearance - excess <= 0.0 else 0.0
+        yield "pylon", clearance - excess, clearance, known.tip, "m", penalty
 
-    @property
-    def _manoeuvre(self) -> tuple[str, float | None]:
-        return "manoeuvre", self._penalties.manoeuvre
+    depth, height = bounds.get("z", Interval()), values["height"]
+    if excess := _excess(height, bounds.get("height", Interval(-depth.upper, -depth.lower))):
+        too = ("too-high", penalties.too_high) if excess > 0.0 else ("too-low", penalties.too_low)
+        rule, penalty = too if element.stands else manoeuvre
+        yield rule, height, height - excess, known.up, "m", penalty
 
-    def _values(self) -> Mapping[str, float]:
-        """Return what conditions are of, by name, and the bank that is asked for."""
-        value = self._crossing.value
-        bank = self._element.prescribed_bank or 0.0
-        if self._element.two_edged and value("mu") * bank < 0.0:
-            bank = -bank
-        frame = self._element.frame(axis=self._axis, bank=bank, span=self._span)
-        place = (value("x"), value("y"), value("z"))
-        q = [value(name) for name in PATH_ATTITUDE]
-        values = crossing_values(position=place, V_K=value("V_K"), q=q, place=crossing_parameters(frame))
-        named = {name: float(one) for name, one in vars(values).items()}
-        return named | {"x": place[0], "y": place[1], "z": place[2], "bank": bank}
+    sine, path = values["climb_sine"], math.degrees(known.path)
+    if excess := _excess(sine, bounds.get("climb_sine", Interval())):
+        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
+        yield "climb", climb, limit, path, "deg", penalties.climb
+    allowed: list[tuple[str, float, float, float, float | None]] = []
+    if tolerances is not None and element.prescribed_bank is not None:
+        off = angle_between(bank, crossing.value("mu"))
+        allowed.append(("bank", off, tolerances.bank, math.degrees(known.bank), penalties.bank))
+    if tolerances is not None and {"course_excess_right", "course_excess_left"} <= set(bounds):
+        off = math.atan2(values["course_sine"], values["course_cosine"])
+        allowed.append(("course", off, tolerances.crossing, path, None))
+    for rule, off, most, deviation, penalty in allowed:
+        off, most = math.degrees(off), math.degrees(most)
+        if abs(off) > most:
+            yield rule, off, math.copysign(most, off), deviation, "deg", penalty
 
-    def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
-        """Yield a pylon that is touched, or a passing outside: of the centre, else of the worse of the wing tips."""
-        half = 0.5 * getattr(self._element, "width", math.inf)
-        if excess := _excess(values["right"], bounds.get("right", Interval(-half, half))):
-            limit = values["right"] - excess
-            yield self._violation("missed", values["right"], limit, "m", self._penalties.missed, self._known.across)
-            return
-        tips = (name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds)
-        excess = max((abs(_excess(values[name], bounds[name])) for name in tips), default=0.0)
-        if excess:
-            clearance = 0.0 if self._tolerances is None else self._tolerances.clearance
-            penalty = self._penalties.pylon if clearance - excess <= 0.0 else 0.0
-            yield self._violation("pylon", clearance - excess, clearance, "m", penalty, self._known.tip)
-
-    def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
-        depth = bounds.get("z", Interval())
-        excess = _excess(values["height"], bounds.get("height", Interval(-depth.upper, -depth.lower)))
-        if excess:
-            too_high, too_low = ("too-high", self._penalties.too_high), ("too-low", self._penalties.too_low)
-            rule, penalty = (too_high if excess > 0.0 else too_low) if self._element.stands else self._manoeuvre
-            yield self._violation(rule, values["height"], values["height"] - excess, "m", penalty, self._known.up)
-
-    def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
-        path, bank = math.degrees(self._known.path), math.degrees(self._known.bank)
-        sine = values["climb_sine"]
-        if excess := _excess(sine, bounds.get("climb_sine", Interval())):
-            climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
-            yield self._violation("climb", climb, limit, "deg", self._penalties.climb, path)
-        if self._tolerances is None:
-            return
-        allowed: list[tuple[str, float, float, float | None, float]] = []
-        if self._element.prescribed_bank is not None:
-            off = angle_between(values["bank"], self._crossing.value("mu"))
-            allowed.append(("bank", off, self._tolerances.bank, self._penalties.bank, bank))
-        if {"course_excess_right", "course_excess_left"} <= set(bounds):
-            off = math.atan2(values["course_sine"], values["course_cosine"])
-            allowed.append(("course", off, self._tolerances.crossing, None, path))
-        for rule, off, most, penalty, known in allowed:
-            off, most = math.degrees(off), math.degrees(most)
-            if abs(off) > most:
-                yield self._violation(rule, off, math.copysign(most, off), "deg", penalty, known)
-
-    def _speed(self) -> Iterator[Violation]:
-        speed = self._crossing.value("V_K")
-        if excess := _excess(speed, self._crossing.passage.speed):
-            ends = self._penalties.start_speed_end
-            penalty = math.inf if ends is not None and speed > ends else self._penalties.start_speed
-            speeds = speed / KNOT, (speed - excess) / KNOT
-            yield self._violation("start-speed", *speeds, "kt", penalty, self._known.speed / KNOT)
-
-    def _violation(
-        self, rule: str, value: float, limit: float, unit: str, penalty: float | None, deviation: float = math.nan
-    ) -> Violation:
-        known = math.nan if penalty is None else penalty
-        return Violation(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
+    speed = crossing.value("V_K")
+    if excess := _excess(speed, crossing.passage.speed):
+        ends = penalties.start_speed_end
+        penalty = math.inf if ends is not None and speed > ends else penalties.start_speed
+        yield "start-speed", speed / KNOT, (speed - excess) / KNOT, known.speed / KNOT, "kt", penalty
 
 
 def _excess(value: float, allowed: Interval) -> float:

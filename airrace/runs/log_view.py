@@ -21,8 +21,8 @@ from airrace.runs.stage_view import Splits
 from airrace.standard_streams import stem_of
 
 if TYPE_CHECKING:
+    from airrace.logs.csv_log import ColumnLayout
     from airrace.logs.log_flight import LogFlight
-    from airrace.logs.recording import ColumnLayout
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""

@@ -6,6 +6,7 @@ It is the optimum of Rovinj 2014, recorded by a receiver with noise, a gap and a
 import csv
 import functools
 import math
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -14,6 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from airrace.inputs import load_inputs
+from airrace.logs.log_flight import LogFlight, flight_from_log
+from airrace.logs.reading import read_log
+from airrace.logs.violations import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array
@@ -150,3 +154,15 @@ def _minutes(degrees: float, digits: int) -> tuple[str, str]:
 
 def _iso(seconds: float) -> str:
     return (BEGIN + timedelta(seconds=float(seconds))).isoformat().replace("+00:00", "Z")
+
+
+@functools.cache
+def flown(hz: float, seed: int, noise: float = 1.5) -> LogFlight:
+    return imported(csv_text(fixes(hz, seed=seed, noise=noise)))
+
+
+def imported(text: str, penalties: Penalties = NONE_KNOWN) -> LogFlight:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.csv"
+        path.write_text(text)
+        return flight_from_log(read_log(path), race(), label="log", penalties=penalties)

@@ -42,31 +42,23 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
-def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
-    imported = airrace.import_log(folder / "log.csv", "rovinj_2014")
+def test_a_stored_flight_is_the_imported_one(folder: Path, recorded: LogCheckpoint) -> None:
+    imported, opened = airrace.import_log(folder / "log.csv", "rovinj_2014"), open_log(recorded)
     first, second = imported.flight(), open_flight(str(folder / "log.h5"))
     assert first.label == second.label == "log"
     assert list(first.histories) == list(second.histories)
     for name in first.histories:
         assert np.array_equal(first[name], second[name])
         assert (first.basis(name), first.limit(name)) == (second.basis(name), second.limit(name))
-    assert [(one.name, one.time, one.values) for one in first.crossings] == [
-        (one.name, one.time, one.values) for one in second.crossings
-    ]
-
-
-def test_the_breaches_are_stored(folder: Path, recorded: LogCheckpoint) -> None:
-    flown, imported = open_log(recorded), airrace.import_log(folder / "log.csv", "rovinj_2014")
-    assert flown.violations
-    assert flown.penalty == 0.0
-    assert repr(flown.violations) == repr(imported.violations)
-
-
-def test_what_was_recorded_is_stored(recorded: LogCheckpoint) -> None:
+    crossings = [[(one.name, one.time, one.values) for one in flight.crossings] for flight in (first, second)]
+    assert crossings[0] == crossings[1]
+    assert opened.violations
+    assert opened.penalty == 0.0
+    assert repr(opened.violations) == repr(imported.violations)
     log, seen = recorded.log, fixes(20.0)
     assert (log.format, Path(log.path).name) == ("csv", "log.csv")
-    kept = np.isin(np.round(seen.time - seen.time[0], 4), np.round(log.time, 4))
-    assert log.columns["x"] == pytest.approx(seen.north[kept], abs=1e-3)
+    rows = np.isin(np.round(seen.time - seen.time[0], 4), np.round(log.time, 4))
+    assert log.columns["x"] == pytest.approx(seen.north[rows], abs=1e-3)
     assert log.lines[0] >= 2
 
 
@@ -140,24 +132,23 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
     assert run("report", folder / "log.h5", "--sensitivities", "--output", tmp_path / "other.html")[0] == 5
 
 
-@pytest.mark.parametrize("command", [("verify",), ("resume",), ("sensitivity",)])
-def test_commands_of_runs_say_that_it_is_a_flown_log(folder: Path, command: tuple[str, ...]) -> None:
-    code, _, err = run(*command, folder / "log.h5")
-    assert code == 7
-    assert "this is a flown log, not a run" in err
-
-
-def test_a_stage_of_a_flown_log_is_refused(folder: Path) -> None:
-    code, _, err = run("show", folder / "log.h5", "--stage", "six-dof")
-    assert code == 2
-    assert "a flown log has no stages" in err
-
-
-def test_a_log_without_a_course_is_refused(folder: Path) -> None:
-    code, _, err = run("compare", folder / "log.csv", folder / "log.csv")
-    assert code == 2
-    assert "no course is at hand for the log" in err
-    assert "--course TRACK" in err
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("verify", "log.h5"), 7, "this is a flown log, not a run"),
+        (("resume", "log.h5"), 7, "this is a flown log, not a run"),
+        (("sensitivity", "log.h5"), 7, "this is a flown log, not a run"),
+        (("show", "log.h5", "--stage", "six-dof"), 2, "a flown log has no stages"),
+        (("compare", "log.csv", "log.csv"), 2, "no course is at hand for the log"),
+    ],
+)
+def test_commands_of_runs_refuse_flown_logs(
+    folder: Path, arguments: tuple[str, ...], code: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    found, _, err = run(*arguments)
+    assert (found, said in err) == (code, True)
+    assert arguments[0] != "compare" or "--course TRACK" in err
 
 
 def test_a_refused_log_gives_one_sentence_and_its_code(tmp_path: Path) -> None:
@@ -201,24 +192,24 @@ def test_forged_files_are_refused(recorded: LogCheckpoint, tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-def test_passings_of_another_course_are_refused(recorded: LogCheckpoint) -> None:
-    flown = open_log(recorded)
+def test_damaged_files_and_other_schemas_members_names_and_courses_are_refused(
+    folder: Path, recorded: LogCheckpoint, tmp_path: Path
+) -> None:
     renamed = tuple(replace(one, passing=f"x{one.passing}") for one in recorded.passings)
     with pytest.raises(CheckpointError, match="its passings are not those of its course"):
-        LogView(flown.inputs, replace(recorded, passings=renamed)).flight()
-
-
-def test_other_schemas_and_members_are_refused(recorded: LogCheckpoint) -> None:
+        LogView(open_log(recorded).inputs, replace(recorded, passings=renamed)).flight()
     tree = encode_log(recorded)
-    with pytest.raises(CheckpointError, match="schema is 9"):
-        decode_log(replace(tree, attributes={**tree.attributes, "schema": 9}))
-    with pytest.raises(CheckpointError, match="'extra' is unknown"):
-        decode_log(replace(tree, members={**tree.members, "extra": "text"}))
-    with pytest.raises(CheckpointError, match="is not a text"):
-        decode_log(forged(tree, "flight/label", Group({})))
-
-
-def test_a_damaged_file_is_refused(folder: Path, tmp_path: Path) -> None:
+    for forgery, said in (
+        (replace(tree, attributes={**tree.attributes, "schema": 9}), "schema is 9"),
+        (replace(tree, members={**tree.members, "extra": "text"}), "'extra' is unknown"),
+        (forged(tree, "flight/label", Group({})), "is not a text"),
+    ):
+        with pytest.raises(CheckpointError, match=said):
+            decode_log(forgery)
+    one = recorded.histories[0]
+    bad = StoredHistory(replace(one.quantity, name="../x"), one.values, one.basis)
+    with pytest.raises(CheckpointError, match="is not a name for a quantity"):
+        encode_log(replace(recorded, histories=(bad, *recorded.histories)))
     content = bytearray((folder / "log.h5").read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / "damaged.h5").write_bytes(content)
@@ -226,13 +217,6 @@ def test_a_damaged_file_is_refused(folder: Path, tmp_path: Path) -> None:
         read_stored(tmp_path / "damaged.h5")
     with pytest.raises(CheckpointError, match="this is a flown log"):
         read_checkpoint(folder / "log.h5")
-
-
-def test_names_that_are_no_names_cannot_be_stored(recorded: LogCheckpoint) -> None:
-    one = recorded.histories[0]
-    bad = StoredHistory(replace(one.quantity, name="../x"), one.values, one.basis)
-    with pytest.raises(CheckpointError, match="is not a name for a quantity"):
-        encode_log(replace(recorded, histories=(bad, *recorded.histories)))
 
 
 @pytest.mark.slow

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import Fixes, csv_text, fixes, known
-from test_reading import flown, imported
+from synthetic import Fixes, csv_text, fixes, flown, imported, known
 
 from airrace.inputs import load_inputs
 from airrace.inputs.rules import preset_names
+from airrace.logs.histories import between_samples
 from airrace.logs.recording import Recording
-from airrace.logs.smoothing import between_samples
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.results import Basis
 
@@ -27,49 +26,37 @@ def near(passing: str, width: float = 0.8) -> np.ndarray:
 
 
 def certain(seen: Fixes) -> list[tuple[str, str, float]]:
-    found = imported(csv_text(seen), penalties=RULES).violations
+    found = imported(csv_text(seen), RULES).violations
     return [(one.passing, one.rule, one.penalty) for one in found if one.certain]
 
 
-def test_a_gate_passed_too_high_costs_its_penalty() -> None:
-    assert ("1:g4", "too-high", 2.0) in certain(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4")))
+def with_columns(seen: Fixes, header: str, *columns: np.ndarray) -> str:
+    lines = csv_text(seen).splitlines()
+    rows = (",".join(map(str, row)) for row in zip(lines[1:], *columns, strict=True))
+    return "\n".join([f"{lines[0]},{header}", *rows]) + "\n"
 
 
-def test_a_gate_passed_too_low_ends_the_race() -> None:
-    low = certain(replace(EXACT, height=EXACT.height - 5.0 * near("1:g4")))
-    assert ("1:g4", "too-low", ENDS_RACE) in low
-
-
-def test_a_gate_passed_beside_its_pylons_is_missed() -> None:
+def test_a_gate_passed_too_high_too_low_beside_or_too_fast_costs_its_penalty() -> None:
+    high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), RULES)
+    (breach,) = [one for one in high.violations if one.rule == "too-high" and one.passing == "1:g4"]
+    at = next(one for one in high.flight.crossings if one.name == "1:g4")
+    assert (breach.value, breach.limit, breach.unit) == (at.value("height"), 25.0, "m")
+    assert (breach.time, breach.penalty, breach.certain) == (at.time, 2.0, True)
+    low = replace(EXACT, height=EXACT.height - 5.0 * near("1:g4"))
+    assert ("1:g4", "too-low", ENDS_RACE) in certain(low)
     side = known().at("chi", np.array([known().passings["1:g4"]]))[0] + math.pi / 2
     bump = 12.0 * near("1:g4", 1.5)
     aside = replace(EXACT, north=EXACT.north + math.cos(side) * bump, east=EXACT.east + math.sin(side) * bump)
     assert ("1:g4", "missed", 4.0) in certain(aside)
-
-
-def test_a_breach_tells_how_far_it_goes() -> None:
-    high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), penalties=RULES)
-    breach = next(one for one in high.violations if one.rule == "too-high" and one.passing == "1:g4")
-    at = next(one for one in high.flight.crossings if one.name == "1:g4")
-    assert (breach.value, breach.limit, breach.unit) == (at.value("height"), 25.0, "m")
-    assert breach.time == at.time
-
-
-def test_a_start_that_is_too_fast_is_told() -> None:
-    """Clocks that run slow by a tenth make everything faster by a ninth."""
-    fast = replace(EXACT, time=0.9 * EXACT.time)
+    fast = replace(EXACT, time=0.9 * EXACT.time)  # a clock that runs slow by a tenth
     assert ("0:g0", "start-speed", 1.0) in certain(fast)
 
 
 def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
     roll = np.full_like(EXACT.time, 25.0)
-    heading, pitch = np.degrees(np.interp(EXACT.time, known().time, np.unwrap(known().histories["chi"]))), 0.0 * roll
-    lines = csv_text(EXACT).splitlines()
-    columns = zip(lines[1:], roll, pitch, heading, strict=True)
-    text = "\n".join(
-        [f"{lines[0]},roll [deg],pitch [deg],heading [deg]", *(f"{a},{b},{c},{d}" for a, b, c, d in columns)]
-    )
-    one = imported(text + "\n", penalties=RULES)
+    heading = np.degrees(np.interp(EXACT.time, known().time, np.unwrap(known().histories["chi"])))
+    text = with_columns(EXACT, "roll [deg],pitch [deg],heading [deg]", roll, 0.0 * roll, heading)
+    one = imported(text, RULES)
     assert one.flight.basis("phi") is Basis.MEASURED
     assert np.degrees(one.flight["phi"]) == pytest.approx(25.0)
     assert "p_Kbar" in one.flight
@@ -84,13 +71,8 @@ def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
 def test_an_optimum_that_is_recorded_without_noise_breaks_no_rule_with_certainty() -> None:
     """What an optimum's exports hold: places to the centimetre, attitudes between whose samples it rolls."""
     exact = fixes(20.0, noise=0.0, gap=(0.0, 0.0))
-    told = [np.degrees(known().at(name, exact.time)) for name in ("mu", "gamma", "chi")]
-    lines = csv_text(exact).splitlines()
-    columns = zip(lines[1:], *told, strict=True)
-    text = "\n".join(
-        [f"{lines[0]},roll [deg],pitch [deg],heading [deg]", *(f"{a},{b},{c},{d}" for a, b, c, d in columns)]
-    )
-    one = imported(text + "\n", penalties=RULES)
+    angles = [np.degrees(known().at(name, exact.time)) for name in ("mu", "gamma", "chi")]
+    one = imported(with_columns(exact, "roll [deg],pitch [deg],heading [deg]", *angles), RULES)
     assert one.flight.basis("phi") is Basis.MEASURED
     assert [breach for breach in one.violations if breach.certain] == []
     assert all(math.isfinite(breach.deviation) for breach in one.violations if breach.rule == "bank")
@@ -110,50 +92,46 @@ def test_the_deviation_between_samples_bounds_what_is_lost_there() -> None:
 
 def test_a_recorded_load_factor_is_kept_and_judged() -> None:
     load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.6, 3.0)
-    lines = csv_text(EXACT).splitlines()
-    text = "\n".join([f"{lines[0]},load factor", *(f"{a},{b}" for a, b in zip(lines[1:], load, strict=True))]) + "\n"
+    text = with_columns(EXACT, "load factor", load)
     for rules, penalty in (
         (replace(RULES, load_factor=1.0, load_factor_time=0.6), 1.0),
         (replace(RULES, load_factor=1.0, load_factor_time=0.6, load_factor_end=10.5), ENDS_RACE),
     ):
-        one = imported(text, penalties=rules)
+        one = imported(text, rules)
         assert one.flight.basis("n_z") is Basis.MEASURED
         (breach,) = [breach for breach in one.violations if breach.rule == "load-factor"]
         assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.6), penalty, True)
-    short = imported(text, penalties=replace(RULES, load_factor=1.0, load_factor_time=1.0))
+    short = imported(text, replace(RULES, load_factor=1.0, load_factor_time=1.0))
     assert not [breach for breach in short.violations if breach.rule == "load-factor"]
 
 
-def test_the_better_of_two_runs_is_taken_and_told() -> None:
-    gap = 40.0
-    later = replace(EXACT, time=EXACT.time + EXACT.time[-1] - EXACT.time[0] + gap)
+def test_the_better_of_two_runs_is_taken() -> None:
+    later = replace(EXACT, time=EXACT.time + EXACT.time[-1] - EXACT.time[0] + 40.0)
     missing = (EXACT.time < 10.0) | (EXACT.time > 24.0)  # the first run is not recorded throughout
     both = Fixes(*(np.concatenate([getattr(EXACT, name)[missing], getattr(later, name)]) for name in vars(EXACT)))
     one = imported(csv_text(both))
-    told = next(remark for remark in one.remarks if "runs" in remark)
-    assert told.startswith("the log holds 2 runs")
-    assert told.endswith("this is run 2")
+    (remark,) = [remark for remark in one.remarks if "runs" in remark]
+    assert re.fullmatch(r"the log holds 2 runs, which begin .* s after its first sample; this is run 2", remark)
     assert one.flight.race_time == pytest.approx(list(known().passings.values())[-1], abs=0.02)
 
 
-def test_of_many_runs_the_first_ones_are_told() -> None:
-    one = fixes(5.0)
+def test_of_many_runs_the_beginnings_of_the_first_ones_are_remarked() -> None:
+    one, laps = fixes(5.0), 14
     period = float(one.time[-1] - one.time[0]) + 30.0
-    laps = 14
     time = np.concatenate([one.time + lap * period for lap in range(laps)])
     again = Fixes(time, *(np.tile(column, laps) for column in (one.north, one.east, one.height)))
-    (told,) = [remark for remark in imported(csv_text(again)).remarks if "runs, which begin" in remark]
+    (remark,) = [remark for remark in imported(csv_text(again)).remarks if "runs, which begin" in remark]
     assert re.fullmatch(
         r"the log holds 14 runs, which begin (\d+\.\d, ){12}\.\.\. s after its first sample; "
         r"this is run \d+, which begins at \d+\.\d s",
-        told,
+        remark,
     )
 
 
 def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> None:
     stops = known().passings["1:g1#2"] + 0.5
     cut = Fixes(*(getattr(EXACT, name)[EXACT.time < stops] for name in vars(EXACT)))
-    one = imported(csv_text(cut), penalties=RULES)
+    one = imported(csv_text(cut), RULES)
     assert math.isnan(one.flight.race_time)
     assert "not passed: 1:g0#2" in one.remarks
     assert ("1:g0#2", "missed", 4.0) in [(b.passing, b.rule, b.penalty) for b in one.violations]
@@ -167,9 +145,6 @@ def test_seasons_have_penalties_with_their_sources(name: str) -> None:
     assert "penalties from" in penalties.source
 
 
-def test_a_course_without_a_season_has_no_penalties() -> None:
+def test_a_course_without_a_season_has_no_penalties_and_they_change_no_inputs_of_a_run() -> None:
     assert load_inputs("half_cuban_eight").penalties == NONE_KNOWN
-
-
-def test_penalties_change_no_inputs_of_a_run() -> None:
     assert "penalties" not in str(load_inputs("rovinj_2014").resolved)

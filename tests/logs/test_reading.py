@@ -1,27 +1,26 @@
 """Logs of all formats are read alike; what is wrong with one is said with its line, and what would be right."""
 
-import functools
 import gzip
 import math
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import BEGIN, GAP, LEAD, Fixes, acmi_text, csv_text, fixes, gpx_text, igc_text, known, on_globe, race
+from synthetic import BEGIN, Fixes, acmi_text, csv_text, fixes, gpx_text, igc_text, on_globe, race
 
 from airrace.errors import InputError, UsageError
+from airrace.inputs import load_inputs
 from airrace.inputs.log_layout import read_layout, with_columns
-from airrace.logs.log_flight import LogFlight, flight_from_log
+from airrace.logs.csv_log import ColumnLayout
+from airrace.logs.log_flight import flight_from_log
 from airrace.logs.passings import in_frame, in_order
 from airrace.logs.reading import read_log
-from airrace.logs.recording import ColumnLayout, Recording
-from airrace.logs.violations import Penalties
+from airrace.logs.recording import LIMITS, Recording
 from airrace.quantities import KNOT
-from airrace.results import Basis, legs_of
-from airrace.trajectory import Array
 
 SEEN = fixes(5.0)
 
@@ -42,30 +41,22 @@ def refused(folder: Path, text: str | bytes, name: str = "log.csv", layout: Colu
 
 
 @pytest.mark.parametrize(
-    ("write", "name", "near"),
-    [
-        (csv_text, "log.csv", 1e-3),
-        (gpx_text, "log.gpx", 1e-3),
-        (acmi_text, "log.acmi", 1e-3),
-        (igc_text, "log.igc", 2e-3),
-    ],
+    ("write", "name"),
+    [(csv_text, "log.csv"), (gpx_text, "log.gpx"), (acmi_text, "log.acmi"), (igc_text, "log.igc")],
 )
-def test_all_formats_tell_the_same_flight(
-    tmp_path: Path, write: Callable[[Fixes], str], name: str, near: float
-) -> None:
+def test_all_formats_tell_the_same_flight(tmp_path: Path, write: Callable[[Fixes], str], name: str) -> None:
     placed = in_frame(in_order(read(tmp_path, write(SEEN), name)), race())
+    near = 2e-3 if name.endswith("igc") else 1e-3
     assert placed.time == pytest.approx(SEEN.time - SEEN.time[0], abs=2e-3)
     assert placed.columns["x"] == pytest.approx(SEEN.north, abs=near)
     assert placed.columns["y"] == pytest.approx(SEEN.east, abs=near)
     assert placed.columns["height"] == pytest.approx(SEEN.height, abs=0.51 if name.endswith("igc") else near)
-
-
-@pytest.mark.parametrize(("write", "name"), [(gpx_text, "a.gpx"), (acmi_text, "a.acmi"), (igc_text, "a.igc")])
-def test_dates_are_told(tmp_path: Path, write: Callable[[Fixes], str], name: str) -> None:
-    recording = read(tmp_path, write(SEEN), name)
-    late = 10.0 if name.endswith("acmi") else 0.0  # the test's recording begins ten seconds after its reference
-    assert recording.begins is not None
-    assert (recording.begins - BEGIN).total_seconds() == pytest.approx(float(SEEN.time[0]) + late, abs=2e-3)
+    if name.endswith("csv"):
+        assert placed.begins is None
+    else:
+        late = 10.0 if name.endswith("acmi") else 0.0  # the test's recording begins ten seconds after its reference
+        assert placed.begins is not None
+        assert (placed.begins - BEGIN).total_seconds() == pytest.approx(float(SEEN.time[0]) + late, abs=2e-3)
 
 
 def test_a_zipped_recording_is_read(tmp_path: Path) -> None:
@@ -156,6 +147,7 @@ def test_silent_cells_and_repeated_times_are_left_out_and_told(tmp_path: Path) -
 
 
 HEAD = "time,x,y,height\n0,1,2,3\n"
+ACMI = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
 GPX = '<gpx><trk><trkseg><trkpt lat="1" lon="2"><ele>3</ele>{}</trkpt></trkseg></trk></gpx>'
 
 
@@ -181,51 +173,35 @@ GPX = '<gpx><trk><trkseg><trkpt lat="1" lon="2"><ele>3</ele>{}</trkpt></trkseg><
         ("AXXX\nB12345\n", "a.igc", "a.igc:2:1: is no fix of a flight recorder: `B12345`"),
         ("AXXX\n", "a.igc", "a.igc: holds no fixes (B records)"),
         ("FileType=text/acmi/tacview\nFileVersion=3\n", "a.acmi", "a.acmi:2:1: expected `FileVersion=2.x`"),
-        ("FileType=text/acmi/tacview\nFileVersion=2.2\n#1\n#0\n", "a.acmi", "a.acmi:4:1: time runs backwards"),
-        ("FileType=text/acmi/tacview\nFileVersion=2.2\na,T=1|2\n", "a.acmi", "a.acmi:3:1: T: a place has 2 values"),
-        ("FileType=text/acmi/tacview\nFileVersion=2.2\na,T=x|2|3\n", "a.acmi", "a.acmi:3:1: T: `x` is no number"),
-        (
-            "FileType=text/acmi/tacview\nFileVersion=2.2\n",
-            "a.acmi",
-            "a.acmi: holds no flight of an aircraft; it has",
-        ),
+        (ACMI + "#1\n#0\n", "a.acmi", "a.acmi:4:1: time runs backwards"),
+        (ACMI + "a,T=1|2\n", "a.acmi", "a.acmi:3:1: T: a place has 2 values"),
+        (ACMI + "a,T=x|2|3\n", "a.acmi", "a.acmi:3:1: T: `x` is no number"),
+        (ACMI, "a.acmi", "a.acmi: holds no flight of an aircraft; it has"),
+        (b"x" * 2_000_000, "a.csv", "a.csv:1:1: has a line without end"),
+        (b"PK\x03\x04" + bytes(100), "a.zip", "a.zip: is a damaged archive"),
+        (gzip.compress(b"\0" * 1000) + b"\0", "c.gz", "c.gz: is no log"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str, name: str, said: str) -> None:
+def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, text: str | bytes, name: str, said: str) -> None:
     assert refused(tmp_path, text, name).startswith(said)
 
 
-def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+def test_files_without_a_recording_and_with_too_many_samples_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InputError, match="no such file"):
         read_log(tmp_path / "missing.csv")
     with pytest.raises(InputError, match="is not a file"):
         read_log(tmp_path)
-
-
-def test_a_line_without_end_is_refused(tmp_path: Path) -> None:
-    assert "a.csv:1:1: has a line without end" in refused(tmp_path, b"x" * 2_000_000, "a.csv")
-
-
-def test_a_damaged_archive_is_refused(tmp_path: Path) -> None:
-    assert "is a damaged archive" in refused(tmp_path, b"PK\x03\x04" + bytes(100), "a.zip")
-    path = tmp_path / "b.zip"
-    with zipfile.ZipFile(path, "w") as archive:
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
         archive.writestr("readme.md", "nothing")
-    assert "is an archive without an ACMI recording" in refused(tmp_path, path.read_bytes(), "b.zip")
-    assert "is no log" in refused(tmp_path, gzip.compress(b"\0" * 1000) + b"\0", "c.gz")
-
-
-def test_too_many_samples_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("airrace.logs.recording.SAMPLES_MAX", 3)
+    with pytest.raises(InputError, match="is an archive without an ACMI recording"):
+        read_log(tmp_path / "b.zip")
+    layout = with_columns(ColumnLayout(), ["time=time", "north=x", "east=why", "height=height"])
+    assert refused(tmp_path, HEAD, layout=layout).startswith("log.csv:1:1: has no column `why` for east; its columns")
+    monkeypatch.setattr("airrace.logs.recording.LIMITS", replace(LIMITS, samples=3))
     said = refused(tmp_path, HEAD + "".join(f"{row},1,2,3\n" for row in range(1, 9)))
     assert said == "log.csv:5:1: holds more than 3 samples; cut the log to the flight"
-
-
-def test_a_column_that_is_not_there_is_said(tmp_path: Path) -> None:
-    layout = with_columns(ColumnLayout(), ["time=time", "north=x", "east=why", "height=height"])
-    assert refused(tmp_path, HEAD, layout=layout).startswith(
-        "log.csv:1:1: has no column `why` for east; its columns are"
-    )
 
 
 @pytest.mark.parametrize(
@@ -251,9 +227,6 @@ def test_faults_of_a_mapping_are_said_with_their_lines(tmp_path: Path) -> None:
 
 
 def test_another_course_is_refused(tmp_path: Path) -> None:
-    from airrace.inputs import load_inputs
-    from airrace.logs.log_flight import flight_from_log
-
     text = csv_text(SEEN)
     with pytest.raises(InputError, match="passes less than half of the 15 gates and pylons of Chiba 2015"):
         flight_from_log(read(tmp_path, text), load_inputs("chiba_2015").race, label="log")
@@ -261,195 +234,3 @@ def test_another_course_is_refused(tmp_path: Path) -> None:
         flight_from_log(read(tmp_path, "time,lat,lon,alt\n0,13,45,3\n1,13,45,3\n"), race(), label="log")
     with pytest.raises(InputError, match="there is no run 2"):
         flight_from_log(read(tmp_path, text), race(), label="log", run=2)
-
-
-RATES = (5.0, 20.0)
-SEEDS = (1, 2, 3)
-
-
-@functools.cache
-def flown(hz: float, seed: int, noise: float = 1.5) -> LogFlight:
-    return imported(csv_text(fixes(hz, seed=seed, noise=noise)))
-
-
-def imported(text: str, path: Path | None = None, penalties: Penalties | None = None) -> LogFlight:
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        file = path or Path(folder) / "log.csv"
-        file.write_text(text)
-        return flight_from_log(read_log(file), race(), label="log", penalties=penalties or Penalties())
-
-
-def off_bank(one: LogFlight) -> tuple[Array, Array, Array]:
-    """Errors of the bank, deg, away from the gap; the true load factor and roll rate there."""
-    time = one.flight.time
-    error = np.degrees(np.angle(np.exp(1j * (one.flight["mu"] - known().at("mu", time)))))
-    away = (time < GAP[0] - 0.5) | (time > GAP[1] + 0.5)
-    return error[away], known().at("n_z", time)[away], known().at("p_Kbar", time)[away]
-
-
-def rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-@pytest.mark.parametrize("hz", RATES)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_passings_are_recovered_within_a_twentieth_of_a_second(hz: float, seed: int) -> None:
-    one = flown(hz, seed)
-    begin = known().passings["0:g0"]
-    for crossing in one.flight.crossings:
-        assert crossing.time == pytest.approx(known().passings[crossing.name] - begin, abs=0.05)
-
-
-@pytest.mark.parametrize("hz", RATES)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_lost_seconds_of_every_leg_are_recovered_within_a_tenth(hz: float, seed: int) -> None:
-    times = list(known().passings.values())
-    for leg, before, after in zip(legs_of(flown(hz, seed).flight), times[:-1], times[1:], strict=True):
-        assert leg.time == pytest.approx(after - before, abs=0.1)
-
-
-@pytest.mark.parametrize("hz", RATES)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_the_bank_of_turns_is_recovered_within_eight_degrees(hz: float, seed: int) -> None:
-    """The root mean square, where the aircraft pulls more than 2 g and does not roll.
-
-    While it rolls at 400 deg/s, and at 1 g, positions with 1.5 m of noise do not tell the bank.
-    """
-    error, n_z, p = off_bank(flown(hz, seed))
-    turning = (n_z > 2.0) & (np.abs(p) < math.radians(30.0))
-    assert turning.mean() > 0.3
-    assert rms(error[turning]) < 8.0
-
-
-def test_the_better_the_positions_the_better_the_bank() -> None:
-    errors: list[float] = []
-    for noise in (1.5, 0.5, 0.1, 0.02):
-        error, n_z, _ = off_bank(flown(20.0, 1, noise))
-        errors.append(rms(error[n_z > 2.0]))
-    assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 4.0
-
-
-def test_the_clock_starts_at_the_start() -> None:
-    one = flown(20.0, 1)
-    assert one.flight.time[0] == 0.0 == one.flight.crossings[0].time
-    assert one.offset == pytest.approx(LEAD - 0.013, abs=0.05)
-
-
-def test_times_rise_and_hold_all_passings() -> None:
-    flight = flown(20.0, 1).flight
-    assert (np.diff(flight.time) > 0.0).all()
-    assert np.diff(flight.time).max() < 0.0201
-    assert {crossing.time for crossing in flight.crossings} <= set(flight.time.tolist())
-
-
-def test_speed_course_and_climb_are_recovered() -> None:
-    flight = flown(20.0, 1).flight
-    assert rms(flight["V_K"] - known().at("V_K", flight.time)) < 1.5
-    assert math.degrees(rms(flight["gamma"] - known().at("gamma", flight.time))) < 2.0
-    course = np.angle(np.exp(1j * (flight["chi"] - known().at("chi", flight.time))))
-    assert math.degrees(np.sqrt(np.median(course**2))) < 1.0
-
-
-def test_histories_say_that_they_are_derived() -> None:
-    flight = flown(20.0, 1).flight
-    assert {flight.basis(name) for name in ("V_K", "n_z", "mu", "V_I", "height")} == {Basis.DERIVED}
-    assert "p_Kbar" not in flight
-
-
-def test_gap_rate_and_estimates_are_told() -> None:
-    told = " ".join(flown(20.0, 1).remarks)
-    assert "at 20 Hz and scatter by" in told
-    assert "a gap of 0.35 s behind line" in told
-    assert "estimated from the positions, not recorded: bank, load factor" in told
-
-
-def test_noise_is_estimated() -> None:
-    from airrace.logs.smoothing import smooth
-
-    for noise in (0.1, 1.5, 5.0):
-        seen = fixes(20.0, noise=noise, gap=(0.0, 0.0))
-        path = smooth(seen.time, np.stack([seen.north, seen.east, seen.height]))
-        assert path.noise == pytest.approx(noise, rel=0.2)
-        assert path.scatter == pytest.approx(noise, rel=0.2)
-
-
-@pytest.mark.parametrize("hz", RATES)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_an_optimum_breaks_no_rule_for_certain(hz: float, seed: int) -> None:
-    assert [one for one in flown(hz, seed).violations if one.certain] == []
-
-
-def test_outliers_are_left_out_and_told() -> None:
-    lines = csv_text(fixes(20.0)).splitlines()
-    broken = {200: (400.0, 0.0), 700: (9.0, -9.0)}
-    for row, (north, east) in broken.items():
-        time, x, y, height = (float(one) for one in lines[row].split(","))
-        lines[row] = f"{time},{x + north},{y + east},{height}"
-    one = imported("\n".join(lines) + "\n")
-    told = " ".join(one.remarks)
-    assert "1 outlier is left out: leaps faster than sound, the first one in line 201" in told
-    assert "1 outlier is left out, the first one in line 701" in told
-    good = flown(20.0, 1).flight
-    assert [c.time for c in one.flight.crossings] == pytest.approx([c.time for c in good.crossings], abs=0.01)
-
-
-def test_a_straight_line_is_smoothed_into_itself() -> None:
-    from airrace.logs.smoothing import smooth
-
-    time = np.arange(0.0, 10.0, 0.1)
-    places = np.stack([80.0 * time, -3.0 * time, np.full_like(time, 50.0)])
-    path = smooth(time, places)
-    position, velocity, acceleration = path.at(time)
-    assert position == pytest.approx(places, abs=1e-6)
-    assert velocity[0] == pytest.approx(80.0, abs=1e-4)
-    assert np.abs(acceleration).max() < 1e-3
-
-
-def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
-    """`n_z = 1 / cos(mu)`, `tan(mu) = V^2 / (g r)`, for a turn to the right."""
-    from airrace.environment.atmosphere import g0
-    from airrace.logs.smoothing import derived_histories
-    from airrace.results.derivation import complete_histories
-
-    speed, bank = 80.0, math.radians(70.0)
-    radius = speed**2 / (g0 * math.tan(bank))
-    angle = np.linspace(0.0, 3.0, 50)
-    position = np.stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), np.full_like(angle, 30.0)])
-    velocity = speed * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
-    acceleration = speed**2 / radius * np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)])
-    histories = complete_histories(race(), derived_histories(race(), position, velocity, acceleration))
-    assert histories["n_z"].values == pytest.approx(1.0 / math.cos(bank))
-    assert histories["mu"].values == pytest.approx(bank)
-    assert histories["gamma"].values == pytest.approx(0.0, abs=1e-12)
-    assert np.unwrap(histories["chi"].values) == pytest.approx(angle)
-
-
-def test_a_noise_that_is_said_too_small_leaves_no_log_without_positions() -> None:
-    from airrace.logs.smoothing import smooth
-
-    seen = fixes(20.0, noise=5.0)
-    path = smooth(seen.time, np.stack([seen.north, seen.east, seen.height]), noise=1e-6)
-    assert np.isfinite(path.position).all()
-    assert path.outliers.mean() < 0.5
-
-
-@pytest.mark.parametrize("hz", [200.0, 1000.0])
-def test_noise_at_a_high_rate_is_not_taken_for_leaps(hz: float) -> None:
-    """Between two samples that are a millisecond apart, 1.5 m of noise look faster than sound."""
-    one = imported(csv_text(fixes(hz)))
-    assert not any("outlier" in remark for remark in one.remarks)
-    begin = known().passings["0:g0"]
-    for crossing in one.flight.crossings:
-        assert crossing.time == pytest.approx(known().passings[crossing.name] - begin, abs=0.02)
-
-
-def test_of_samples_that_come_within_a_tenth_of_a_millisecond_one_is_kept() -> None:
-    seen = fixes(20.0)
-    shifts = 0.00006 * np.arange(5)
-    time = (seen.time[:, None] + shifts).ravel()
-    often = Fixes(time, *(np.repeat(one, len(shifts)) for one in (seen.north, seen.east, seen.height)))
-    one = imported(csv_text(often, offset=52.0, digits=5))
-    assert f"{2 * len(seen.time)} samples are left out for coming less than 0.1 ms behind another" in one.remarks
