@@ -3,7 +3,7 @@
 The object, with the format's name first:
 
     format          "airrace-report/1"
-    course          elements, crowd, lines, airspace, frame: see `course_contents`
+    course          elements, crowd, lines, airspace, frame: see below
     flights         the flights, the first of which the page is about; the others are its ghosts
       label           what tells it from the others
       aircraft        {name, span}: span of its wing, m
@@ -48,52 +48,28 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 
 import numpy as np
 
+from airrace.quantities import KNOT
 from airrace.records import record
+from airrace.results import Flight
+from airrace.results.comparison import SHARES, Comparison
+from airrace.results.flight import BODY_ATTITUDE
+from airrace.results.legs import Leg, way
 from airrace.track.course import CrowdShape
 from airrace.track.element import Element
 from airrace.trajectory import Array
 from airrace.views.map_model import MapModel, coordinates
 
 FORMAT = "airrace-report/1"
-POSE = ("north", "east", "height", "q0", "q1", "q2", "q3")
-"""Histories that every flight has."""
-
-
-@record
-class FlightContents:
-    """One flight as the page sees it.
-
-    Attributes:
-        label: what tells it from the others.
-        aircraft: the name of its aircraft.
-        span: of its wing, m.
-        race_time: s; NaN where the flight has not made the first and the last passing.
-        passings: name and time (s) of each, in their order.
-        time: s, rising; shape (N,).
-        histories: by name, each of shape (N,); those of `POSE` and any others, in the units in which they are shown.
-    """
-
-    label: str
-    aircraft: str
-    span: float
-    race_time: float
-    passings: Sequence[tuple[str, float]]
-    time: Array
-    histories: Mapping[str, Array]
-
-    def as_object(self) -> dict[str, object]:
-        return {
-            "label": self.label,
-            "aircraft": {"name": self.aircraft, "span": self.span},
-            "race_time": self.race_time if math.isfinite(self.race_time) else None,
-            "passings": [{"name": name, "time": time} for name, time in self.passings],
-            "time": pack(self.time),
-            "histories": {name: pack(values) for name, values in self.histories.items()},
-        }
+INFLATED = 25.0
+"""The usual height of an inflated pylon, m."""
+ABOVE = 5.0
+"""The height by which a pylon rises above the highest passing that counts, m."""
+ENDLESS = 0.15
+"""The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
+DEGREE = math.pi / 180.0
 
 
 @record
@@ -101,82 +77,87 @@ class Strip:
     """Histories of one kind over time.
 
     Attributes:
+        title, unit: for people.
+        factor: the unit, in SI units or radians.
         lines: name of a history and what it is called, the main one first.
-        limits: values that must not be passed, in the strip's unit, and what sets each.
+        limited: those of them whose limits are drawn.
+        digits: behind the point.
         wraps: after how many units the quantity repeats; None if never.
-        least: smallest extent of the axis, in its unit, so that noise of a constant does not fill the strip.
+        least: smallest extent of the axis, in the unit, so that noise of a constant does not fill the strip.
     """
 
     title: str
     unit: str
-    digits: int
-    lines: Sequence[tuple[str, str]]
-    limits: Sequence[tuple[float, str]] = ()
+    factor: float
+    lines: tuple[tuple[str, str], ...]
+    limited: tuple[str, ...] = ()
+    digits: int = 0
     wraps: float | None = None
-    least: float = 1e-3
+    least: float = 1.0
 
-    def as_object(self) -> dict[str, object]:
-        return {
-            "title": self.title,
-            "unit": self.unit,
-            "digits": self.digits,
-            "lines": [{"history": history, "label": label} for history, label in self.lines],
-            "limits": [{"value": value, "label": label} for value, label in self.limits],
-            "wraps": self.wraps,
-            "least": self.least,
-        }
+    def has_history(self, flight: Flight) -> bool:
+        return any(name in flight for name, _ in self.lines)
 
 
-@record
-class Scale:
-    """A history by which the line in space can be coloured; `signed` scales are symmetric about zero."""
+STRIPS = (
+    Strip("Speed", "kt", KNOT, (("V_I", "indicated"), ("V_A", "true"), ("V_K", "over ground")), ("V_K",), least=5.0),
+    Strip("Height", "m", 1.0, (("height", "above the origin"),), ("height",), least=5.0),
+    Strip("Load factor", "g", 1.0, (("n_z", "up"), ("n_y", "sideways")), ("n_z",), digits=1),
+    Strip("Bank", "°", DEGREE, (("mu", "right wing down"),), wraps=360.0),
+    Strip("Roll rate", "°/s", DEGREE, (("p_Kbar", "to the right"),), ("p_Kbar",), least=10.0),
+    Strip("Climb", "°", DEGREE, (("gamma", "upwards"),), least=5.0),
+    Strip("Angles", "°", DEGREE, (("alpha_A", "attack"), ("beta_A", "sideslip")), ("alpha_A", "beta_A"), digits=1),
+    Strip(
+        "Surfaces",
+        "°",
+        DEGREE,
+        (("eta", "elevator"), ("xi", "ailerons"), ("zeta", "rudder")),
+        ("eta", "xi", "zeta"),
+        digits=1,
+    ),
+    Strip("Power lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Strip("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
+)
+"""The strips of a report, from top to bottom."""
 
-    title: str
-    history: str
-    unit: str
-    digits: int
-    signed: bool = False
+COLOURS: tuple[dict[str, object], ...] = (
+    {"title": "Load factor", "history": "n_z", "unit": "g", "digits": 1, "signed": False},
+    {"title": "Speed", "history": "V_I", "unit": "kt", "digits": 0, "signed": False},
+    {"title": "Roll rate", "history": "p_Kbar", "unit": "°/s", "digits": 0, "signed": True},
+    {"title": "Energy height", "history": "h_E", "unit": "m", "digits": 0, "signed": False},
+)
 
 
-@record
-class TimeDifference:
-    """The delay (s) with which a flight was where the first one was at the times `time` (s); each of shape (n,)."""
+def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], map_: MapModel) -> dict[str, object]:
+    """Return the object that the module describes.
 
-    flight: int
-    time: Array
-    difference: Array
+    Args:
+        flights: the first is what the page is about, the others are its ghosts.
+        comparisons: of the others with the first, in their order.
+        map_: the race of the first from above.
+    """
+    first = flights[0]
+    return {
+        "format": FORMAT,
+        "course": _course(map_, first),
+        "flights": [_flight(*one) for one in zip(flights, short_labels(flights), strict=True)],
+        "strips": [_strip(one, first) for one in STRIPS if any(map(one.has_history, flights))],
+        "colours": [one for one in COLOURS if one["history"] in first],
+        "differences": [
+            {"flight": number, "time": pack(time), "difference": pack(lost)}
+            for number, (time, lost) in enumerate(map(time_lost, comparisons), start=1)
+        ],
+    }
 
-    def as_object(self) -> dict[str, object]:
-        return {"flight": self.flight, "time": pack(self.time), "difference": pack(self.difference)}
 
+def as_json(contents: Mapping[str, object]) -> str:
+    """Return contents as text that may stand in a `script` element: it holds no `<`, so nothing can end the element.
 
-@record
-class Contents:
-    """All the data that the script of a report is told."""
-
-    course: Mapping[str, object]
-    flights: Sequence[FlightContents]
-    strips: Sequence[Strip]
-    colours: Sequence[Scale]
-    differences: Sequence[TimeDifference] = field(default=())
-
-    def as_json(self) -> str:
-        """Return the object as text that may stand in a `script` element: it holds no `<`, so nothing can end the
-        element.
-
-        Raises:
-            ValueError: a number other than those of the histories is not finite.
-        """
-        told = {
-            "format": FORMAT,
-            "course": self.course,
-            "flights": [flight.as_object() for flight in self.flights],
-            "strips": [strip.as_object() for strip in self.strips],
-            "colours": [vars(scale) for scale in self.colours],
-            "differences": [one.as_object() for one in self.differences],
-        }
-        text = json.dumps(told, allow_nan=False, separators=(",", ":"))  # ASCII alone: all other letters are escaped
-        return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    Raises:
+        ValueError: a number other than those of the histories is not finite.
+    """
+    text = json.dumps(contents, allow_nan=False, separators=(",", ":"))  # ASCII alone: all other letters are escaped
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def pack(values: Array) -> str:
@@ -184,26 +165,75 @@ def pack(values: Array) -> str:
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def unpack(text: str) -> Array:
-    """Return the numbers that `pack` has written."""
-    return np.frombuffer(base64.b64decode(text), dtype="<f4").astype(np.float64)
+def clock_start(flight: Flight) -> float:
+    """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
+    found = flight.crossings and flight.crossings[0].found
+    return flight.crossings[0].time if found else float(flight.time[0])
 
 
-INFLATED = 25.0
-"""The usual height of an inflated pylon, m."""
-ABOVE = 5.0
-"""The height by which a pylon rises above the highest passing that counts, m."""
-ENDLESS = 0.15
-"""The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
+def short_labels(flights: Sequence[Flight]) -> list[str]:
+    """Return labels without what they all begin with, up to a colon: stages alone, where all flights are of one run."""
+    files = {flight.label.rpartition(":")[0] for flight in flights}
+    return [flight.label.rpartition(":")[2] if len(files) == 1 else flight.label for flight in flights]
 
 
-def course_contents(map_: MapModel, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
-    """Return the object that the module describes.
+def time_lost(comparison: Comparison) -> tuple[Array, Array]:
+    """Return when the reference was at places along the course, and what the other had lost there, s, (n,) each."""
+    reference = comparison.reference
+    times = [np.array([reference.crossings[0].time]), *(_times(reference, leg.reference) for leg in comparison.legs)]
+    time, lost = np.concatenate(times), comparison.progress.difference
+    known = np.isfinite(time)
+    return time[known] - clock_start(reference), lost[known]
 
-    Args:
-        map_: the race from above.
-        passed: where the first flight passed the elements, by their names: north, east, height, m.
-    """
+
+def _times(flight: Flight, leg: Leg) -> Array:
+    """Return when the shares of a leg were flown, its beginning left out, s; NaN where the leg was not flown."""
+    if not leg.flown:
+        return np.full(len(SHARES) - 1, np.nan)
+    distance = way(flight, leg)
+    return np.interp(SHARES[1:], distance / distance[-1], flight.time[leg.rows])
+
+
+def _flight(flight: Flight, label: str) -> dict[str, object]:
+    begin = clock_start(flight)
+    histories = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
+    histories |= {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
+    histories |= {name: flight[name] / strip.factor for strip in STRIPS for name, _ in strip.lines if name in flight}
+    return {
+        "label": label,
+        "aircraft": {"name": flight.aircraft.name, "span": flight.aircraft.airframe.b},
+        "race_time": flight.race_time if math.isfinite(flight.race_time) else None,
+        "passings": [{"name": one.name, "time": one.time - begin} for one in flight.crossings if one.found],
+        "time": pack(flight.time - begin),
+        "histories": {name: pack(values) for name, values in histories.items()},
+    }
+
+
+def _strip(strip: Strip, flight: Flight) -> dict[str, object]:
+    """Return a strip with the limits of a flight that are finite, each once."""
+    bounds: dict[float, str] = {}
+    for name in strip.limited:
+        allowed = flight.limit(name)
+        for value, what in ((allowed.lower, "at least"), (allowed.upper, "at most")):
+            if math.isfinite(value):
+                bounds.setdefault(round(value / strip.factor, 6), what)
+    return {
+        "title": strip.title,
+        "unit": strip.unit,
+        "digits": strip.digits,
+        "lines": [{"history": history, "label": label} for history, label in strip.lines],
+        "limits": [{"value": value, "label": label} for value, label in bounds.items()],
+        "wraps": strip.wraps,
+        "least": strip.least,
+    }
+
+
+def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
+    """Return the course; what stands nowhere is where the flight passed it first."""
+    passed: dict[str, tuple[float, float, float]] = {}
+    for one in flight.crossings:
+        if one.found:
+            passed.setdefault(one.passage.element.name, (one.value("x"), one.value("y"), one.value("height")))
     labels = {mark.element.name: mark.label for mark in map_.marks}
     elements = {passage.element.name: passage.element for passage in map_.race.course.passages}
     beyond = ENDLESS * max(map_.north - map_.south, map_.east - map_.west)

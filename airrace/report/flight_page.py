@@ -1,21 +1,105 @@
-"""The page about flights, whatever their sources; what only runs know is handed in as further sections."""
+"""A report about flights as one file: style, script, contents and tables in a page that can load nothing from anywhere.
 
+The page's own policy says so to the browser: only the script and the styles whose hashes it names run or apply, and
+there is no address from which anything could be fetched. Pictures exist only as data within the page.
+"""
+
+import base64
+import functools
+import hashlib
+import html
 import math
+import string
 from collections.abc import Sequence
 
 import numpy as np
 
 from airrace.quantities import KNOT
-from airrace.report.flight_contents import READINGS, contents_of, started
-from airrace.report.page import Page
+from airrace.report.contents import as_json, clock_start, contents_of
+from airrace.report.script import FOLDER, LIBRARIES, page_script
 from airrace.report.sections import number, table_section
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.views.map_model import map_model
+from airrace.views.plain_text import escaped, plain
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Cell, Column, Table
+
+STYLES = (
+    LIBRARIES / "uplot" / "uPlot.min.css",
+    *(FOLDER / "style" / name for name in ("page.css", "scene.css", "print.css")),
+)
+READINGS = (
+    ("Indicated", "V_I", "kt", 0, 0),
+    ("Height", "height", "m", 0, 0),
+    ("Load factor", "n_z", "g", 1, 0),
+    ("Bank", "mu", "°", 0, 360),
+    ("Roll rate", "p_Kbar", "°/s", 0, 0),
+    ("Climb", "gamma", "°", 0, 0),
+)
+"""Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
+
+
+def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> str:
+    """Return the page about some flights as HTML.
+
+    Args:
+        flights: the first is what the page is about, the others fly beside it as its ghosts.
+        sections: HTML of further sections, which stand below the legs; empty ones are left out.
+        footer: plain text.
+
+    Raises:
+        UsageError: a flight is of a course with other passings.
+    """
+    first = flights[0]
+    comparisons = [compare_flights(first, other) for other in flights[1:]]
+    losses = [comparison_section(one) for one in comparisons]
+    map_ = map_model(first.race)
+    track = np.stack([first["x"], first["y"]], axis=1)
+    style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
+    verdict, good = escaped(first.source.verdict or "recorded"), "bad" if first.source.doubtful else "good"
+    return _template().substitute(
+        # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
+        policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
+        "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
+        title=html.escape(plain(first.course.name)),
+        heading=escaped(first.course.name),
+        subtitle=escaped(_subtitle(first)),
+        race_time=number(first.race_time, 3),
+        verdict=f'<div class="verdict {good}">{verdict}</div>',
+        readings="".join(
+            f'<div><dt>{title}</dt><dd><span data-history="{history}" data-digits="{digits}" data-wraps="{wraps}">'
+            f"</span><small>{unit}</small></dd></div>"
+            for title, history, unit, digits, wraps in READINGS
+            if history in first
+        ),
+        plan=plan_svg(map_.with_track(track), first["V_K"]),
+        sections="\n".join(filter(None, (flights_section(flights), legs_section(first), *losses, *sections))),
+        footer=escaped(footer),
+        style=style,
+        contents=as_json(contents_of(flights, comparisons, map_)),
+        script=script,
+    )
+
+
+@functools.cache
+def _template() -> string.Template:
+    return string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+def _subtitle(flight: Flight) -> str:
+    """Return a line that says which aircraft flies, at which stage, and in which wind."""
+    wind = flight.air.wind
+    blowing = "calm air"
+    if wind is not None and wind.speed > 0.0:
+        blowing = f"wind {wind.speed / KNOT:.0f} kt from {round(math.degrees(wind.origin)) % 360:03d}°"
+    return ", ".join(text for text in (flight.aircraft.name, flight.source.stage, blowing) if text)
 
 
 def flights_section(flights: Sequence[Flight]) -> str:
@@ -60,7 +144,7 @@ def legs_section(flight: Flight) -> str:
         Column("required", "m", "z.1f"),
         Column("to what"),
     )
-    begin = started(flight)
+    begin = clock_start(flight)
     rows: list[tuple[Cell | str | float | None, ...]] = []
     for one in leg_facts(flight):
         leg, nearest = one.leg, one.clearances[0] if one.clearances else None
@@ -69,17 +153,30 @@ def legs_section(flight: Flight) -> str:
                 Cell(leg.name, time=leg.before.time - begin if leg.before.found else None),
                 leg.after.time - begin,
                 leg.time,
-                _span(one.V_I, KNOT, 0),
-                _span(one.V_K, KNOT, 0),
-                _span(one.n_z, 1.0, 1),
-                _span(one.height, 1.0, 0),
+                _range(one.V_I, KNOT, 0),
+                _range(one.V_K, KNOT, 0),
+                _range(one.n_z, 1.0, 1),
+                _range(one.height, 1.0, 0),
                 math.degrees(one.roll_rate),
                 one.energy_out,
                 *((None, None, "") if nearest is None else (nearest.distance, nearest.required, nearest.text)),
             )
         )
-    notes = [one for one in (_laps(flight), _near_misses(flight)) if one]
+    notes: list[str] = []
+    if len(laps := laps_of(flight)) > 1:
+        notes.append(f"Laps: {', '.join(f'{lap.number} in {number(lap.time, 3)} s' for lap in laps)}.")
+    misses = [
+        f"{one.clearance.name} ({number(one.clearance.distance, 2)} m, {one.where})" for one in near_misses(flight)
+    ]
+    if misses:
+        notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
+
+
+def _range(values: Range, unit: float, digits: int) -> str:
+    """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
+    least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
+    return least if least == greatest else f"{least} … {greatest}"
 
 
 def comparison_section(comparison: Comparison) -> str:
@@ -92,7 +189,7 @@ def comparison_section(comparison: Comparison) -> str:
         Column("by speed", "s", "+z.3f"),
         Column("what it flies otherwise"),
     )
-    begin = started(comparison.reference)
+    begin = clock_start(comparison.reference)
     rows = [
         (
             Cell(leg.name, time=leg.reference.before.time - begin if leg.reference.before.found else None),
@@ -110,62 +207,3 @@ def comparison_section(comparison: Comparison) -> str:
         *(f"{what[:1].upper()}{what[1:]}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
     ]
     return table_section(Table(f"Where {other.label} loses and wins", columns, rows, notes))
-
-
-def _span(values: Range, unit: float, digits: int) -> str:
-    """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
-    least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
-    return least if least == greatest else f"{least} … {greatest}"
-
-
-def _near_misses(flight: Flight) -> str:
-    """Return a sentence about the pylons that the wing passes closely; empty where there are none."""
-    misses = [
-        f"{one.clearance.name} ({number(one.clearance.distance, 2)} m, {one.where})" for one in near_misses(flight)
-    ]
-    return f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}." if misses else ""
-
-
-def _laps(flight: Flight) -> str:
-    laps = laps_of(flight)
-    if len(laps) < 2:
-        return ""
-    return "Laps: " + ", ".join(f"{lap.number} in {number(lap.time, 3)} s" for lap in laps) + "."
-
-
-def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> Page:
-    """Return the page about some flights.
-
-    Args:
-        flights: the first is what the page is about, the others fly beside it as its ghosts.
-        sections: HTML of further sections, which stand below the legs; empty ones are left out.
-        footer: plain text.
-
-    Raises:
-        UsageError: a flight is of a course with other passings.
-    """
-    first = flights[0]
-    comparisons = [compare_flights(first, other) for other in flights[1:]]
-    losses = [comparison_section(one) for one in comparisons]
-    map_ = map_model(first.race)
-    return Page(
-        title=first.course.name,
-        subtitle=_subtitle(first),
-        race_time=first.race_time,
-        verdict=first.source.verdict or "recorded",
-        good=not first.source.doubtful,
-        readings=[one for one in READINGS if one.history in first],
-        plan=plan_svg(map_.with_track(np.stack([first["x"], first["y"]], axis=1)), first["V_K"]),
-        sections=[one for one in (flights_section(flights), legs_section(first), *losses, *sections) if one],
-        footer=footer,
-        contents=contents_of(flights, comparisons, map_),
-    )
-
-
-def _subtitle(flight: Flight) -> str:
-    """Return a line that says which aircraft flies, at which stage, and in which wind."""
-    wind = flight.air.wind
-    blowing = "calm air"
-    if wind is not None and wind.speed > 0.0:
-        blowing = f"wind {wind.speed / KNOT:.0f} kt from {round(math.degrees(wind.origin)) % 360:03d}°"
-    return ", ".join(text for text in (flight.aircraft.name, flight.source.stage, blowing) if text)

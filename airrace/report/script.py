@@ -9,6 +9,7 @@ returns what the module exports. Two forms of import and of export are known, th
 
 import functools
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
@@ -37,62 +38,56 @@ _ENDS_SCRIPT = re.compile(r"<(?:/script|!--)", re.IGNORECASE)
 @functools.cache
 def page_script() -> str:
     """Return the whole script of a report."""
-    return joined(FOLDER / "script" / "main.js")
+    return join_modules(FOLDER / "script" / "main.js")
 
 
-def joined(main: Path) -> str:
+def join_modules(main: Path) -> str:
     """Return a module and all that it imports as one script, in an order in which each stands behind what it imports.
 
     Raises:
         ValueError: modules import one another in a circle, or a file has an import or an export in another form, or a
             text that would end the script's element in a page.
     """
-    order: list[Path] = []
-    _visit(main.resolve(), order, ())
-    number = {path: place for place, path in enumerate(order)}
-    parts = [_wrapped(path, number) for path in order]
-    script = '"use strict";\nconst modules = [];\n' + "".join(parts)
+    modules: dict[Path, str] = {}
+
+    def add(path: Path, above: tuple[Path, ...] = ()) -> str:
+        """Put a module behind all that it imports; return the expression that holds its exports."""
+        if path in above:
+            raise ValueError(f"{path.name} imports itself by way of {', '.join(one.name for one in above)}")
+        if path not in modules:
+
+            def load(name: str) -> str:
+                return add((MODULES.get(name) or path.parent / name).resolve(), (*above, path))
+
+            modules[path] = _as_function(path, load)
+        return f"modules[{list(modules).index(path)}]"
+
+    add(main.resolve())
+    script = '"use strict";\nconst modules = [];\n' + "".join(modules.values())
     if _ENDS_SCRIPT.search(script):
         raise ValueError("a module holds a text that would end the script in a page")
     return script
 
 
-def _visit(path: Path, order: list[Path], above: tuple[Path, ...]) -> None:
-    """Put a module behind all that it imports."""
-    if path in above:
-        raise ValueError(f"{path.name} imports itself by way of {', '.join(one.name for one in above)}")
-    if path in order:
-        return
-    text = path.read_text(encoding="utf-8")
-    for form in (_IMPORT, _EXPORT_FROM):
-        for _, name in form.findall(text):
-            _visit(_file(path, name), order, (*above, path))
-    order.append(path)
-
-
-def _file(importer: Path, name: str) -> Path:
-    return (MODULES[name] if name in MODULES else importer.parent / name).resolve()
-
-
-def _wrapped(path: Path, number: dict[Path, int]) -> str:
-    """Return a module as the call of a function that returns its exports."""
+def _as_function(path: Path, load: Callable[[str], str]) -> str:
+    """Return a module as the call of a function that returns its exports; `load` gives those of another module."""
     text = path.read_text(encoding="utf-8")
     exports: list[str] = [*GLOBALS.get(path, ())]
 
-    def imported(found: re.Match[str]) -> str:
-        names, name = found.groups()
-        return f"const {{{_pairs(names)}}} = {_module(path, name, number)};"
+    def import_names(found: re.Match[str]) -> str:
+        pairs = (name if name == own else f"{name}: {own}" for name, own in _names(found[1]))
+        return f"const {{{', '.join(pairs)}}} = {load(found[2])};"
 
-    def passed_on(found: re.Match[str]) -> str:
-        names, name = found.groups()
-        exports.extend(f"{other}: {_module(path, name, number)}.{one}" for one, other in _names(names))
+    def pass_on(found: re.Match[str]) -> str:
+        module = load(found[2])
+        exports.extend(f"{name}: {module}.{own}" for own, name in _names(found[1]))
         return ";"
 
-    def exported(found: re.Match[str]) -> str:
-        exports.extend(one if one == other else f"{other}: {one}" for one, other in _names(found[1]))
+    def export_list(found: re.Match[str]) -> str:
+        exports.extend(own if name == own else f"{name}: {own}" for own, name in _names(found[1]))
         return ";"
 
-    for form, by in ((_IMPORT, imported), (_EXPORT_FROM, passed_on), (_EXPORT_LIST, exported)):
+    for form, by in ((_IMPORT, import_names), (_EXPORT_FROM, pass_on), (_EXPORT_LIST, export_list)):
         text = form.sub(by, text)
     exports += [name for _, name in _EXPORTED.findall(text)]
     text = _EXPORTED.sub(r"\1 \2", text)
@@ -102,18 +97,7 @@ def _wrapped(path: Path, number: dict[Path, int]) -> str:
     return f"// {path.name}\nmodules.push((() => {{\n{text}\nreturn {{{', '.join(exports)}}};\n}})());\n"
 
 
-def _module(importer: Path, name: str, number: dict[Path, int]) -> str:
-    return f"modules[{number[_file(importer, name)]}]"
-
-
 def _names(text: str) -> list[tuple[str, str]]:
     """Return pairs of a name and what it is called on the other side."""
-    pairs: list[tuple[str, str]] = []
-    for part in filter(None, (part.strip() for part in text.split(","))):
-        name, _, other = part.partition(" as ")
-        pairs.append((name.strip(), other.strip() or name.strip()))
-    return pairs
-
-
-def _pairs(text: str) -> str:
-    return ", ".join(name if name == other else f"{name}: {other}" for name, other in _names(text))
+    pairs = (part.strip().partition(" as ") for part in text.split(",") if part.strip())
+    return [(name.strip(), other.strip() or name.strip()) for name, _, other in pairs]

@@ -209,10 +209,10 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensiti
     if isinstance(kept, LogView):
         if sensitivities:
             raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
-        return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}").as_html()
+        return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}")
     flown = kept.stage(first.stage or stage)
     sections = stage_sections(flown, explored_stage(kept, flown), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(flown)).as_html()
+    return flight_page(flights, sections, footer_of(flown))
 
 
 def log_sections(flown: LogView) -> list[str]:
@@ -239,7 +239,7 @@ def report_page(
     flown = run.stage(stage)
     flights = [flown.flight(), *open_flights(others)]
     sections = stage_sections(flown, explored_stage(run, flown), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(flown)).as_html()
+    return flight_page(flights, sections, footer_of(flown))
 
 
 def explored_stage(run: Run, flown: StageView) -> StageView:

@@ -1,5 +1,6 @@
 """Pages for tests, and what can be read out of them without a browser."""
 
+import base64
 import functools
 import json
 import math
@@ -16,6 +17,7 @@ from example_flights import circling, rovinj
 
 from airrace.report.flight_page import flight_page
 from airrace.results import Flight
+from airrace.trajectory import Array
 
 HOSTILE = (
     "<script>window.hacked = 1</script>",
@@ -68,6 +70,11 @@ def read(page: str) -> Read:
     return parser
 
 
+def unpack(text: str) -> Array:
+    """The numbers of a history."""
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").astype(np.float64)
+
+
 @functools.cache
 def circle(seconds: float = 20.0) -> Flight:
     """A circle through the passings of Rovinj."""
@@ -77,7 +84,7 @@ def circle(seconds: float = 20.0) -> Flight:
 @functools.cache
 def whole_page() -> str:
     """A page about a circle, with a slower one beside it."""
-    return flight_page([circle(), circle(25.0).labelled("slower")]).as_html()
+    return flight_page([circle(), circle(25.0).labelled("slower")])
 
 
 def renamed(name: str) -> Flight:

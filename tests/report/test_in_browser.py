@@ -75,7 +75,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
 def test_hostile_names_are_shown_and_nothing_is_executed(chromium: Browser, tmp_path: Path, number: int) -> None:
     flight = renamed(HOSTILE[number])
     page = tmp_path / "hostile.html"
-    page.write_text(flight_page([flight, flight.labelled(f"{flight.label} too")]).as_html(), encoding="utf-8")
+    page.write_text(flight_page([flight, flight.labelled(f"{flight.label} too")]), encoding="utf-8")
     one = opened(chromium, page, "tablet")
     assert one.run("() => document.querySelector('h1').textContent") == HOSTILE[number]
     assert one.run("() => document.title") == " ".join(HOSTILE[number].split())
@@ -386,7 +386,7 @@ def test_fingers_turn_zoom_and_scrub(chromium: Browser, folder: Path) -> None:
 
 def test_a_course_with_everything_is_drawn(chromium: Browser, tmp_path: Path, artefacts: Path) -> None:
     page = tmp_path / "everything.html"
-    page.write_text(flight_page([everything_flown(tmp_path)]).as_html(), encoding="utf-8")
+    page.write_text(flight_page([everything_flown(tmp_path)]), encoding="utf-8")
     one = opened(chromium, page)
     one.drawn()
     one.page.locator("#scene").screenshot(path=artefacts / "everything.png")
