@@ -1,9 +1,9 @@
 """Mesh refinement, its error estimates, and stages on a single mesh."""
 
-import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -84,6 +84,36 @@ def counts(draft: MeshProposal) -> list[int]:
     return [len(phase) for phase in draft.mesh]
 
 
+def adapted(solution: MeshSolution, *, early: bool = True, joining: bool = True) -> MeshProposal:
+    draft = adapt(solution, LIMITS, early=early, joining=joining)
+    assert draft is not None
+    return draft
+
+
+def mended(solution: MeshSolution) -> MeshProposal:
+    draft = refine_flagged(solution, LIMITS)
+    assert draft is not None
+    return draft
+
+
+def parts(draft: MeshProposal) -> np.ndarray:
+    """Into how many each interval of the coarser mesh is cut."""
+    return np.diff(np.flatnonzero(draft.coarser))
+
+
+def where(draft: MeshProposal, why: RefinementReason) -> list[int]:
+    return [index for index, one in enumerate(draft.why.tolist()) if one == why]
+
+
+def nodes(mesh: Sequence[Sequence[float]]) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(np.concatenate(mesh))])
+
+
+def on_mesh(problem: Problem, mesh: Sequence[Sequence[float]], **changes: Any) -> Problem:
+    phases = tuple(replace(phase, fractions=each) for phase, each in zip(problem.phases, mesh, strict=True))
+    return replace(problem, phases=phases, **changes)
+
+
 def everywhere(value: float) -> Mapping[int, float]:
     return dict.fromkeys(range(sum(COUNTS)), value)
 
@@ -92,40 +122,28 @@ RESTLESS = everywhere(2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
 """Too much for nodes to be dropped, too little for new ones."""
 
 
-def test_draft_fits_its_guess() -> None:
-    for draft in (bisect_all(flown(), LIMITS), adapt(flown(), LIMITS, early=True, joining=True)):
-        assert draft is not None
-        N = sum(counts(draft))
-        assert draft.guess.state.shape == (2, N + 1)
-        assert draft.guess.control.shape == (1, N)
-        assert draft.why.shape == (N,)
-        assert draft.coarser.shape == (N + 1,)
-        assert all(sum(phase) == pytest.approx(1.0) for phase in draft.mesh)
-
-
 # the first mesh
 
 
 def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
-    draft = adapt(flown(), LIMITS, early=True, joining=True)
-    assert draft is not None
+    draft = adapted(flown())
     assert counts(draft) == [6, 4]
     assert set(draft.why.tolist()) == {RefinementReason.CALM}
     assert draft.guess.control[0].tolist() == [0.5 + 2.0 * index for index in range(10)]
-
-
-def test_nodes_are_dropped_only_where_any_length_will_do() -> None:
+    for one in (bisect_all(flown(), LIMITS), draft):
+        N = sum(counts(one))
+        assert (one.guess.state.shape, one.guess.control.shape) == ((2, N + 1), (1, N))
+        assert (one.why.shape, one.coarser.shape) == ((N,), (N + 1,))
+        assert all(sum(phase) == pytest.approx(1.0) for phase in one.mesh)
+    # only where any length will do, and few dropped nodes are not worth a solve
     assert adapt(flown(), LIMITS, early=True, joining=False) is None
+    busy = dict.fromkeys(range(16), 2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
+    assert adapt(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
 
 
 @pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": everywhere(0.2)}, {"defect": everywhere(0.4e-6)}])
 def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[int, float]]) -> None:
     assert adapt(flown(marks), LIMITS, early=True, joining=True) is None
-
-
-def test_few_dropped_nodes_are_not_worth_a_solve() -> None:
-    busy = dict.fromkeys(range(16), 2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
-    assert adapt(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
 
 
 def test_phase_keeps_a_few_intervals() -> None:
@@ -135,13 +153,7 @@ def test_phase_keeps_a_few_intervals() -> None:
         if draft is None:
             break
         assert min(counts(draft)) >= 4
-        problem = replace(
-            solved.problem,
-            phases=tuple(
-                replace(phase, fractions=fractions)
-                for phase, fractions in zip(solved.problem.phases, draft.mesh, strict=True)
-            ),
-        )
+        problem = on_mesh(solved.problem, draft.mesh)
         still = np.zeros(problem.intervals)
         evidence = Evidence(replay(problem, draft.guess), ConstraintCheck((), still, still), still, still)
         solved = MeshSolution(problem, draft.guess, draft, functools.partial(lambda one: one, evidence))
@@ -149,42 +161,32 @@ def test_phase_keeps_a_few_intervals() -> None:
 
 
 def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
-    draft = adapt(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
-    assert draft is not None
-    parts = 4  # more than four times what is wanted of it
-    assert counts(draft) == [9 + 3 * parts, 8]
-    assert (draft.why == RefinementReason.HAMILTONIAN).sum() == 3 * parts
-    steps = np.concatenate(draft.mesh)[: 9 + 3 * parts] * 12
+    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}))
+    into = 4  # more than four times what is wanted of it
+    assert counts(draft) == [9 + 3 * into, 8]
+    assert len(where(draft, RefinementReason.HAMILTONIAN)) == 3 * into
+    steps = np.concatenate(draft.mesh)[: 9 + 3 * into] * 12
     assert steps[:4] == pytest.approx(np.ones(4))
-    assert steps[4 : 4 + 3 * parts] == pytest.approx(np.full(3 * parts, 1 / parts))
-
-
-def test_one_look_at_the_neighbours_does_not_cross_a_busy_place() -> None:
-    """What is cut is not joined at the same time, nor is what lies beside it."""
-    draft = adapt(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
-    assert draft is not None
-    shares = np.concatenate(draft.mesh[:1]) * 12
+    assert steps[4 : 4 + 3 * into] == pytest.approx(np.full(3 * into, 1 / into))
+    # What is cut is not joined at the same time, nor is what lies beside it.
+    shares = np.array(adapted(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}})).mesh[0]) * 12
     cut = np.flatnonzero(shares < 0.9)
-    assert shares[cut[0] - 1] == pytest.approx(1.0)
-    assert shares[cut[-1] + 1] == pytest.approx(1.0)
+    assert shares[[cut[0] - 1, cut[-1] + 1]] == pytest.approx([1.0, 1.0])
 
 
 def test_late_only_what_is_wrong_is_worth_another_solve() -> None:
     far_off = flown({"drift": {5: 0.5}})
-    assert adapt(far_off, LIMITS, early=True, joining=False) is not None
+    adapted(far_off, joining=False)
     assert adapt(far_off, LIMITS, early=False, joining=False) is None
-    wrong = adapt(flown({"defect": {5: 0.02}}), LIMITS, early=False, joining=False)
-    assert wrong is not None
+    wrong = adapted(flown({"defect": {5: 0.02}}), early=False, joining=False)
     assert counts(wrong) == [9 + 3 * 4, 8]
-    assert (wrong.why == RefinementReason.INTEGRATION).sum() == 12
+    assert len(where(wrong, RefinementReason.INTEGRATION)) == 12
 
 
 @pytest.mark.parametrize(("durations", "left"), [((12.0, 1.0), [12, 4]), ((2.0, 12.0), [6, 8])])
 def test_no_interval_is_joined_beyond_a_length(durations: tuple[float, float], left: list[int]) -> None:
     """Intervals of a second or more stay as they are."""
-    draft = adapt(flown(durations=durations), LIMITS, early=True, joining=True)
-    assert draft is not None
-    assert counts(draft) == left
+    assert counts(adapted(flown(durations=durations))) == left
 
 
 # the halved one
@@ -198,7 +200,7 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "parts", "why"),
+    ("name", "value", "count", "why"),
     [
         ("defect", 1.1e-6, 2, RefinementReason.INTEGRATION),
         ("defect", 1e-4, 3, RefinementReason.INTEGRATION),
@@ -210,16 +212,16 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
         ("drift", 0.1, 4, RefinementReason.HAMILTONIAN),
     ],
 )
-def test_interval_is_cut_into_what_it_needs(name: str, value: float, parts: int, why: RefinementReason) -> None:
+def test_interval_is_cut_into_what_it_needs(name: str, value: float, count: int, why: RefinementReason) -> None:
     draft = bisect_all(flown({name: {5: value}}), LIMITS)
-    nodes = np.flatnonzero(draft.coarser)
-    into = np.diff(nodes)
-    assert into[5] == parts
+    first, last = np.flatnonzero(draft.coarser)[5:7]
+    into = parts(draft)
+    assert into[5] == count
     assert into.min() == 2
-    assert set(draft.why[nodes[5] : nodes[6]].tolist()) == {why}
+    assert set(draft.why[first:last].tolist()) == {why}
     # What is wrong in an interval may move into the next; an integration error does so less than in full.
     assert set(np.flatnonzero(into > 2).tolist()) <= {4, 5, 6}
-    assert into[[4, 6]].max() <= parts
+    assert into[[4, 6]].max() <= count
 
 
 def test_more_accurate_integrator_needs_fewer_parts() -> None:
@@ -232,24 +234,17 @@ def test_more_accurate_integrator_needs_fewer_parts() -> None:
 # halved where it is not yet
 
 
-def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
+def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved_once() -> None:
     """A mesh that was mended here and there: what was cut stays, all else is cut in two."""
-    solved = flown({"excess": {4: 5.0}, "defect": {15: 1e-4}})
-    good = refine_flagged(solved, LIMITS)
-    assert good is not None
-    before = np.diff(np.flatnonzero(good.coarser))
+    good = mended(flown({"excess": {4: 5.0}, "defect": {15: 1e-4}}))
     fine = bisect_coarse(good)
-    assert np.diff(np.flatnonzero(fine.coarser)).tolist() == np.maximum(before, 2).tolist()
-    assert sum(counts(fine)) == np.maximum(before, 2).sum()
+    assert parts(fine).tolist() == np.maximum(parts(good), 2).tolist()
+    assert sum(counts(fine)) == np.maximum(parts(good), 2).sum()
     assert fine.guess.durations.tolist() == good.guess.durations.tolist()
     assert fine.guess.control[0, fine.coarser[:-1]].tolist() == good.guess.control[0, good.coarser[:-1]].tolist()
-
-
-def test_halving_twice_is_halving_once() -> None:
     once = bisect_coarse(flown().draft)
     twice = bisect_coarse(once)
-    assert once.mesh == bisect_all(flown(), LIMITS).mesh
-    assert twice.mesh == once.mesh
+    assert twice.mesh == once.mesh == bisect_all(flown(), LIMITS).mesh
     np.testing.assert_array_equal(twice.guess.state, once.guess.state)
     np.testing.assert_array_equal(twice.coarser, once.coarser)
 
@@ -257,58 +252,40 @@ def test_halving_twice_is_halving_once() -> None:
 # mending
 
 
-def test_nothing_wrong_is_not_mended() -> None:
-    assert refine_flagged(flown(), LIMITS) is None
-
-
 def test_mended_mesh_remembers_the_coarser_one() -> None:
+    assert refine_flagged(flown(), LIMITS) is None
     solved = flown({"excess": {4: 1.5}})
     first = solved.draft.coarser.copy()
     first[1::2] = False
-    solved = replace(solved, draft=replace(solved.draft, coarser=first))
-    draft = refine_flagged(solved, LIMITS)
-    assert draft is not None
+    draft = mended(replace(solved, draft=replace(solved.draft, coarser=first)))
     assert counts(draft) == [15, 8]
     assert draft.coarser.sum() == first.sum()
-    shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
-    before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
-    assert shares[draft.coarser] == pytest.approx(before[first])
-
-
-def test_nothing_is_mended_ahead_where_nothing_is_wrong() -> None:
-    """Being near to a limit is no reason for another mesh, only for a finer one where another is solved on anyway."""
-    assert (
-        refine_predicted(flown({"defect": {4: 0.9 * LIMITS.replay}, "drift": {15: 0.9 * LIMITS.hamiltonian}}), LIMITS)
-        is None
-    )
+    assert nodes(draft.mesh)[draft.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
 
 
 @pytest.mark.parametrize(
-    ("name", "near", "why"),
+    ("name", "limit", "near", "calm", "why"),
     [
-        ("defect", 0.9 * LIMITS.replay, RefinementReason.INTEGRATION),
-        ("drift", 0.9 * LIMITS.hamiltonian, RefinementReason.HAMILTONIAN),
+        ("defect", LIMITS.replay, 0.9, 0.1, RefinementReason.INTEGRATION),
+        ("drift", LIMITS.hamiltonian, 0.9, 0.05, RefinementReason.HAMILTONIAN),
     ],
 )
 def test_what_nearly_misses_a_limit_is_halved_with_what_misses_one(
-    name: str, near: float, why: RefinementReason
+    name: str, limit: float, near: float, calm: float, why: RefinementReason
 ) -> None:
-    wrong = {"excess": {4: 1.5}}
-    mend, ahead = (cut(flown({**wrong, name: {12: near}}), LIMITS) for cut in (refine_flagged, refine_predicted))
-    assert mend is not None
+    """Being near to a limit is no reason for another mesh, only for a finer one where another is solved on anyway."""
+    assert refine_predicted(flown({name: {12: near * limit}}), LIMITS) is None
+    wrong = flown({"excess": {4: 1.5}, name: {12: near * limit}})
+    mend, ahead = mended(wrong), refine_predicted(wrong, LIMITS)
     assert ahead is not None
-    parts, more = (np.diff(np.flatnonzero(draft.coarser)) for draft in (mend, ahead))
-    assert np.flatnonzero(more > parts).tolist() == [11, 12, 13]
-    assert more[11:14].tolist() == [2, 2, 2]
-    assert set(ahead.why[np.repeat(more > parts, more)].tolist()) == {why}
-
-
-def test_calm_intervals_are_not_halved_ahead() -> None:
-    wrong = flown({"excess": {4: 1.5}, "defect": {12: 0.1 * LIMITS.replay}, "drift": {15: 0.05 * LIMITS.hamiltonian}})
-    mend, ahead = refine_flagged(wrong, LIMITS), refine_predicted(wrong, LIMITS)
-    assert mend is not None
+    more = parts(ahead) > parts(mend)
+    assert np.flatnonzero(more).tolist() == [11, 12, 13]
+    assert parts(ahead)[11:14].tolist() == [2, 2, 2]
+    assert set(ahead.why[np.repeat(more, parts(ahead))].tolist()) == {why}
+    still = flown({"excess": {4: 1.5}, name: {12: calm * limit}})
+    ahead = refine_predicted(still, LIMITS)
     assert ahead is not None
-    assert ahead.mesh == mend.mesh
+    assert ahead.mesh == mended(still).mesh
 
 
 # a guess whose errors are foreseen
@@ -328,9 +305,7 @@ def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mes
     assert np.flatnonzero(draft.why == RefinementReason.INTEGRATION).tolist() == [4, 5]
     assert draft.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
     assert draft.guess.state[0, 4:7].tolist() == [4.0, 4.5, 5.0]
-    shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
-    before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
-    assert shares[draft.coarser] == pytest.approx(before[first])
+    assert nodes(draft.mesh)[draft.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
 
 
 def test_only_errors_of_the_integrator_are_foreseen() -> None:
@@ -346,11 +321,7 @@ def test_only_errors_of_the_integrator_are_foreseen() -> None:
 def finer(before: MeshSolution, gained: float, **varied: float) -> MeshSolution:
     """The halved mesh, on which the controls differ within some intervals of the mesh before: `i5=2.0` by two."""
     draft = bisect_all(before, LIMITS)
-    phases = tuple(
-        replace(phase, fractions=fractions) for phase, fractions in zip(before.problem.phases, draft.mesh, strict=True)
-    )
-    objective = Objective(regularisation={"f": 1.0})
-    problem = replace(before.problem, phases=phases, objective=objective)
+    problem = on_mesh(before.problem, draft.mesh, objective=Objective(regularisation={"f": 1.0}))
     control = np.zeros((1, problem.intervals))
     for name, difference in varied.items():
         control[0, 2 * int(name[1:])] = difference
@@ -362,10 +333,10 @@ def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go
     before = flown()
     again = refine_changed(finer(before, 0.02, i5=2.0, i17=0.1), before, LIMITS)
     assert counts(again) == [12 + 3, 8]
-    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
-        range(4, 10)
-    )
+    assert where(again, RefinementReason.RACE_TIME) == list(range(4, 10))
     assert again.coarser.all()
+    # a gain without a known cause is spread over all intervals
+    assert sum(counts(refine_changed(finer(before, 0.02), before, LIMITS))) > 1.8 * sum(COUNTS)
 
 
 def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowed() -> None:
@@ -373,54 +344,47 @@ def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowe
     alike = {f"i{index}": 1.0 for index in (1, 3, 5, 7, 9, 11)} | {f"i{index}": np.sqrt(1.5) for index in (13, 17)}
     before = flown()
     again = refine_changed(finer(before, 0.02, **alike), before, LIMITS)
-    cut = sum(counts(again)) - sum(COUNTS)
-    assert cut < sum(COUNTS)
+    assert sum(counts(again)) - sum(COUNTS) < sum(COUNTS)
     slight = refine_changed(finer(before, 0.0051, **alike), before, LIMITS)
     assert sum(counts(slight)) < sum(counts(again))
 
 
-def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left() -> None:
-    left = flown({"excess": {3: 0.5, 4: 0.5, 15: 0.001}})
-    again = refine_changed(finer(left, -0.006), left, LIMITS)
-    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
-        range(2, 10)
-    )
-    assert counts(again) == [16, 8]
-
-
-def test_time_lost_to_the_integrator_makes_fine_where_it_erred() -> None:
-    erring = flown({"integration": {2: 0.004, 16: 0.0005}})
-    again = refine_changed(finer(erring, -0.0055), erring, LIMITS)
-    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
-        range(1, 7)
-    )
-    assert counts(again) == [15, 8]
+@pytest.mark.parametrize(
+    ("cause", "marks", "lost", "rows", "left"),
+    [
+        ("excess", {3: 0.5, 4: 0.5, 15: 0.001}, 0.006, range(2, 10), [16, 8]),
+        ("integration", {2: 0.004, 16: 0.0005}, 0.0055, range(1, 7), [15, 8]),
+    ],
+)
+def test_time_lost_to_limits_kept_at_more_nodes_or_to_the_integrator_makes_fine_where_they_erred(
+    cause: str, marks: Mapping[int, float], lost: float, rows: range, left: list[int]
+) -> None:
+    before = flown({cause: marks})
+    again = refine_changed(finer(before, -lost), before, LIMITS)
+    assert where(again, RefinementReason.RACE_TIME) == list(rows)
+    assert counts(again) == left
 
 
 def test_errors_of_the_integrator_that_add_up_are_cut_before_all_is_halved() -> None:
-    erring = {3: 0.004, 12: 0.002}
-    draft = adapt(flown({"drift": RESTLESS, "integration": erring}), LIMITS, early=True, joining=True)
-    assert draft is not None
-    assert counts(draft) == [13, 8]
-    cancelling = {3: 0.004, 12: -0.002}
-    assert adapt(flown({"drift": RESTLESS, "integration": cancelling}), LIMITS, early=True, joining=True) is None
+    assert counts(adapted(flown({"drift": RESTLESS, "integration": {3: 0.004, 12: 0.002}}))) == [13, 8]
+    cancelling = flown({"drift": RESTLESS, "integration": {3: 0.004, 12: -0.002}})
+    assert adapt(cancelling, LIMITS, early=True, joining=True) is None
 
 
-def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows() -> None:
+@pytest.mark.parametrize(("minutes", "cut"), [(1.0, True), (2.0, True), (4.0, False)])
+def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows(minutes: float, cut: bool) -> None:
+    durations = (40.0 * minutes, 20.0 * minutes)
+    erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
+    draft = adapt(flown({"drift": RESTLESS, "integration": erring}, durations), LIMITS, early=True, joining=True)
+    assert (draft is not None) is cut
+
+
+def test_short_race_is_cut_for_a_race_time_that_a_long_one_may_change_by() -> None:
     busy = {"drift": {3: 3.0 * LIMITS.hamiltonian}, "excess": everywhere(0.2)}  # another mesh comes in any case
     marks = {**busy, "integration": everywhere(0.4 * LIMITS.race_time)}  # 8 times what a short race may change by
-    short = adapt(flown(marks), LIMITS, early=True, joining=False)
-    long = adapt(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), LIMITS, early=True, joining=False)
-    assert short is not None
-    assert long is not None
-    assert RefinementReason.RACE_TIME in short.why
+    assert RefinementReason.RACE_TIME in adapted(flown(marks), joining=False).why
+    long = adapted(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), joining=False)
     assert RefinementReason.RACE_TIME not in long.why
-
-
-def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
-    before = flown()
-    again = refine_changed(finer(before, 0.02), before, LIMITS)
-    assert sum(counts(again)) > 1.8 * sum(COUNTS)
 
 
 WEIGHT = 0.25
@@ -432,29 +396,18 @@ def held(*controls: float, seconds: float = 2.0) -> tuple[Problem, Iterate]:
     return problem, Iterate(np.array([seconds]), np.zeros((2, len(controls) + 1)), np.array([controls]))
 
 
-def test_constant_controls_cost_nothing() -> None:
-    problem, iterate = held(3.0, 3.0, 3.0, 3.0)
-    assert (predict_hold_cost(problem, iterate) == 0.0).all()
-    assert (measure_hold_cost(problem, iterate, np.array([True, False, True, False, True])) == 0.0).all()
-
-
-def test_price_is_the_regularised_variance_within_the_coarser_interval() -> None:
-    problem, iterate = held(1.0, 5.0, 2.0, 2.0)
-    price = measure_hold_cost(problem, iterate, np.array([True, False, True, False, True]))
-    assert price == pytest.approx([1.0 * WEIGHT * 2.0**2, 0.0])
-
-
-def test_controls_that_vary_evenly_are_foreseen_as_they_will_be_measured() -> None:
-    """Where the finer mesh has the same slope: halves differ by half of what neighbours do."""
-    coarse, fine = held(0.0, 1.0, 2.0, 3.0), held(*(0.5 * np.arange(8) - 0.25))
-    kept = np.arange(9) % 2 == 0
-    assert predict_hold_cost(*coarse) == pytest.approx(measure_hold_cost(*fine, kept))
-
-
-def test_price_grows_with_time_weight_and_jump_squared() -> None:
+def test_price_of_held_controls_is_their_regularised_variance_within_the_coarser_interval() -> None:
+    coarser = np.array([True, False, True, False, True])
+    constant = held(3.0, 3.0, 3.0, 3.0)
+    assert (predict_hold_cost(*constant) == 0.0).all()
+    assert (measure_hold_cost(*constant, coarser) == 0.0).all()
+    assert measure_hold_cost(*held(1.0, 5.0, 2.0, 2.0), coarser) == pytest.approx([1.0 * WEIGHT * 2.0**2, 0.0])
     usual, longer, higher = held(0.0, 1.0), held(0.0, 1.0, seconds=4.0), held(0.0, 3.0)
     assert predict_hold_cost(*longer) == pytest.approx(2.0 * predict_hold_cost(*usual))
     assert predict_hold_cost(*higher) == pytest.approx(9.0 * predict_hold_cost(*usual))
+    # Where the finer mesh has the same slope, as foreseen: halves differ by half of what neighbours do.
+    coarse, fine = held(0.0, 1.0, 2.0, 3.0), held(*(0.5 * np.arange(8) - 0.25))
+    assert predict_hold_cost(*coarse) == pytest.approx(measure_hold_cost(*fine, np.arange(9) % 2 == 0))
 
 
 def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
@@ -471,19 +424,12 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
     assert 0.1 * gained < measure_hold_cost(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained
 
 
-@pytest.mark.parametrize("duration", [1.0, 55.0, 80.0, LONG_RACE])
-def test_short_races_share_one_limit(duration: float) -> None:
-    assert LIMITS.race_time_of(duration) == LIMITS.race_time
-
-
-@pytest.mark.parametrize("races", [2, 64])
-def test_limit_of_a_long_race_grows_with_its_duration(races: int) -> None:
-    assert LIMITS.race_time_of(races * LONG_RACE) == pytest.approx(races * LIMITS.race_time, rel=1e-15)
-
-
-def test_tightened_limit_grows_likewise() -> None:
-    tight = dataclasses.replace(LIMITS, race_time=0.002)
-    assert tight.race_time_of(3.0 * LONG_RACE) == pytest.approx(0.006, rel=1e-15)
+def test_limit_of_a_long_race_grows_with_its_duration() -> None:
+    for duration in (1.0, 55.0, 80.0, LONG_RACE):
+        assert LIMITS.race_time_of(duration) == LIMITS.race_time
+    for races in (2, 64):
+        assert LIMITS.race_time_of(races * LONG_RACE) == pytest.approx(races * LIMITS.race_time, rel=1e-15)
+    assert replace(LIMITS, race_time=0.002).race_time_of(3.0 * LONG_RACE) == pytest.approx(0.006, rel=1e-15)
 
 
 @pytest.mark.parametrize(("share", "holds"), [(0.9, True), (1.1, False)])
@@ -491,12 +437,12 @@ def test_tightened_limit_grows_likewise() -> None:
 def test_certificate_measures_with_the_limit_of_its_race(races: float, share: float, holds: bool) -> None:
     duration = races * LONG_RACE
     optimum = flown(durations=(0.75 * duration, 0.25 * duration))
-    audited = dataclasses.replace(optimum.evidence.check, items=(Item("replay_defect", 0.0, 1.0),))
+    audited = replace(optimum.evidence.check, items=(Item("replay_defect", 0.0, 1.0),))
     limit = LIMITS.race_time * max(1.0, races)
     certificate = certify(
         optimum.problem,
         optimum.iterate,
-        dataclasses.replace(optimum.evidence, check=audited),
+        replace(optimum.evidence, check=audited),
         LIMITS,
         claim=Item("solver", 0.0, 0.0),
         status="solved",
@@ -507,10 +453,3 @@ def test_certificate_measures_with_the_limit_of_its_race(races: float, share: fl
     assert item.limit == pytest.approx(limit, rel=1e-12)
     assert item.value == pytest.approx(share * limit, rel=1e-9)
     assert item.holds is holds
-
-
-@pytest.mark.parametrize(("minutes", "cut"), [(1.0, True), (2.0, True), (4.0, False)])
-def test_error_that_is_too_large_for_a_short_race_needs_no_finer_mesh_in_a_long_one(minutes: float, cut: bool) -> None:
-    erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
-    optimum = flown({"drift": RESTLESS, "integration": erring}, (40.0 * minutes, 20.0 * minutes))
-    assert (adapt(optimum, LIMITS, early=True, joining=True) is not None) is cut
