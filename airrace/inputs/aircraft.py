@@ -32,7 +32,6 @@ from airrace.inputs.nodes import Reporter
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import Interval
 
-AIRCRAFT_SCHEMA = "airrace/aircraft/1"
 g0 = 9.80665
 """The standard acceleration of gravity, m/s2."""
 rho_0 = 1.225

@@ -8,11 +8,8 @@ from pydantic import Field
 
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import Reporter
-from airrace.inputs.schema import Schema, optional
-from airrace.inputs.validation import read_entry
+from airrace.inputs.schema import Schema, optional, read_entry
 from airrace.inputs.yaml_reader import plain_scalar
-
-BATCH_SCHEMA = "airrace/batch/1"
 
 Value = str | int | float | bool
 Files = Annotated[list[str], Field(min_length=1, max_length=100_000)]
@@ -48,7 +45,7 @@ def read_batch(document: Document) -> tuple[BatchEntry, Reporter]:
     Raises:
         InputError: the inputs are not valid; it carries all findings.
     """
-    return read_entry(BatchEntry, document, BATCH_SCHEMA)
+    return read_entry(BatchEntry, document)
 
 
 def value_text(value: Value) -> str:

@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.errors import Finding, InputError
-from airrace.inputs.aircraft import AIRCRAFT_SCHEMA, AircraftEntry, build_aircraft, weight_not_carried
+from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references
 from airrace.inputs.document import AIRCRAFT, TRACKS, Collection, Document, read_document
 from airrace.inputs.nodes import JSON, MappingNode, Place, Reporter, ScalarNode, dotted
@@ -17,10 +17,9 @@ from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of,
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
 from airrace.inputs.rules import penalties_of
-from airrace.inputs.schema import Schema
-from airrace.inputs.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
-from airrace.inputs.track import TRACK_SCHEMA, build_course, track_language
-from airrace.inputs.validation import read_mapping, validate
+from airrace.inputs.schema import Schema, language_of, read_mapping, validate
+from airrace.inputs.settings import SettingsEntry, build_settings
+from airrace.inputs.track import TrackEntry, build_course, track_language
 from airrace.logs.violations import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
@@ -29,14 +28,10 @@ from airrace.records import record
 
 FINDINGS_MAX = 100
 """The largest number of findings that are reported for one document."""
-BUILT_IN_PYTHON = "cannot be set here: this was built in Python, so change it there"
-"""The message for an override of a document that was built in Python."""
 QUOTED_MAX = 100
 """The largest number of characters of a quoted word in a message."""
-NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
+NO_SETTINGS = Document("<no settings file>", f"schema: {language_of(SettingsEntry)}\n")
 """The document that stands for settings where no file was given: all defaults."""
-
-T = TypeVar("T")
 
 
 @record
@@ -84,16 +79,10 @@ def load_inputs(
     Raises:
         InputError: the inputs are not valid; it carries all findings.
     """
-    run = _Run(overrides)
-    opened_track = run.open(read_named(TRACKS, track, run.findings), _TRACK)
-    if aircraft is not None:
-        aircraft_document = read_named(AIRCRAFT, aircraft, run.findings)
-    else:
-        beside = Path(track.path) if isinstance(track, Document) else TRACKS.file(Path(track))
-        aircraft_document = _referenced_aircraft(beside.parent, opened_track, run.findings)
-    opened_aircraft = run.open(aircraft_document, _AIRCRAFT)
-    settings_document = read_document(Path(settings), run.findings) if settings is not None else None
-    return run.inputs(opened_track, opened_aircraft, settings_document)
+    reader = DocumentReader(overrides)
+    opened, flown = reader.track_and_aircraft(track, aircraft)
+    settings_file = None if settings is None else read_document(Path(settings), reader.findings)
+    return _inputs(reader, opened, flown, settings_file)
 
 
 def read_documents(
@@ -109,12 +98,7 @@ def read_documents(
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
     """
-    run = _Run(overrides)
-    opened = run.open(TRACKS.read(track, run.findings), _TRACK)
-    if aircraft is None:
-        flown = _referenced_aircraft(TRACKS.file(track).parent, opened, run.findings)
-    else:
-        flown = AIRCRAFT.read(aircraft, run.findings)
+    opened, flown = DocumentReader(overrides).track_and_aircraft(track, aircraft)
     if opened is None or flown is None:
         inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises with all findings
         return inputs.track, inputs.aircraft
@@ -134,125 +118,150 @@ def inputs_from_documents(
     Raises:
         InputError: the inputs are not valid; it carries all findings.
     """
-    run = _Run(overrides)
-    opened_track = run.open(track, _TRACK)
-    opened_aircraft = run.open(aircraft, _AIRCRAFT)
-    return run.inputs(opened_track, opened_aircraft, settings_file)
+    reader = DocumentReader(overrides)
+    return _inputs(reader, reader.open(track, "track"), aircraft, settings_file)
 
 
 @record
-class _Language:
-    """A kind of document: what the command line calls it, how it begins, what it holds."""
-
-    kind: str
-    schema: str
-    model: Callable[[], type[Schema]]
-
-
-_TRACK = _Language("track", TRACK_SCHEMA, track_language)
-_AIRCRAFT = _Language("aircraft", AIRCRAFT_SCHEMA, lambda: AircraftEntry)
-_SETTINGS = _Language("settings", SETTINGS_SCHEMA, lambda: SettingsEntry)
-
-
-@record
-class _Opened:
-    """A document that is YAML of the right schema, with the overrides made."""
+class OpenedDocument:
+    """A document that is YAML of the right schema, with the overrides made; one of objects has no keys at all."""
 
     document: Document
     reporter: Reporter
 
 
-class _Run:
-    """A reading of all documents of a run, with the findings and overrides that they share."""
+class DocumentReader:
+    """A reader of all documents of a run, with the findings and overrides that they share."""
 
     def __init__(self, overrides: Sequence[str]) -> None:
         self.findings: list[Finding] = []
-        self._texts = tuple(overrides)
-        self._penalties = NONE_KNOWN
-        self._gates: tuple[str, ...] = ()
+        self.texts = tuple(overrides)
         self._overrides = parse_overrides(overrides, self.findings)
 
-    def open(self, document: Document | None, language: _Language) -> _Opened | None:
-        """Read the YAML; return None if the document is missing or cannot be trusted to be what it should be."""
+    def open(self, document: Document | None, kind: str) -> OpenedDocument | None:
+        """Read the YAML; return None if the document is missing or cannot be trusted to be what it should be.
+
+        Args:
+            document: what is to be read.
+            kind: what it should be: `track`, `aircraft` or `settings`.
+        """
         if document is None:
             return None
-        mine = [override for override in self._overrides if override.document == language.kind]
+        mine = [override for override in self._overrides if override.document == kind]
         if is_of_objects(document):
-            keys = [dotted(one.path) for one in mine]
-            self.findings.extend(Finding(PLACE.file, 0, 0, key, BUILT_IN_PYTHON) for key in keys)
-            return _Opened(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
-        try:
-            root = read_mapping(document, language.schema)
-        except InputError as error:
-            self.findings.extend(error.findings)
-            return None
-        changed = apply_overrides(root, mine, self.findings, language.model())
-        own = language.kind in PREFIXED
-        reporter = Reporter(
-            changed,
-            self.findings,
-            prefix=f"{language.kind}." if own else "",
-            others=() if own else tuple(f"{kind}." for kind in PREFIXED),
-        )
-        return _Opened(document, reporter) if _has_schema(reporter, language.schema) else None
+            message = "cannot be set here: this was built in Python, so change it there"
+            self.findings.extend(Finding(PLACE.file, 0, 0, dotted(one.path), message) for one in mine)
+            return OpenedDocument(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
+        models: dict[str, type[Schema]] = {"aircraft": AircraftEntry, "settings": SettingsEntry}
+        model = models.get(kind) or track_language()
+        with gather(self.findings):
+            root = apply_overrides(read_mapping(document, model), mine, self.findings, model)
+            prefix, others = (f"{kind}.", ()) if kind in PREFIXED else ("", tuple(f"{one}." for one in PREFIXED))
+            reporter = Reporter(root, self.findings, prefix=prefix, others=others)
+            language, found = language_of(model), root.scalar("schema")
+            if found == language:
+                return OpenedDocument(document, reporter)
+            if "schema" in root.entries:
+                reporter.value(("schema",), f"expected `schema: {language}`, found `{found}`")
+            else:
+                reporter.key(("schema",), f"missing; the file must begin with `schema: {language}`")
+        return None
 
-    def inputs(self, track: _Opened | None, aircraft: _Opened | None, settings_file: Document | None) -> Inputs:
-        """Understand all documents.
+    def track_and_aircraft(
+        self, track: str | Path | Document, aircraft: str | Path | Document | None
+    ) -> tuple[OpenedDocument | None, Document | None]:
+        """Return the track, and the aircraft that is given or else named there; None stands for what is not found.
 
-        Raises:
-            InputError: the inputs are not valid; it carries all findings.
+        The name of an aircraft is that of a file, by a path relative to the track's folder, or that of one that comes
+        along.
         """
-        opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
-        scene = self._course_and_air(track) if track else None
-        flown = self._aircraft(aircraft) if aircraft else None
-        settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
-        settings = (
-            build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
-        )
-        if self.findings or not (track and aircraft and scene and flown and settings):
-            raise InputError(shorten(self.findings), len(self.findings))
+        opened = self.open(read_named(TRACKS, track, self.findings), "track")
+        if aircraft is not None:
+            return opened, read_named(AIRCRAFT, aircraft, self.findings)
+        if opened is None:
+            return None, None
+        if is_of_objects(opened.document):
+            message = "a course that was built in Python names no aircraft"
+            self.findings.append(Finding(opened.document.path, 0, 0, "", message))
+            return opened, None
+        node = opened.reporter.root.get("aircraft")
+        if node is None:
+            opened.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
+        if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
+            return opened, None  # the schema reports what is no text
+        folder = (Path(track.path) if isinstance(track, Document) else TRACKS.file(Path(track))).parent
+        named = Path(node.value)
+        if not AIRCRAFT.finds(named, folder):
+            opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
+            return opened, None
+        return opened, AIRCRAFT.read(named, self.findings, folder)
+
+
+@contextmanager
+def gather(findings: list[Finding]) -> Generator[None]:
+    """Add what is wrong with an input to the findings instead of raising it."""
+    try:
+        yield
+    except InputError as error:
+        findings.extend(error.findings)
+
+
+def _inputs(
+    reader: DocumentReader, track: OpenedDocument | None, aircraft: Document | None, settings_file: Document | None
+) -> Inputs:
+    """Understand all documents.
+
+    Raises:
+        InputError: the inputs are not valid; it carries all findings.
+    """
+    opened_aircraft = reader.open(aircraft, "aircraft")
+    opened_settings = reader.open(settings_file or NO_SETTINGS, "settings")
+    entry: TrackEntry | None = None
+    scene: CourseAndAir | None = None
+    flown: Aircraft | None = None
+    settings: Settings | None = None
+    with gather(reader.findings):
+        if track and is_of_objects(track.document):
+            scene = course_and_air_of(track.document)
+        elif track:
+            entry = validate(track_language(), track.reporter)
+            check_references(track.reporter)
+            scene = build_course_and_air(entry, track.reporter) if entry else None
+    with gather(reader.findings):
+        if opened_aircraft and is_of_objects(opened_aircraft.document):
+            flown = aircraft_of(opened_aircraft.document)
+        elif opened_aircraft:
+            flown = read_aircraft(opened_aircraft.reporter)
+    if opened_settings and (settings_entry := validate(SettingsEntry, opened_settings.reporter)):
+        settings = build_settings(settings_entry, opened_settings.reporter)
+    if track and aircraft and scene and flown and settings and not reader.findings:
         race = Race(scene.course, flown, scene.air)
         check_together(race, track.reporter)
-        passed = {passage.element.base_name for passage in race.course.passages}
-        if self.findings:
-            raise InputError(shorten(self.findings), len(self.findings))
-        return Inputs(
-            race=race,
-            settings=settings,
-            track=track.document,
-            aircraft=aircraft.document,
-            settings_file=settings_file,
-            overrides=self._texts,
-            resolved=resolved_inputs(race, settings),
-            penalties=self._penalties,
-            unused_gates=tuple(name for name in self._gates if name not in passed),
-        )
+        if not reader.findings:
+            passed = {passage.element.base_name for passage in race.course.passages}
+            return Inputs(
+                race=race,
+                settings=settings,
+                track=track.document,
+                aircraft=aircraft,
+                settings_file=settings_file,
+                overrides=reader.texts,
+                resolved=resolved_inputs(race, settings),
+                penalties=penalties_of(entry.rules) if entry else NONE_KNOWN,
+                unused_gates=tuple(name for name in entry.gates if name not in passed) if entry else (),
+            )
+    raise InputError(shorten(reader.findings), len(reader.findings))
 
-    def _course_and_air(self, track: _Opened) -> CourseAndAir | None:
-        """Return the course and the air of a track."""
-        if is_of_objects(track.document):
-            return self._read(course_and_air_of, track.document)
-        entry = validate(track_language(), track.reporter)
-        check_references(track.reporter)
-        if entry is None:
-            return None
-        course = build_course(entry, track.reporter)
-        self._penalties, self._gates = penalties_of(entry.rules), tuple(entry.gates)
-        return CourseAndAir(course, entry.environment.build(Places(entry.origin, track.reporter)))
 
-    def _aircraft(self, aircraft: _Opened) -> Aircraft | None:
-        if is_of_objects(aircraft.document):
-            return self._read(aircraft_of, aircraft.document)
-        entry = validate(AircraftEntry, aircraft.reporter)
-        return build_aircraft(entry, aircraft.reporter) if entry else None
+def build_course_and_air(entry: TrackEntry, reporter: Reporter) -> CourseAndAir:
+    """Return the course and the air of a track; they are only of use if nothing was reported."""
+    return CourseAndAir(build_course(entry, reporter), entry.environment.build(Places(entry.origin, reporter)))
 
-    def _read(self, read: Callable[[Document], T], document: Document) -> T | None:
-        """Return the objects of a document, and add what is wrong to the findings."""
-        try:
-            return read(document)
-        except InputError as error:
-            self.findings.extend(error.findings)
-            return None
+
+def read_aircraft(reporter: Reporter) -> Aircraft | None:
+    """Return the aircraft of a document; it is only of use if nothing was reported."""
+    entry = validate(AircraftEntry, reporter)
+    return build_aircraft(entry, reporter) if entry else None
 
 
 def shorten(findings: Sequence[Finding]) -> list[Finding]:
@@ -275,41 +284,6 @@ def _with_short_quotes(message: str) -> str:
     parts = message.split("`")  # every second part is quoted
     parts[1::2] = [part if len(part) <= QUOTED_MAX else part[:QUOTED_MAX] + "..." for part in parts[1::2]]
     return "`".join(parts)
-
-
-def _has_schema(reporter: Reporter, schema: str) -> bool:
-    """Return whether the document says it is what is expected; nothing else is worth checking if it does not."""
-    found = reporter.root.scalar("schema")
-    if found == schema:
-        return True
-    if "schema" not in reporter.root.entries:
-        reporter.key(("schema",), f"missing; the file must begin with `schema: {schema}`")
-    else:
-        reporter.value(("schema",), f"expected `schema: {schema}`, found `{found}`")
-    return False
-
-
-def _referenced_aircraft(folder: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
-    """Return the document of the aircraft that a track names.
-
-    The name is that of a file, by a path relative to the track's folder, or that of an aircraft that comes along.
-    """
-    if opened is None:
-        return None
-    if is_of_objects(opened.document):
-        findings.append(Finding(opened.document.path, 0, 0, "", "a course that was built in Python names no aircraft"))
-        return None
-    node = opened.reporter.root.get("aircraft")
-    if node is None:
-        opened.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
-        return None
-    if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
-        return None  # the schema reports it
-    named = Path(node.value)
-    if not AIRCRAFT.finds(named, folder):
-        opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
-        return None
-    return AIRCRAFT.read(named, findings, folder)
 
 
 def check_together(race: Race, track: Reporter) -> None:

@@ -12,11 +12,9 @@ from pydantic import Field
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
-from airrace.inputs.schema import Schema, optional
-from airrace.inputs.validation import read_entry
+from airrace.inputs.schema import Schema, optional, read_entry
 from airrace.logs.csv_log import FIELDS, ColumnLayout, parse_unit, split_unit
 
-LOG_SCHEMA = "airrace/log/1"
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
 UNIT_MAX = 10
 """The length up to which brackets are taken for a unit; longer ones belong to the header."""
@@ -53,7 +51,7 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     document = read_document(path, findings)
     if document is None:
         raise InputError(findings)
-    entry, reporter = read_entry(LogEntry, document, LOG_SCHEMA)
+    entry, reporter = read_entry(LogEntry, document)
     zone = None
     if entry.time_zone is not None and (zone := _zone(entry.time_zone)) is None:
         reporter.value(("time_zone",), f"`{entry.time_zone}` is no time zone; expected +02:00 or Europe/Zagreb")

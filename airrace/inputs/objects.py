@@ -7,6 +7,7 @@ such a text.
 
 import json
 from functools import cache
+from types import GenericAlias
 from typing import Any, TypeVar, cast
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -128,7 +129,8 @@ def _build(kind: type[T], plain: object) -> T:
 @cache
 def _reader(kind: Any) -> TypeAdapter[list[Any]]:  # Any: a class, and its instances
     """Return the reader of a list of objects: a list, since pydantic configures no dataclass by itself."""
-    return TypeAdapter(list[kind], config=ConfigDict(arbitrary_types_allowed=True, extra="forbid"))
+    hint: Any = GenericAlias(list, (kind,))
+    return TypeAdapter(hint, config=ConfigDict(arbitrary_types_allowed=True, extra="forbid"))
 
 
 def _elements(kind: type[Element]) -> dict[str, type[Element]]:

@@ -13,13 +13,11 @@ from airrace.inputs.document import SUFFIX, Document
 from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.places import Height
-from airrace.inputs.schema import Schema, ShorthandSchema, optional
-from airrace.inputs.validation import read_entry
+from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import Interval
 from airrace.track.course import Rules
 
-RULES_SCHEMA = "airrace/rules/1"
 FOLDER = resources.files("airrace.inputs") / "presets"
 
 Distance = Annotated[float, Gt(0), Le(5000)]
@@ -112,7 +110,7 @@ def read_preset(name: str) -> PresetEntry:
         InputError: its file is not what it should be.
     """
     file = FOLDER / f"{name}{SUFFIX}"
-    return read_entry(PresetEntry, Document(file.name, file.read_text(encoding="utf-8")), RULES_SCHEMA)[0]
+    return read_entry(PresetEntry, Document(file.name, file.read_text(encoding="utf-8")))[0]
 
 
 Keys = TypeVar("Keys", bound=Schema)

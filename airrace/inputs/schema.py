@@ -1,13 +1,21 @@
-"""The base of all schemas, and what their fields declare."""
+"""The base of all schemas, and the validation of documents: errors name file, line, key and what would be right."""
 
+import difflib
 import math
+import re
 from collections.abc import Iterator
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
+from airrace.errors import Finding, InputError
+from airrace.inputs.document import Document
+from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.yaml_reader import read_yaml
 from airrace.quantities import KNOT
 
 # Any: annotations of arbitrary type, inspected at run time.
@@ -16,6 +24,9 @@ Annotation = Any
 DEGREE = math.radians(1.0)
 SI = {"_deg": DEGREE, "_deg_s": DEGREE, "_kt": KNOT, "_kW": 1000.0, "_hPa": 100.0}
 """The SI value of units, by the ending of the key; all other units are SI."""
+DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
+"""A number as it is written in many countries, but not in YAML."""
+LIMITS = {Gt: ("gt", "above"), Ge: ("ge", "at least"), Lt: ("lt", "below"), Le: ("le", "at most")}
 
 
 class Schema(BaseModel):
@@ -69,19 +80,14 @@ def field_of(owner: type[Schema] | None, name: str) -> FieldInfo | None:
     return next((info for key, info in fields if name == (info.alias or key)), None)
 
 
-def keys_of(owner: type[Schema]) -> list[str]:
+def keys_of(owner: type[Schema] | None) -> list[str]:
     """Return the keys as documents write them."""
-    return [info.alias or key for key, info in owner.model_fields.items()]
+    return [info.alias or key for key, info in owner.model_fields.items()] if owner else []
 
 
-def constraints_of(found: FieldInfo | None) -> Iterator[object]:
-    """Yield the limits that a field declares, of itself or of the type it optionally has."""
-    if found is None:
-        return
-    yield from found.metadata
-    for member in members(found.annotation):
-        if get_origin(member) is Annotated:
-            yield from get_args(member)[1:]
+def language_of(model: type[Schema]) -> str:
+    """Return what stands at `schema` in the documents that a model reads, e.g. `airrace/track/1`."""
+    return str(get_args(model.model_fields["schema_"].annotation)[0])
 
 
 def inner(annotation: Annotation, part: str | int) -> Annotation:
@@ -124,3 +130,166 @@ def tags_of(annotation: Annotation) -> dict[str, Annotation]:
         if found and get_origin(found.annotation) is Literal:
             tags |= dict.fromkeys(get_args(found.annotation), member)
     return tags
+
+
+Model = TypeVar("Model", bound=Schema)
+
+
+def read_mapping(document: Document, model: type[Schema]) -> MappingNode:
+    """Return the tree of a document.
+
+    Raises:
+        InputError: it is no YAML, or no mapping.
+    """
+    root = read_yaml(document.path, document.text)
+    if isinstance(root, MappingNode):
+        return root
+    message = f"must be a mapping that begins with `schema: {language_of(model)}`"
+    raise InputError([Finding(document.path, root.place.line, root.place.column, "", message)])
+
+
+def read_entry(model: type[Model], document: Document) -> tuple[Model, Reporter]:
+    """Return the content of a document, and the reporter for what else is found to be wrong with it.
+
+    Raises:
+        InputError: the document is not valid; it carries all findings.
+    """
+    reporter = Reporter(read_mapping(document, model), [])
+    entry = validate(model, reporter)
+    if entry is None:
+        raise InputError(reporter.findings)
+    return entry, reporter
+
+
+def validate(model: type[Model], reporter: Reporter) -> Model | None:
+    """Return the document as an instance of `model`; None if it is not one, and then there are findings."""
+    valueless = set(_valueless((), reporter.root))
+    for path in valueless:
+        comma = "; a number has a decimal point, not a comma" if str(path[-1]).isdecimal() else ""
+        reporter.value(path, f"has no value; give one, or leave the key out{comma}")
+    try:
+        validated = model.model_validate(reporter.root.plain())
+    except ValidationError as error:
+        for details in error.errors(include_url=False):
+            _report(model, details, reporter, valueless)
+        return None
+    return None if valueless else validated
+
+
+def _valueless(path: KeyPath, node: Node) -> Iterator[KeyPath]:
+    match node:
+        case ScalarNode(value=None):
+            yield path
+        case ScalarNode():
+            return
+        case SequenceNode(items=items):
+            for index, item in enumerate(items):
+                yield from _valueless((*path, index), item)
+        case MappingNode(entries=entries):
+            for key, entry in entries.items():
+                yield from _valueless((*path, key), entry.value)
+
+
+def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valueless: set[KeyPath]) -> None:
+    path, owner, annotation = _resolve(model, error["loc"])
+    if path in valueless:
+        return
+    name = str(path[-1]) if path else ""
+    match error["type"]:
+        case "missing":
+            found = field_of(owner, name)
+            text = f": {found.description}" if found and found.description else ""
+            reporter.key(path, f"missing; {owner.what if owner else 'it'} needs `{name}`{text}")
+        case "extra_forbidden":
+            known = keys_of(owner)
+            nested = [(key, schema_of(inner(owner, key))) for key in known]
+            places = [f"; it belongs in `{key}`" for key, schema in nested if name in keys_of(schema)]
+            meant = places[0] if places else reporter.suggestion(name, [*known, *reporter.other_documents(path)])
+            reporter.key(path, f"unknown key `{name}`{meant}")
+        case "union_tag_not_found":
+            reporter.key((*path, "type"), f"missing; `type` is one of: {', '.join(tags_of(annotation))}")
+        case "union_tag_invalid":
+            tag = str(error.get("ctx", {}).get("tag", ""))
+            reporter.value((*path, "type"), f"unknown type `{tag}`{reporter.suggestion(tag, tags_of(annotation))}")
+        case _:
+            reporter.value(path, _mismatch(error, annotation, _limits(owner, name)))
+
+
+def _mismatch(error: ErrorDetails, annotation: Annotation, limits: str) -> str:
+    """Return what should stand here, and what does."""
+    value = error["input"]
+    found = _description(value)
+    match error["type"]:
+        case "float_type" | "int_type" | "int_from_float":
+            whole = "a whole number" if error["type"].startswith("int") else "a number"
+            comma = isinstance(value, str) and DECIMAL_COMMA.fullmatch(value)
+            point = f"; write it with a decimal point, {value.replace(',', '.')}" if comma else ""
+            return f"must be {whole}{limits}, not {found}{point}"
+        case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
+            return f"must be{limits}, not {found}"
+        case "string_type":
+            quote = "; quote it if it is meant as text" if isinstance(value, (int, float)) else ""
+            return f"must be text, not {found}{quote}"
+        case "bool_type":
+            return f"must be true or false, not {found}"
+        case "literal_error":
+            choices = [str(choice) for choice in get_args(bare(annotation))]
+            similar = difflib.get_close_matches(str(value), choices, n=1)
+            meant = f"; did you mean `{similar[0]}`?" if similar else ""
+            return f"must be one of {', '.join(choices)}, not {found}{meant}"
+        case "model_type" | "dict_type" | "model_attributes_type":
+            return f"must be {(schema_of(annotation) or Schema).form}, not {found}"
+        case "list_type":
+            return f"must be a list (`[a, b]` or `- a` lines), not {found}"
+        case "string_too_short" | "too_short":
+            return "must not be empty"
+        case "too_long":
+            return f"has too many entries; at most {error.get('ctx', {}).get('max_length')}"
+        case _:
+            return error["msg"]
+
+
+def _description(value: object) -> str:
+    match value:
+        case bool():
+            return f"`{str(value).lower()}`"
+        case int():
+            return str(value)
+        case float():
+            return f"{value:g}"
+        case str():
+            return f"the text `{value[:40]}`"
+        case dict():
+            return "a mapping"
+        case list():
+            return "a list"
+        case _:
+            return "nothing"
+
+
+def _limits(owner: type[Schema] | None, name: str) -> str:
+    """Return the range that a field declares as a text, e.g. ` above 0 and at most 85`."""
+    found = field_of(owner, name)
+    optional_types = [one for one in members(found.annotation) if get_origin(one) is Annotated] if found else []
+    declared = [*(found.metadata if found else ()), *(limit for one in optional_types for limit in get_args(one)[1:])]
+    known = [(limit, LIMITS[type(limit)]) for limit in declared if type(limit) in LIMITS]
+    texts = [f"{word} {getattr(limit, key)}" for limit, (key, word) in known]
+    return " " + " and ".join(texts) if texts else ""
+
+
+def _resolve(model: type[Schema], location: KeyPath) -> tuple[KeyPath, type[Schema] | None, Annotation]:
+    """Return the path in the document, the mapping that owns its last key, and what is expected there.
+
+    The path that pydantic gives has tags of unions in between.
+    """
+    path: list[str | int] = []
+    owner: type[Schema] | None = None
+    annotation: Annotation = model
+    for part in location:
+        member = tags_of(annotation).get(str(part))
+        if member is not None:
+            annotation = member
+            continue
+        path.append(part)
+        owner, annotation = schema_of(annotation), inner(annotation, part)
+    return tuple(path), owner, annotation

@@ -18,8 +18,6 @@ from airrace.procedure.settings import (
     SolverSettings,
 )
 
-SETTINGS_SCHEMA = "airrace/settings/1"
-
 SolverName = Literal["fatrop", "ipopt"]
 Count = Annotated[int, Ge(1), Le(1000)]
 Limit = Annotated[float, Gt(0)] | None

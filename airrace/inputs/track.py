@@ -29,7 +29,6 @@ from airrace.inputs.surroundings import (
 from airrace.quantities import Interval
 from airrace.track.course import Course, EndState
 
-TRACK_SCHEMA = "airrace/track/1"
 CROWDS_MAX = 20
 """The largest number of crowds of a course."""
 GATES_MAX = 10_000

@@ -1,27 +1,22 @@
 """The inputs of a run with one number changed: what `--set` would make of it, without reading the files again."""
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
+from collections.abc import Iterator, Mapping
+from functools import cached_property, partial
 from typing import TypeVar, cast
 
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs.aircraft import AircraftEntry, build_aircraft
-from airrace.inputs.document import Document
-from airrace.inputs.inputs import Inputs, check_together
+from airrace.inputs.aircraft import AircraftEntry
+from airrace.inputs.inputs import DocumentReader, Inputs, build_course_and_air, check_together, read_aircraft
 from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
-from airrace.inputs.nodes import KeyPath, MappingNode, Reporter, ScalarNode, dotted
-from airrace.inputs.objects import is_of_objects
-from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides, parse_overrides
-from airrace.inputs.places import Places
+from airrace.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
+from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides
 from airrace.inputs.rules import LimitsEntry, with_preset
-from airrace.inputs.schema import Schema
-from airrace.inputs.track import TRACK_SCHEMA, TrackEntry, build_course, track_language
-from airrace.inputs.validation import read_mapping, validate
+from airrace.inputs.schema import Schema, validate
+from airrace.inputs.track import TrackEntry, track_language
 from airrace.parameters import Parameter
 from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
-TRACK = "track"
 
 Entry = TypeVar("Entry", bound=Schema)
 
@@ -35,11 +30,14 @@ class Variation:
         Raises:
             UsageError: one of them was built in Python, so that it has no keys.
         """
-        if is_of_objects(inputs.track) or is_of_objects(inputs.aircraft):
-            raise UsageError("numbers have keys in files alone: this course or its aircraft was built in Python")
         self._race = inputs.race
-        self._track = _root(inputs.track, TRACK, track_language(), inputs.overrides)
-        self._aircraft = _root(inputs.aircraft, AIRCRAFT, AircraftEntry, inputs.overrides)
+        reader = DocumentReader(inputs.overrides)
+        track, aircraft = reader.open(inputs.track, "track"), reader.open(inputs.aircraft, AIRCRAFT)
+        if track is None or aircraft is None:
+            raise InputError(reader.findings)
+        self._track, self._aircraft = track.reporter.root, aircraft.reporter.root
+        if not (self._track.entries and self._aircraft.entries):
+            raise UsageError("numbers have keys in files alone: this course or its aircraft was built in Python")
 
     @cached_property
     def parameters(self) -> dict[str, Parameter[Race]]:
@@ -53,11 +51,12 @@ class Variation:
         aircraft = validate(AircraftEntry, Reporter(self._aircraft, reporter.findings))
         if track is None or aircraft is None:
             raise InputError(reporter.findings)
-        found = [*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))]
-        return {dotted(key): Parameter(dotted(key), value, self._setter(dotted(key))) for key, value in found}
+        numbers = [*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))]
+        found = [(dotted(path), value) for path, value in numbers]
+        return {key: Parameter(key, value, partial(self._set, key)) for key, value in found}
 
-    def _setter(self, key: str) -> Callable[[Race, float], Race]:
-        return lambda _, value: self.race(key, value)
+    def _set(self, key: str, race: Race, value: float) -> Race:
+        return self.race(key, value)
 
     def race(self, key: str, value: float) -> Race:
         """Return the race with one number set to another value.
@@ -69,47 +68,26 @@ class Variation:
         Raises:
             InputError: the inputs do not allow this value.
         """
-        first, *rest = key.split(".")
         findings: list[Finding] = []
-        track = Reporter(self._track, findings)
+        path: KeyPath = tuple(key.split("."))
+        kind = AIRCRAFT if path[0] in PREFIXED else "track"
+        own = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
         course, flown, air = self._race.course, self._race.aircraft, self._race.air
-        if first in PREFIXED:
-            changed = _override(self._aircraft, [_number(AIRCRAFT, rest, value)], AircraftEntry)
-            reporter = Reporter(changed, findings, prefix=f"{AIRCRAFT}.")
-            entry = validate(AircraftEntry, reporter)
-            flown = build_aircraft(entry, reporter) if entry else flown
+        track = Reporter(self._track, findings)
+        if kind == AIRCRAFT:
+            changed = apply_overrides(self._aircraft, own, findings, AircraftEntry)
+            flown = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}.")) or flown
         else:
-            changed = _override(self._track, [_number(TRACK, [first, *rest], value)], track_language())
-            track = Reporter(changed, findings)
-            entry = validate(track_language(), track)
-            course = build_course(entry, track) if entry else course
-            air = entry.environment.build(Places(entry.origin, track)) if entry else air
-        if findings:
-            raise InputError(findings)
+            track = Reporter(apply_overrides(self._track, own, findings, track_language()), findings)
+            if entry := validate(track_language(), track):
+                scene = build_course_and_air(entry, track)
+                course, air = scene.course, scene.air
         race = Race(course, flown, air)
-        check_together(race, track)
+        if not findings:
+            check_together(race, track)
         if findings:
             raise InputError(findings)
         return race
-
-
-def _root(document: Document, kind: str, model: type[Schema], texts: tuple[str, ...]) -> MappingNode:
-    """Return a document as a tree with the overrides of the run made."""
-    findings: list[Finding] = []
-    mine = [override for override in parse_overrides(texts, findings) if override.document == kind]
-    return _override(read_mapping(document, TRACK_SCHEMA), mine, model)
-
-
-def _number(document: str, path: list[str], value: float) -> Override:
-    return Override(document, tuple(path), ScalarNode(PLACE, value))
-
-
-def _override(root: MappingNode, overrides: list[Override], model: type[Schema]) -> MappingNode:
-    findings: list[Finding] = []
-    changed = apply_overrides(root, overrides, findings, model)
-    if findings:
-        raise InputError(findings)
-    return changed
 
 
 def _complete(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
