@@ -35,7 +35,7 @@ POSITION = ("x", "y", "z")
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
-def plan_as_flown(course: Course, pace: PlanningModel, flown: Trajectory) -> Plan:
+def plan_from_solution(course: Course, pace: PlanningModel, flown: Trajectory) -> Plan:
     """Return the plan that makes all choices as a flight has made them.
 
     Args:
@@ -43,10 +43,10 @@ def plan_as_flown(course: Course, pace: PlanningModel, flown: Trajectory) -> Pla
         pace: how fast, and how tightly, it is planned.
         flown: a flight through it, of any fidelity.
     """
-    return plan(course, pace, choices_as_flown(course, flown.states, flown.state, flown.first_node.tolist()))
+    return plan(course, pace, decisions_from_solution(course, flown.states, flown.state, flown.first_node.tolist()))
 
 
-def choices_as_flown(
+def decisions_from_solution(
     course: Course, states: Sequence[Quantity], state: Array, first_node: Sequence[int]
 ) -> RouteDecisions:
     """Return the choices of a flight.
@@ -60,7 +60,7 @@ def choices_as_flown(
     row = {one.name: history for one, history in zip(states, state, strict=True)}
     q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
-    ways = {stop: (way_as_flown(course, stop, q[:, first_node[stop]]),) for stop in stops}
+    ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {
         stop: track_turn(r[:, first_node[before] : first_node[stop] + 1]).angle
         for before, stop in itertools.pairwise(stops)
@@ -79,7 +79,7 @@ def choices_as_flown(
     return RouteDecisions(ways, turns, rolls, edges)
 
 
-def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
+def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:
     """Return the candidate of a passage that is nearest to how it was passed, with the course that was flown.
 
     Args:
@@ -103,11 +103,11 @@ class TrackTurn:
 
     Attributes:
         angle: the whole angle.
-        aside: the part of it to a side; a track that reverses through the vertical turns to none.
+        lateral: the part of it to a side; a track that reverses through the vertical turns to none.
     """
 
     angle: float
-    aside: float
+    lateral: float
 
 
 def track_turn(r: Array) -> TrackTurn:
@@ -117,8 +117,8 @@ def track_turn(r: Array) -> TrackTurn:
     (n, e), (n_next, e_next) = steps[:, :-1], steps[:, 1:]
     angles = np.arctan2(n * e_next - e * n_next, n * n_next + e * e_next)
     reversed_ = np.abs(angles) > REVERSED
-    aside = float(angles[~reversed_].sum())
-    return TrackTurn(aside + math.copysign(float(np.abs(angles[reversed_]).sum()), aside), aside)
+    lateral = float(angles[~reversed_].sum())
+    return TrackTurn(lateral + math.copysign(float(np.abs(angles[reversed_]).sum()), lateral), lateral)
 
 
 def _bank(q: Array) -> float:

@@ -5,7 +5,7 @@ to which side the path turns between two passages, to which side a roll or a kni
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import field
 
 from airrace.planning.waypoints import Waypoint, candidates
@@ -47,6 +47,18 @@ class RouteDecisions:
         left = {index: ways for index, ways in self.ways.items() if index not in indices}
         return dataclasses.replace(self, ways=left)
 
+    def with_those_of(self, other: "RouteDecisions", stops: Set[int]) -> "RouteDecisions":
+        """Return these decisions, but another flight's at some stops, and the turns with which it gets there."""
+        return RouteDecisions(
+            ways={index: (other if index in stops else self).ways[index] for index in self.ways},
+            turns={
+                **{index: side for index, side in self.turns.items() if index not in stops},
+                **{index: side for index, side in other.turns.items() if index in stops},
+            },
+            rolls={index: (other if index in stops else self).rolls[index] for index in self.rolls},
+            edges={index: (other if index in stops else self).edges[index] for index in self.edges},
+        )
+
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
         """Return these choices, but at some passages those that a plan has made; turns are left to the next plan.
 
@@ -68,5 +80,5 @@ class RouteDecisions:
 ANY = RouteDecisions()
 """The choices that leave everything to the plan."""
 
-TWIN = RouteDecisions(last=True)
+MIRRORED_TIES = RouteDecisions(last=True)
 """The choices that leave everything to the plan, which decides ties the other way."""

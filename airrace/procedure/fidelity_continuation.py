@@ -11,10 +11,10 @@ import numpy as np
 from airrace.control.simulation import TrackingSimulator, pilot
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
-from airrace.planning.decisions_from_solution import plan_as_flown
+from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
-from airrace.planning.route_decisions import TWIN
+from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
@@ -28,10 +28,10 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     find_local_infeasibility,
 )
 from airrace.procedure.models import iterate_of
-from airrace.procedure.multistart.budget import EFFORTS, SearchBudget
 from airrace.procedure.multistart.coarse_solution import InitialGuess
 from airrace.procedure.multistart.local_search import find_faster_route
-from airrace.procedure.multistart.multistart import Exploration, explore
+from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
+from airrace.procedure.multistart.search import BUDGETS, SearchBudget
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
@@ -212,18 +212,18 @@ class FidelityContinuation:
         return functools.partial(find_faster_route, flight, source, optimum, self._race.course)
 
     def _first_optimum(self, session: SolverSession) -> StageResult:
-        """Optimise the point mass from what exploring found, then from the homotopy and the plan.
+        """Optimise the point mass from what the search found, then from the homotopy and the plan.
 
         The one that the user prefers comes first.
         """
         if self._local_infeasibility is not None:
             return self._infeasible(self._local_infeasibility, session)
         known = self._first_starts(session)
-        effort = EFFORTS.get(self._settings.search)
-        if effort is None:
+        budget = BUDGETS.get(self._settings.search)
+        if budget is None:
             return self._optimum(Stage.POINT_MASS, known, session)
-        found = self._explored(effort.with_finalists(self._settings.alternatives), session)
-        best = found.search(0)
+        found = self._search_routes(budget, session)
+        best = found.report(0)
         results: list[StageResult] = []
         for number, start in enumerate(found.starts):
             if number >= self._settings.alternatives and any(_kept(one, best) for one in results):
@@ -236,22 +236,23 @@ class FidelityContinuation:
         results = list(self._resolve_near_ties(results, session))
         result = _fastest(results)
         winner = _winner(results)
-        explored = found.search(winner) if winner < len(found.starts) else best
+        explored = found.report(winner) if winner < len(found.starts) else best
         _warn(result, explored, best)
         return dataclasses.replace(_on_record(result, session), search=explored)
 
-    def _explored(self, effort: SearchBudget, session: SolverSession) -> Exploration:
-        """Search routes, with the starts without exploring among the starts, so that nothing is lost by it."""
-        flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
-        pieces = [self._homotopy(session)] if effort.homotopy or asked else []
-        starts = [("homotopy", _initial_guess(flight, one)) for one in pieces if one.outcome is Status.SOLVED]
-        own, twin = (
-            _planned(flight, way, session) for way in (flight.plan, plan(self._race.course, flight.plan.cruise, TWIN))
-        )
-        starts.append(("plan", own))
-        if not np.array_equal(own.guess.state, twin.guess.state):
-            starts.append(("plan, its twin", twin))
-        return explore(flight, self._race.course, session, effort, starts)
+    def _search_routes(self, budget: SearchBudget, session: SolverSession) -> FoundRoutes:
+        """Search routes, with the starts without a search among the starts, so that nothing is lost by it."""
+        flight, course, starts = self.flight(Stage.POINT_MASS), self._race.course, list[InitialGuess]()
+        if budget.homotopy or Stage.HOMOTOPY in self.done:
+            pieces = self._homotopy(session)
+            if pieces.outcome is Status.SOLVED:
+                starts.append(_initial_guess(flight, pieces))
+        mirrored = plan(course, flight.plan.cruise, MIRRORED_TIES)
+        own, other = (_planned(flight, way, session) for way in (flight.plan, mirrored))
+        starts.append(own)
+        if not np.array_equal(own.guess.state, other.guess.state):
+            starts.append(other)
+        return search_routes(flight, course, session, budget, starts, self._settings.alternatives)
 
     def _first_starts(self, session: SolverSession) -> Sequence[Callable[[], Start | StageResult]]:
         """Return the homotopy and the plan as starts, the one that the user prefers first."""
@@ -330,7 +331,7 @@ class FidelityContinuation:
     def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
         """Return a stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
-        way = plan_as_flown(self._race.course, flight.plan.cruise, optimum.trajectory)
+        way = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
         return dataclasses.replace(flight, plan=way)
 
 
@@ -385,7 +386,7 @@ def _nothing(_: SolverPool) -> str:
 
 
 def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
-    """Return a plan as a initial guess, on the mesh on which the race's own is solved without exploring."""
+    """Return a plan as an initial guess, on the mesh on which the race's own is solved without a search."""
     mesh = first_mesh(way, session.settings.mesh)
     return InitialGuess(
         dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), InitialBarrier.COLD, is_baseline=True
@@ -393,7 +394,7 @@ def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
 
 
 def _initial_guess(flight: Flight, pieces: StageResult) -> InitialGuess:
-    """Return the pieces of a homotopy as a initial guess."""
+    """Return the pieces of a homotopy as an initial guess."""
     return InitialGuess(
         flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), InitialBarrier.PIECES, is_baseline=True
     )

@@ -10,7 +10,7 @@ from airrace.dynamics.flight_model import FlightModel, RollReset
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.decisions_from_solution import plan_as_flown
+from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import Plan
 from airrace.planning.race import Race
 from airrace.points import at_points
@@ -88,7 +88,7 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
     crossing = crossing_observation(model.system.states)
     return Flight(
         fidelity=fidelity_of(stage),
-        plan=race.plan if flown is None else plan_as_flown(course, race.pace, flown),
+        plan=race.plan if flown is None else plan_from_solution(course, race.pace, flown),
         model=model,
         observation=crossing,
         ends=course_ends(course, model, crossing),

@@ -24,7 +24,7 @@ from races import planned as plan_of
 from airrace.environment.air import Air
 from airrace.frames import angle_between, quaternion
 from airrace.inputs import load_inputs
-from airrace.planning.decisions_from_solution import plan_as_flown, track_turn, way_as_flown
+from airrace.planning.decisions_from_solution import plan_from_solution, track_turn, waypoint_from_solution
 from airrace.planning.plan import Plan, plan, stops_of
 from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
@@ -162,14 +162,14 @@ def assert_same_choices(race: Race, one: Plan, other: Plan) -> None:
 def test_plan_of_a_guess_makes_the_choices_of_the_plan_that_it_is_made_from(name: str) -> None:
     race = RACES[name]
     flight, flown = guessed(race)
-    assert_same_choices(race, flight.plan, plan_as_flown(race.course, flight.plan.cruise, flown))
+    assert_same_choices(race, flight.plan, plan_from_solution(race.course, flight.plan.cruise, flown))
 
 
 @every_race
 def test_plan_of_a_guess_takes_as_long_as_the_plan_that_it_is_made_from(name: str) -> None:
     race = RACES[name]
     flight, flown = guessed(race)
-    again = plan_as_flown(race.course, flight.plan.cruise, flown)
+    again = plan_from_solution(race.course, flight.plan.cruise, flown)
     assert again.seconds == pytest.approx(flight.plan.seconds, rel=0.02)
 
 
@@ -182,7 +182,7 @@ def optimum_of(race: Race) -> StageResult:
 @pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight"])
 def test_plan_of_an_optimum_makes_the_choices_that_it_was_planned_with(name: str) -> None:
     race = RACES[name]
-    again = plan_as_flown(race.course, prepared(race).plan.cruise, optimum_of(race).trajectory)
+    again = plan_from_solution(race.course, prepared(race).plan.cruise, optimum_of(race).trajectory)
     assert_same_choices(race, plan_of(race), again)
 
 
@@ -212,7 +212,7 @@ SLALOM = race_of(level("a", 0, 0, 0), pylon("p", 300, 0, 90), pylon("q", 600, 20
 
 @pytest.mark.parametrize("race", [pytest.param(STRAIGHT, id="straight"), pytest.param(SLALOM, id="slalom")])
 def test_plan_of_a_flight_that_hardly_turns_has_no_loops(race: Race) -> None:
-    again = plan_as_flown(race.course, cruise(race.aircraft, race.course.rules), optimum_of(race).trajectory)
+    again = plan_from_solution(race.course, cruise(race.aircraft, race.course.rules), optimum_of(race).trajectory)
     assert again.seconds == pytest.approx(plan_of(race).seconds, rel=0.05)
     for leg in again.legs:
         assert leg.path is not None
@@ -234,7 +234,7 @@ def test_half_a_loop_turns_the_track_by_half_a_circle_and_to_no_side(course_of_i
     loop = np.stack([ahead * math.cos(chi), ahead * math.sin(chi), -100.0 * (1.0 - np.cos(angle))])
     found = track_turn(noisy(loop, size))
     assert abs(found.angle) == pytest.approx(math.pi, abs=1e-3)
-    assert found.aside == pytest.approx(0.0, abs=1e-3)
+    assert found.lateral == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-5])
@@ -252,7 +252,7 @@ def test_level_turn_is_told_with_its_side(turns: float) -> None:
     chi = np.radians(np.linspace(0.0, turns, 200))
     found = track_turn(np.stack([np.cumsum(np.cos(chi)), np.cumsum(np.sin(chi)), np.zeros(200)]))
     assert found.angle == pytest.approx(math.radians(turns), rel=0.01)
-    assert found.aside == found.angle
+    assert found.lateral == found.angle
 
 
 @pytest.mark.parametrize("bank", [0.0, 90.0, 175.0, -120.0])
@@ -260,4 +260,4 @@ def test_course_of_a_manoeuvre_is_read_off_whatever_the_bank(bank: float) -> Non
     top = Manoeuvre("top", climb=math.radians(45.0), height=Interval(lower=100.0))
     race = race_of(level("first", 0.0, 0.0, 0.0), top, level("last", 500.0, 0.0, 0.0))
     q = np.array(quaternion(math.radians(40.0), math.radians(45.0), math.radians(bank)))
-    assert way_as_flown(race.course, 1, q).heading == pytest.approx(math.radians(40.0))
+    assert waypoint_from_solution(race.course, 1, q).heading == pytest.approx(math.radians(40.0))

@@ -36,7 +36,7 @@ from airrace.planning import plan as planning
 from airrace.planning.plan import ONE_PLACE, Plan, plan
 from airrace.planning.planning_model import AIR_DENSITY, cruise, top_speed
 from airrace.planning.race import Race
-from airrace.planning.route_decisions import ANY, TWIN
+from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Status
@@ -162,7 +162,8 @@ def test_twin_of_a_plan_is_the_mirror_image_of_the_plan_of_the_mirrored_course(n
     race = RACES[name] if name in RACES else load_inputs(ROOT / "tracks" / f"{name}.yaml").race
     image = mirrored(race)
     twin, other = (
-        plan(one.course, cruise(one.aircraft, one.course.rules), how) for one, how in ((race, TWIN), (image, ANY))
+        plan(one.course, cruise(one.aircraft, one.course.rules), how)
+        for one, how in ((race, MIRRORED_TIES), (image, ANY))
     )
     assert twin.seconds == pytest.approx(plan_of(race).seconds, rel=1e-9)
     for a, b in zip(twin.waypoints, other.waypoints, strict=True):
@@ -253,7 +254,7 @@ def test_plan_is_the_same_every_time(name: str) -> None:
 @pytest.mark.parametrize("apart", [0.0, 0.9 * ONE_PLACE, 1.1 * ONE_PLACE])
 def test_a_gate_in_the_place_of_the_one_before_is_reached_round_a_circle(apart: float) -> None:
     race = race_of(level("a", 0.0, 0.0, 0.0), level("b", 400.0, 0.0, 0.0), level("c", 400.0 + apart, 0.0, 0.0))
-    planned, twin = (plan(race.course, race.pace, ties) for ties in (ANY, TWIN))
+    planned, twin = (plan(race.course, race.pace, ties) for ties in (ANY, MIRRORED_TIES))
     way = planned.legs[1].path
     assert way is not None
     is_circle = apart < ONE_PLACE

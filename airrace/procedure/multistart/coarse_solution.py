@@ -1,7 +1,7 @@
-"""The sketches, flights optimised roughly, well enough to be compared.
+"""Coarse solutions: flights that are optimised roughly, well enough to be compared.
 
-What a coarse mesh gains by its own errors of integration is told in seconds by the costates, and taken off again; where
-it is much, or where a leg takes far longer than planned, the mesh is made finer there first.
+The costates tell in seconds what a coarse mesh gains by its own errors of integration, and the race time is corrected
+by that. Where it is much, or where a leg takes far longer than planned, the mesh is made finer there first.
 """
 
 import logging
@@ -25,53 +25,58 @@ from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.stage_problem import Flight
 from airrace.procedure.start import InitialBarrier
+from airrace.records import record
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 
-INTERVAL = 0.22
-"""The approximate length of an interval, s: half again as long as those of a first mesh."""
-FEWEST, MOST = 8, 120
-"""The smallest and the largest number of intervals in a phase."""
-STEP = 4
-"""The step in which numbers of intervals rise.
 
-Phases of like length share their number, and so a solver made ready for it.
-"""
-TOLERANCE = 1e-5
-"""The tolerance of the solver (1)."""
-STALL_SECONDS = 20.0
-"""The longest time for an iteration, s; it takes a thousandth of that."""
-ITERATIONS = 120
-"""The largest number of iterations.
+@record
+class CoarseSettings:
+    """The settings of coarse solutions.
 
-Solves that converge take 30 to 60; one that is lost is not worth more.
-"""
-OWN_ITERATIONS = 400
-"""The largest number of iterations of the start without exploring, which must not be lost by exploring.
+    Attributes:
+        interval: approximate length of an interval, s: half again as long as those of a first mesh.
+        intervals_min, intervals_max: of a phase.
+        quantum: in multiples of which intervals are counted, so that phases of like length share a solver.
+        tolerance: of the solver (1).
+        stall_seconds: longest time for an iteration, s; it takes a thousandth of that.
+        iterations_max: of a solve. Those that converge take 30 to 60; one that fails is not worth more.
+        baseline_iterations_max: of the start without a search, which must not be lost by it. All solves of a point
+            mass without a search, the mesh check among them, took 69 to 203 iterations on most of 14 generated
+            courses, 367 on one and 638 and 939 on two.
+        share_min: part of the intervals that a phase should have (1), below which it gets a finer mesh.
+        error_max: time by which a phase may be too fast because of its mesh alone, s.
+        meshes_max: number of meshes that are solved on.
+    """
 
-All solves of a point mass without exploring, the proof among them, took 69 to 203 iterations on most of 14 generated
-courses, 367 on one and 638 and 939 on two.
-"""
-TOO_FEW = 0.7
-"""The part of the intervals that a phase should have (1), below which it gets a finer mesh."""
-ERROR_TOLERANCE = 0.01
-"""The time by which a phase may be too fast because of its mesh alone, s."""
-COARSE_SOLVES_MAX = 3
-"""The largest number of meshes."""
+    interval: float = 0.22
+    intervals_min: int = 8
+    intervals_max: int = 120
+    quantum: int = 4
+    tolerance: float = 1e-5
+    stall_seconds: float = 20.0
+    iterations_max: int = 120
+    baseline_iterations_max: int = 400
+    share_min: float = 0.7
+    error_max: float = 0.01
+    meshes_max: int = 3
+
+
+SETTINGS = CoarseSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class InitialGuess:
-    """A flight to be sketched.
+    """A flight that a coarse solution starts from.
 
     Attributes:
         flight: as it is planned.
         mesh: that the guess is on.
         guess: where the solver begins.
         barrier: the first value of the barrier parameter.
-        is_own: whether the race would be started like this without exploring: then it is worth more iterations, and as
-            its mesh is a finer one, it is sketched from the optimum on that.
+        is_baseline: whether the race would be started like this without a search. It gets a larger iteration budget
+            and, as its mesh is a finer one, is solved again from the optimum on that.
     """
 
     flight: Flight
@@ -101,16 +106,13 @@ class CoarseSolution:
 
     @property
     def race_time(self) -> float:
-        """The race time with what its errors of integration are worth, s.
-
-        Large errors count against it, whatever their sign.
-        """
+        """The race time corrected by its errors of integration, s; large ones count against it, whatever their sign."""
         return float(self.iterate.durations.sum() + self.error_penalty.sum())
 
     @property
     def error_penalty(self) -> Array:
         """The time that is added to the duration of each phase, s; shape (n,)."""
-        return np.where(np.abs(self.errors) > ERROR_TOLERANCE, np.abs(self.errors), self.errors)
+        return np.where(np.abs(self.errors) > SETTINGS.error_max, np.abs(self.errors), self.errors)
 
     @cached_property
     def costates(self) -> Array:
@@ -127,33 +129,36 @@ def planned_guess(flight: Flight, plan: Plan, barrier: float) -> InitialGuess:
 
 def intervals(seconds: float) -> int:
     """Return the number of intervals of a phase of that duration (s)."""
-    return min(STEP * math.ceil(max(FEWEST, seconds / INTERVAL) / STEP), MOST)
+    wanted = max(SETTINGS.intervals_min, seconds / SETTINGS.interval)
+    return min(SETTINGS.quantum * math.ceil(wanted / SETTINGS.quantum), SETTINGS.intervals_max)
 
 
-def solve_coarse(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
+def solve_coarse(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
     """Return the rough optimum; None if there is none within the budget."""
-    found = _coarse_solution(service, initial_guess)
-    if found is None or not initial_guess.is_baseline:
+    found = _solve_with_refinement(service, start)
+    if found is None or not start.is_baseline:
         return found
     counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
     mesh, iterate = resample(found.problem.mesh, found.iterate, counts)
-    return _coarse_solution(service, InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE)) or found
+    return _solve_with_refinement(service, InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE)) or found
 
 
-def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
-    mesh, iterate, barrier = list(initial_guess.mesh), initial_guess.guess, initial_guess.barrier
+def _solve_with_refinement(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
+    mesh, iterate, barrier = list(start.mesh), start.guess, start.barrier
+    iterations = SETTINGS.baseline_iterations_max if start.is_baseline else SETTINGS.iterations_max
     found: CoarseSolution | None = None
-    for _ in range(COARSE_SOLVES_MAX):
-        problem = initial_guess.flight.problem(mesh)
-        iterations = OWN_ITERATIONS if initial_guess.is_baseline else ITERATIONS
+    for _ in range(SETTINGS.meshes_max):
+        problem = start.flight.problem(mesh)
         solution = try_solve(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
             return found
-        multipliers = solution.multipliers.constraints
-        found = CoarseSolution(
-            initial_guess.flight, problem, solution.iterate, multipliers, objective_error(problem, solution)
-        )
-        counts = _counts(found)
+        multipliers, errors = solution.multipliers.constraints, objective_error(problem, solution)
+        found = CoarseSolution(start.flight, problem, solution.iterate, multipliers, errors)
+        counts: list[int] = []
+        for phase, seconds, error in zip(mesh, found.iterate.durations.tolist(), errors.tolist(), strict=True):
+            wanted, accurate = intervals(seconds), abs(error) <= SETTINGS.error_max
+            count = len(phase) if accurate else min(2 * len(phase), SETTINGS.intervals_max)
+            counts.append(wanted if count < SETTINGS.share_min * wanted else count)
         if counts == [len(phase) for phase in mesh]:
             return found
         mesh, iterate = resample(mesh, found.iterate, counts)
@@ -162,7 +167,11 @@ def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> Coa
 
 
 def try_solve(
-    service: SolverService, problem: Problem, iterate: Iterate, barrier: float, iterations: int = ITERATIONS
+    service: SolverService,
+    problem: Problem,
+    iterate: Iterate,
+    barrier: float,
+    iterations: int = SETTINGS.iterations_max,
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
 
@@ -171,9 +180,10 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier)
+    stall = SETTINGS.stall_seconds
     try:
-        options = SolverOptions(TOLERANCE, iterations, barrier)
-        return service.solve(problem, iterate, solver="fatrop", options=options, threads=1, stall_seconds=STALL_SECONDS)
+        return service.solve(problem, iterate, solver="fatrop", options=options, threads=1, stall_seconds=stall)
     except SolverTimeout:
         return None
     except SolverEnded:
@@ -186,20 +196,9 @@ def try_solve(
 def objective_error(problem: Problem, solution: Solution) -> Array:
     """Return the time by which each phase of an optimum is too fast because of its mesh alone, s; shape (n,).
 
-    It is infinite where it cannot be told.
+    It is infinite where it cannot be estimated.
     """
     defect = estimate_defect(problem, solution.iterate)
     errors = errors_in_objective(problem, defect, solution.multipliers.constraints)
     by_phase: Array = np.add.reduceat(np.where(np.isfinite(errors), errors, math.inf), problem.first_node[:-1])
     return by_phase
-
-
-def _counts(coarse: CoarseSolution) -> list[int]:
-    """Return the number of intervals that each phase should have."""
-    counts: list[int] = []
-    for phase, seconds, error in zip(coarse.problem.phases, coarse.iterate.durations, coarse.errors, strict=True):
-        count, wanted = len(phase.fractions), intervals(float(seconds))
-        if not abs(error) <= ERROR_TOLERANCE:
-            count = min(2 * count, MOST)
-        counts.append(wanted if count < TOO_FEW * wanted else count)
-    return counts

@@ -1,19 +1,31 @@
-"""The exploration, from a planned race to the flights that are worth a mesh check."""
+"""The search among routes: which of the many local optima is the fastest flight.
+
+The joint problem has many local optima: a turn flat or over the top, to the left or to the right, a pylon rounded one
+way or the other, a reversal before or behind its gate. Several plans are solved coarsely, the best of them is changed
+segment by segment where another route is proposed, and what is faster is flown as a whole again.
+"""
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of
-from airrace.procedure.multistart.budget import SearchBudget, scaled
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
-from airrace.procedure.multistart.description import describe_route, named, shape_in_words, way_in_words
-from airrace.procedure.multistart.search import EvaluatedWindow, Found, Search, Tried
-from airrace.procedure.multistart.segments import Segment, differing, same_way, shape, stretches
+from airrace.procedure.multistart.search import Search, SearchBudget, SearchResult
+from airrace.procedure.multistart.segments import (
+    Segment,
+    describe_route,
+    describe_segments,
+    differing,
+    same_route,
+    segment_name,
+    segments_of,
+    shape_of,
+)
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Route, SearchReport
 from airrace.procedure.solver_session import SolverSession
@@ -22,156 +34,152 @@ from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
 
-CLOSE = 0.4
-"""The largest lag behind the best flight with which a flight is compared again, s."""
-MOST_WAYS = 40
-"""The largest number of ways that are reported."""
-NEEDLESS_TURN = math.radians(150.0)
-"""The turn beyond what the gates ask for that makes a stretch a needless loop, rad.
 
-The loops of wrong routes are a full circle or more.
-"""
-NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0
-"""The length that makes a stretch a needless loop: a factor on the plan's length (1), and a length on top (m).
+@record
+class ReportSettings:
+    """The thresholds of what a search returns and reports.
 
-The latter is there because short legs swing out.
-"""
+    Attributes:
+        elite_lag: largest lag behind the best flight with which a flight is compared again, s.
+        routes_max: number of routes that are reported.
+        needless_turn: turn beyond what the gates ask for that makes a segment a needless loop, rad. The loops of wrong
+            routes are a full circle or more.
+        needless_length, spare_length: length that makes a segment a needless loop: a factor on the plan's length (1),
+            and a length on top (m), because short legs swing out.
+    """
+
+    elite_lag: float = 0.4
+    routes_max: int = 40
+    needless_turn: float = math.radians(150.0)
+    needless_length: float = 2.0
+    spare_length: float = 200.0
+
+
+SETTINGS = ReportSettings()
 
 
 @record
-class Exploration:
-    """The outcome of exploring.
+class FoundRoutes:
+    """The outcome of a search.
 
     Attributes:
-        starts: flights to be refined and proved, the best first; empty if nothing could be flown.
-        search: what was tried, for people, seen from the start with that number, which was proved.
+        starts: flights to be refined and checked, the best first; empty if nothing could be flown.
+        report: returns what was tried, in words, compared with the start of that number.
     """
 
     starts: tuple[Start, ...]
-    search: Callable[[int], SearchReport]
+    report: Callable[[int], SearchReport]
 
 
-def explore(
+def search_routes(
     flight: Flight,
     course: Course,
     session: SolverSession,
-    effort: SearchBudget,
-    starts: Sequence[tuple[str, InitialGuess]] = (),
-) -> Exploration:
+    budget: SearchBudget,
+    starts: Sequence[InitialGuess] = (),
+    alternatives: int = 1,
+) -> FoundRoutes:
     """Look for the fastest route.
 
     Args:
         flight: the point mass, with the race's own plan.
         course: the course.
-        bench: what solves, and whom to tell.
-        effort: how much is tried.
-        starts: flights to begin with besides the plans, and what they are called.
+        session: solves, and reports progress.
+        budget: how much is tried.
+        starts: flights to begin with besides the plans.
+        alternatives: how many flights are wanted at least.
     """
     began = time.perf_counter()
-    pace = flight.plan.cruise
+
+    def report_progress(text: str) -> None:
+        session.progress.activity(text, 0, 0)
+
     with session.pool() as pool:
-        watch = _watching(session)
-        found = Search(flight, course, pace, effort, pool, watch).run(starts)
-        finalists = _finalists(found.flights, course, effort.finalists)
-        if finalists:
-            watch(f"{len(finalists)} routes compared on a finer mesh")
-        finals = _finals(pool, session, finalists)
+        found = Search(flight, course, budget, pool, report_progress).run(starts)
+        elite = _elite(found.flights, course, max(budget.elite, alternatives))
+        if elite:
+            report_progress(f"{len(elite)} routes compared on a finer mesh")
+        finals = _refine(pool, session, elite)
     seconds = time.perf_counter() - began
 
-    def explored(number: int) -> SearchReport:
+    def report(number: int) -> SearchReport:
         if not finals:
-            return SearchReport((), 0, 0, found.lost, seconds, ())
-        return _told(found, finals[number], course, scaled(pace, effort.thinking), seconds)
+            return SearchReport((), 0, 0, found.failed, seconds, ())
+        pace = budget.planning_radius.scale(flight.plan.cruise)
+        return _report(found, finals[number], course, pace, seconds)
 
-    return Exploration(tuple(_start(one) for one in finals), explored)
-
-
-def _watching(session: SolverSession) -> Callable[[str], None]:
-    return lambda text: session.progress.activity(text, 0, 0)
+    barrier = InitialBarrier.OTHER_STAGE
+    return FoundRoutes(tuple(Start(one.flight, one.problem, one.iterate, barrier) for one in finals), report)
 
 
-def _finalists(flights: Sequence[Tried], course: Course, most: int) -> list[CoarseSolution]:
+def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
     chosen: list[CoarseSolution] = []
-    for tried in flights:
-        if tried.coarse.race_time > flights[0].coarse.race_time + CLOSE:
+    segments = segments_of(course)
+    for flight in flights:
+        if flight.race_time > flights[0].race_time + SETTINGS.elite_lag or len(chosen) == most:
             break
-        if len(chosen) < most and all(differing(one, tried.coarse, stretches(course)) for one in chosen):
-            chosen.append(tried.coarse)
+        if all(differing(one, flight, segments) for one in chosen):
+            chosen.append(flight)
     return chosen
 
 
-def _finals(pool: SolverPool, session: SolverSession, finalists: Sequence[CoarseSolution]) -> list[CoarseSolution]:
-    """Return the finalists on the mesh with which their proof begins, the fastest first."""
+def _refine(pool: SolverPool, session: SolverSession, elite: list[CoarseSolution]) -> list[CoarseSolution]:
+    """Return the flights on the mesh with which their mesh check begins, the fastest first."""
 
-    def finer(service: SolverService, coarse: CoarseSolution) -> CoarseSolution:
+    def solve_finer(service: SolverService, coarse: CoarseSolution) -> CoarseSolution:
         wanted = counts_of(coarse.iterate.durations.tolist(), session.settings.mesh)
         counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
         mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
         return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, InitialBarrier.COARSE)) or coarse
 
-    if len(finalists) < 2:
-        return list(finalists)
-    return sorted(pool.work(finalists, finer), key=lambda one: one.race_time)
+    return elite if len(elite) < 2 else sorted(pool.work(elite, solve_finer), key=lambda one: one.race_time)
 
 
-def _start(coarse: CoarseSolution) -> Start:
-    return Start(coarse.flight, coarse.problem, coarse.iterate, InitialBarrier.OTHER_STAGE)
+def _report(
+    found: SearchResult, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float
+) -> SearchReport:
+    """Return what was tried, the flight first that was checked."""
+    segments, converged, others = segments_of(course), 0, list[Route]()
+    for flight in found.flights:
+        if different := differing(best, flight, segments):
+            text, race_time = describe_segments(course, flight, different), flight.race_time
+            others.append(Route(text, race_time, race_time - best.race_time, "joint"))
+        else:
+            converged += 1
+    for one in found.moves:
+        window = one.as_solution
+        apart = [pair for pair in one.inside(segments) if not same_route(window, pair[0], best, pair[1])]
+        if apart:
+            texts = [f"{segment_name(course, place)}: {shape_of(window, inside).describe()}" for inside, place in apart]
+            race_time = one.move.base.race_time - one.saved
+            others.append(Route("; ".join(texts), race_time, race_time - best.race_time, "window"))
+    # Of those with the same words the fastest is reported, and a flight optimised jointly before a window.
+    unique = {
+        route.text: route for route in sorted(others, key=lambda one: (one.evaluated_by == "joint", -one.race_time))
+    }
+    ranked = sorted(unique.values(), key=lambda one: one.race_time)
+    first = Route(describe_route(course, best, segments), best.race_time, 0.0, "joint")
+    loops = tuple(_needless_loops(best, course, pace, segments))
+    routes = (first, *ranked[: SETTINGS.routes_max - 1])
+    return SearchReport(routes, converged, len(found.flights) - converged, found.failed, seconds, loops)
 
 
-def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float) -> SearchReport:
-    """Return what was tried, in words, the one that was proved first."""
-    places = stretches(course)
-    led = [one for one in found.flights if not differing(best, one.coarse, places)]
-    ways = [
-        Route(describe_route(course, best, places), best.race_time, 0.0, "joint"),
-        *(_told_flight(one, best, course, places) for one in found.flights if one not in led),
-        *(way for one in found.windows if (way := _told_window(one, best, course, places)) is not None),
-    ]
-    first, *others = ways
-    # Of those with the same words the fastest is told, and a flight optimised jointly before a price.
-    unique = {way.text: way for way in sorted(others, key=lambda way: (way.evaluated_by == "joint", -way.race_time))}
-    ranked = sorted(unique.values(), key=lambda way: way.race_time)
-    loops = tuple(_loops(best, course, pace, places))
-    return SearchReport(
-        (first, *ranked[: MOST_WAYS - 1]), len(led), len(found.flights) - len(led), found.lost, seconds, loops
-    )
-
-
-def _told_flight(tried: Tried, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Route:
-    apart = differing(best, tried.coarse, list(places))
-    text = way_in_words(course, tried.coarse, apart)
-    return Route(text, tried.coarse.race_time, tried.coarse.race_time - best.race_time, "joint")
-
-
-def _told_window(
-    tried: EvaluatedWindow, best: CoarseSolution, course: Course, places: Sequence[Segment]
-) -> Route | None:
-    """Return a way through a window; None if it is the best flight's own."""
-    shown = tried.found.shown
-    apart = [(one, place) for one, place in tried.found.inside(places) if not same_way(shown, one, best, place)]
-    if not apart:
-        return None
-    race_time = tried.found.window.base.race_time - tried.found.saved
-    text = "; ".join(f"{named(course, place)}: {shape_in_words(shape(shown, one))}" for one, place in apart)
-    return Route(text, race_time, race_time - best.race_time, "window")
-
-
-def _loops(best: CoarseSolution, course: Course, pace: PlanningModel, places: Sequence[Segment]) -> list[str]:
-    """Return the stretches on which the best flight turns, or flies, far more than its gates ask for, as sentences."""
+def _needless_loops(
+    best: CoarseSolution, course: Course, pace: PlanningModel, segments: Sequence[Segment]
+) -> Iterator[str]:
+    """Yield the segments on which the best flight turns, or flies, far more than its gates ask for, as sentences."""
     planned = plan(course, pace)
-    told: list[str] = []
-    for stretch in places:
-        paths = [planned.legs[index].path for index in range(stretch.first, stretch.last)]
+    for segment in segments:
+        paths = [leg.path for leg in planned.legs[segment.first : segment.last]]
         known = [path for path in paths if path is not None]
         if len(known) < len(paths):
             continue
-        asked = sum(path.turning for path in known)
-        flown = shape(best, stretch)
-        length = sum(path.length for path in known)
-        if abs(flown.turn) > asked + NEEDLESS_TURN or flown.length > NEEDLESS_LENGTH * length + SPARE_LENGTH:
-            told.append(
-                f"{named(course, stretch)}: turns {abs(math.degrees(flown.turn)):.0f} degrees on {flown.length:.0f} m, "
-                f"where the gates ask for {math.degrees(asked):.0f} degrees on {length:.0f} m"
+        turn, length = sum(path.turning for path in known), sum(path.length for path in known)
+        flown = shape_of(best, segment)
+        longest = SETTINGS.needless_length * length + SETTINGS.spare_length
+        if abs(flown.turn) > turn + SETTINGS.needless_turn or flown.length > longest:
+            yield (
+                f"{segment_name(course, segment)}: turns {abs(math.degrees(flown.turn)):.0f} degrees on "
+                f"{flown.length:.0f} m, where the gates ask for {math.degrees(turn):.0f} degrees on {length:.0f} m"
             )
-    return told

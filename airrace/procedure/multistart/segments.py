@@ -1,28 +1,46 @@
-"""The stretches of a course, each between two passages that are planned for themselves, and their shapes in flight."""
+"""The segments of a course, each between two passages that are planned for themselves; their shapes, in words, too."""
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import rotation
-from airrace.optimal_control.problem import Iterate
 from airrace.planning.decisions_from_solution import ATTITUDE, POSITION, track_turn
 from airrace.planning.plan import stops_of
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
-from airrace.procedure.phase_segments import phase_piece
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-SAMPLES = 17
-"""The number of samples of a phase where two flights are compared."""
-APART = 12.0
-"""The largest distance at which two flights still fly the same way, m."""
-ROLLED = math.radians(70.0)
-"""The largest angle between the attitudes at which two flights still fly the same way, rad."""
+
+@record
+class ShapeSettings:
+    """The thresholds by which routes are compared and described.
+
+    Attributes:
+        samples: of a phase where two flights are compared.
+        position_tolerance: largest distance at which two flights still take the same route, m.
+        attitude_tolerance: largest angle between their attitudes, rad.
+        long_turn: from which on a segment is mentioned in the description of a whole flight, rad.
+        straight: largest turn that is called straight, rad.
+        upright: largest lateral turn with which a loop leans to no side, rad.
+        flat: largest rise above both ends, or between them, that is called flat, m.
+        steep: climb angle from which on a turn leads over the top, rad.
+    """
+
+    samples: int = 17
+    position_tolerance: float = 12.0
+    attitude_tolerance: float = math.radians(70.0)
+    long_turn: float = math.radians(100.0)
+    straight: float = math.radians(15.0)
+    upright: float = math.radians(5.0)
+    flat: float = 15.0
+    steep: float = math.radians(60.0)
+
+
+SETTINGS = ShapeSettings()
 
 
 @record
@@ -37,106 +55,124 @@ class Segment:
     last: int
 
 
-def stretches(course: Course) -> list[Segment]:
-    """Return all stretches of a course in order."""
+def segments_of(course: Course) -> list[Segment]:
+    """Return all segments of a course in order."""
     return [Segment(number, *pair) for number, pair in enumerate(itertools.pairwise(stops_of(course)))]
 
 
 @record
-class Shape:
-    """The shape of a stretch as a flight takes it.
+class SegmentShape:
+    """The shape of a segment as a flight takes it.
 
     Attributes:
         turn: angle by which its track turns, rad, positive to the right.
-        aside: what of it is to a side; half a loop turns the track by half a circle, but to none.
+        lateral_turn: what of it is to a side; half a loop turns the track by half a circle, but to none.
         steepest: largest magnitude of its climb angle, rad.
         height: largest height, m.
         rise: of that above the higher end, m.
         gain: height of its end above its beginning, m.
         overhead: whether the aircraft is upside down at the top.
-        seconds: its duration.
         length: of its track over ground, m.
     """
 
     turn: float
-    aside: float
+    lateral_turn: float
     steepest: float
     height: float
     rise: float
     gain: float
     overhead: bool
-    seconds: float
     length: float
 
+    def describe(self) -> str:
+        """Return how the segment is taken, in words."""
+        side = f"to the {'right' if self.turn > 0.0 else 'left'}"
+        high = f"{round(self.height, -1):.0f} m high"
+        if self.rise > SETTINGS.flat and self.steepest > SETTINGS.steep and self.overhead:
+            return f"over the top{f' {side}' if abs(self.lateral_turn) > SETTINGS.upright else ''}, {high}"
+        turned = f"{round(abs(math.degrees(self.turn)), -1):.0f} degrees {side}"
+        if abs(self.turn) < SETTINGS.straight:
+            turned = "straight"
+        if self.rise > SETTINGS.flat:
+            return f"{turned}, {high}"
+        if abs(self.gain) <= SETTINGS.flat:
+            return f"{turned}, flat"
+        return f"{turned}, {'climbing' if self.gain > 0.0 else 'descending'} {round(abs(self.gain), -1):.0f} m"
 
-def shape(coarse: CoarseSolution, stretch: Segment) -> Shape:
-    """Return the shape of one stretch of a flight."""
-    nodes = coarse.problem.first_node
-    first, last = nodes[stretch.first], nodes[stretch.last]
-    row = rows(coarse)
-    height = -row["z"][first : last + 1]
-    turn = track_turn(np.stack([row[name][first : last + 1] for name in POSITION]))
-    R = rotation([row[name][first : last + 1] for name in ATTITUDE])
-    return Shape(
+
+def shape_of(coarse: CoarseSolution, segment: Segment) -> SegmentShape:
+    """Return the shape of one segment of a flight."""
+    r, q = _position_and_attitude(coarse, segment.first, segment.last)
+    height, turn, R = -r[2], track_turn(r), rotation(list(q))
+    return SegmentShape(
         turn=turn.angle,
-        aside=turn.aside,
+        lateral_turn=turn.lateral,
         steepest=float(np.arcsin(np.clip(np.abs(R[2][0]), 0.0, 1.0)).max()),
         height=float(height.max()),
         rise=float(height.max() - max(height[0], height[-1])),
         gain=float(height[-1] - height[0]),
         overhead=bool(R[2][2][int(height.argmax())] < 0.0),
-        seconds=float(coarse.iterate.durations[stretch.first : stretch.last].sum()),
-        length=float(np.hypot(*(np.diff(row[name][first : last + 1]) for name in ("x", "y"))).sum()),
+        length=float(np.hypot(*np.diff(r[:2])).sum()),
     )
 
 
-def rows(coarse: CoarseSolution) -> dict[str, Array]:
-    """Return the histories of a flight's states by name."""
-    names = [one.name for one in coarse.problem.system.states]
-    return dict(zip(names, coarse.iterate.state, strict=True))
+def differing(one: CoarseSolution, other: CoarseSolution, segments: Iterable[Segment]) -> list[Segment]:
+    """Return the segments that two flights take on different routes."""
+    return [segment for segment in segments if not same_route(one, segment, other, segment)]
 
 
-def differing(one: CoarseSolution, other: CoarseSolution, all_stretches: Sequence[Segment]) -> list[Segment]:
-    """Return the stretches that two flights take in different ways."""
-    return [stretch for stretch in all_stretches if not same_way(one, stretch, other, stretch)]
-
-
-def neighbours(some: Sequence[Segment]) -> list[list[Segment]]:
-    """Return stretches in order, grouped where they follow one another."""
+def neighbours(segments: Iterable[Segment]) -> list[list[Segment]]:
+    """Return segments in order, grouped where they follow one another."""
     groups: list[list[Segment]] = []
-    for stretch in some:
-        if groups and groups[-1][-1].number == stretch.number - 1:
-            groups[-1].append(stretch)
+    for segment in segments:
+        if groups and groups[-1][-1].number == segment.number - 1:
+            groups[-1].append(segment)
         else:
-            groups.append([stretch])
+            groups.append([segment])
     return groups
 
 
-def same_way(one: CoarseSolution, stretch: Segment, other: CoarseSolution, counterpart: Segment) -> bool:
-    """Return whether two flights take a stretch alike, which may begin at other phases of them."""
-    pairs = zip(range(stretch.first, stretch.last), range(counterpart.first, counterpart.last), strict=True)
-    return all(alike(_piece(one, here), _piece(other, there)) for here, there in pairs)
+def same_route(one: CoarseSolution, segment: Segment, other: CoarseSolution, counterpart: Segment) -> bool:
+    """Return whether two flights take a segment alike, which may begin at other phases of them."""
+    phases = zip(range(segment.first, segment.last), range(counterpart.first, counterpart.last), strict=True)
+    for here, there in phases:
+        (r, q), (other_r, other_q) = _samples(one, here), _samples(other, there)
+        apart = float(np.linalg.norm(r - other_r, axis=0).max())
+        cosine = float(np.abs((q * other_q).sum(axis=0)).min())
+        close = apart <= SETTINGS.position_tolerance
+        if not close or not 2.0 * math.acos(min(1.0, cosine)) <= SETTINGS.attitude_tolerance:
+            return False
+    return True
 
 
-def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
-    """Return whether two flights through a phase, as positions (3, n) and attitudes (4, n), are the same way."""
-    apart = np.linalg.norm(one[0] - other[0], axis=0).max()
-    cosine = np.abs((one[1] * other[1]).sum(axis=0)).min()
-    return bool(apart <= APART and 2.0 * math.acos(min(1.0, float(cosine))) <= ROLLED)
+def segment_name(course: Course, segment: Segment) -> str:
+    """Return a segment by the names of the passages at its ends."""
+    return f"{course.passages[segment.first].name} -> {course.passages[segment.last].name}"
 
 
-def sampled(iterate: Iterate, fractions: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return positions (3, n) and attitudes (4, n) of one phase, point mass, at equal shares of its duration."""
-    old, new = np.concatenate([[0.0], np.cumsum(fractions)]), np.linspace(0.0, 1.0, SAMPLES)
-    history = dict(zip(PointMassState.names(), iterate.state, strict=False))  # counters of rolls come behind
-
-    def at(names: Sequence[str]) -> Array:
-        values: list[Array] = [np.interp(new, old, history[name]) for name in names]
-        return np.stack(values)
-
-    q = at(ATTITUDE)
-    return at(POSITION), q / np.linalg.norm(q, axis=0)
+def describe_segments(course: Course, coarse: CoarseSolution, segments: Sequence[Segment]) -> str:
+    """Describe how a flight takes some segments, e.g. "1:g4 -> 1:g5: over the top to the right, 140 m high"."""
+    return "; ".join(f"{segment_name(course, one)}: {shape_of(coarse, one).describe()}" for one in segments)
 
 
-def _piece(coarse: CoarseSolution, index: int) -> tuple[Array, Array]:
-    return sampled(phase_piece(coarse.iterate, coarse.problem, index), coarse.problem.phases[index].fractions)
+def describe_route(course: Course, coarse: CoarseSolution, segments: Sequence[Segment]) -> str:
+    """Describe the long turns of a flight, one after another."""
+    turns = [one for one in segments if abs(shape_of(coarse, one).turn) >= SETTINGS.long_turn]
+    return describe_segments(course, coarse, turns) or "no long turns"
+
+
+def _position_and_attitude(coarse: CoarseSolution, first: int, last: int) -> tuple[Array, Array]:
+    """Return positions (3, n) and attitudes (4, n) at the nodes of some phases."""
+    names, nodes = [one.name for one in coarse.problem.system.states], coarse.problem.first_node
+    state = coarse.iterate.state[:, nodes[first] : nodes[last] + 1]
+    return state[[names.index(name) for name in POSITION]], state[[names.index(name) for name in ATTITUDE]]
+
+
+def _samples(coarse: CoarseSolution, phase: int) -> tuple[Array, Array]:
+    """Return positions (3, n) and attitudes (4, n) of one phase at equal shares of its duration."""
+    shares = np.concatenate([[0.0], np.cumsum(coarse.problem.phases[phase].fractions)])
+    r, q = _position_and_attitude(coarse, phase, phase + 1)
+    at = np.linspace(0.0, 1.0, SETTINGS.samples)
+    rows: list[Array] = [np.interp(at, shares, row) for row in (*r, *q)]
+    q = np.stack(rows[3:])
+    return np.stack(rows[:3]), q / np.linalg.norm(q, axis=0)

@@ -71,7 +71,7 @@ def open_session(settings: Settings = PLAN, threads: int = 1) -> Iterator[Solver
 
 @functools.cache
 def planned_coarse_solution(race: Race) -> CoarseSolution:
-    """A race sketched from its own plan; done once however many tests ask."""
+    """A race solved coarsely from its own plan; done once however many tests ask."""
     flight = prepared(race)
     with open_session() as session:
         found = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))

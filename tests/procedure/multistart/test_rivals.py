@@ -16,7 +16,7 @@ from search_races import optimum as search_optimum
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.multistart.multistart import Exploration
+from airrace.procedure.multistart.multistart import FoundRoutes
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Stage, StageResult, Status
 from airrace.procedure.run import optimize
@@ -124,12 +124,12 @@ def first_stage(
     *verdicts: StageResult,
     search: SearchReport = NOT_SEARCHED,
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
-    """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
+    """The point mass where the search has found so many starts: the result, what was asked, and those starts."""
     coarse = planned_coarse_solution(SMALL)
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
-    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search))
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
@@ -161,7 +161,7 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
     )
-    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, told.__getitem__))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
         result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.routes[0].text == "second"
@@ -207,7 +207,7 @@ def close_together(
 
     left = list(verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
-    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: NOT_SEARCHED))
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
     with open_session(two) as session:

@@ -30,12 +30,11 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
-from airrace.procedure.multistart.budget import THOROUGH, Radius, SearchBudget
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.local_search import find_faster_route
-from airrace.procedure.multistart.multistart import Exploration, explore
-from airrace.procedure.multistart.search import WORTH
+from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
+from airrace.procedure.multistart.search import QUICK as BUDGET
+from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Route, Stage, StageResult, Status
@@ -115,16 +114,16 @@ def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> 
     assert_same_flight(optimum(SLALOM), again)
 
 
-def search_with(effort: SearchBudget, race: Race) -> Exploration:
+def search_with(budget: SearchBudget, race: Race) -> FoundRoutes:
     with open_session() as session:
-        return explore(prepared(race), race.course, session, effort)
+        return search_routes(prepared(race), race.course, session, budget)
 
 
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
-    wide = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),))
-    unimproved = search_with(dataclasses.replace(wide, rounds=0), SLALOM).search(0)
-    improved = search_with(wide, SLALOM).search(0)
-    tight = search_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), SLALOM).search(0)
+    wide = dataclasses.replace(BUDGET, radii=(Radius(1.0),))
+    unimproved = search_with(dataclasses.replace(wide, iterations=0), SLALOM).report(0)
+    improved = search_with(wide, SLALOM).report(0)
+    tight = search_with(dataclasses.replace(BUDGET, radii=(Radius(0.4),)), SLALOM).report(0)
     assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
     assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
     assert improved.routes[0].text == tight.routes[0].text
@@ -132,8 +131,8 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
 
 def test_loop_that_is_left_is_told() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
-    effort = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),), rounds=0)
-    told = " ".join(search_with(effort, SLALOM).search(0).loops)
+    budget = dataclasses.replace(BUDGET, radii=(Radius(1.0),), iterations=0)
+    told = " ".join(search_with(budget, SLALOM).report(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
 
@@ -141,11 +140,11 @@ def test_loop_that_is_left_is_told() -> None:
 def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     loop = "left -> right: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
-    def looped(*arguments: object) -> Exploration:
-        found = explore(*arguments)  # type: ignore[arg-type]
-        return dataclasses.replace(found, search=lambda one: dataclasses.replace(found.search(one), loops=(loop,)))
+    def looped(*arguments: object) -> FoundRoutes:
+        found = search_routes(*arguments)  # type: ignore[arg-type]
+        return dataclasses.replace(found, report=lambda one: dataclasses.replace(found.report(one), loops=(loop,)))
 
-    monkeypatch.setattr(fidelity_continuation, "explore", looped)
+    monkeypatch.setattr(fidelity_continuation, "search_routes", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
         result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.loops == (loop,)
@@ -170,7 +169,7 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
     for way in explored.routes:
         assert way.difference == pytest.approx(way.race_time - best.race_time, abs=1e-12)
         assert way.evaluated_by in ("joint", "window")
-        assert way.difference > -WORTH, "a price that was not tried jointly"
+        assert way.difference > -SAVED_MIN, "a price that was not tried jointly"
     texts = [way.text for way in others]
     assert len(set(texts)) == len(texts)
     assert explored.converged_to_best >= 1
@@ -189,9 +188,9 @@ def test_without_exploring_nothing_is_told() -> None:
 
 def test_start_without_exploring_is_never_lost_by_it() -> None:
     """Were all other plans of no use, exploring would still end where the race ends without it."""
-    others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
+    others_lead_nowhere = dataclasses.replace(BUDGET, radii=(), iterations=0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fidelity_continuation, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
+        patch.setattr(fidelity_continuation, "BUDGETS", {SearchEffort.QUICK: others_lead_nowhere})
         (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     assert (result.search.converged_to_best, result.search.converged_elsewhere, result.search.failed) == (1, 0, 0)
@@ -199,19 +198,19 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
 
 
 def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
-    assert {radius.factor for radius in QUICK_EFFORT.radii if not radius.slower} <= {
+    assert {radius.factor for radius in BUDGET.radii if not radius.slower} <= {
         radius.factor for radius in THOROUGH.radii if not radius.slower
     }
-    for name in ("max_plan_penalty", "rounds", "alternatives", "finalists"):
-        assert getattr(THOROUGH, name) >= getattr(QUICK_EFFORT, name)
+    for name in ("plan_penalty_max", "iterations", "alternatives", "elite"):
+        assert getattr(THOROUGH, name) >= getattr(BUDGET, name)
 
 
 def test_no_race_without_a_flight_has_starts() -> None:
     """Where every start is lost the homotopy and the plan are what is left."""
-    effort = dataclasses.replace(QUICK_EFFORT, radii=())
-    found = search_with(effort, SMALL)
+    budget = dataclasses.replace(BUDGET, radii=())
+    found = search_with(budget, SMALL)
     assert found.starts == ()
-    assert found.search(0).routes == ()
+    assert found.report(0).routes == ()
 
 
 @pytest.mark.slow
