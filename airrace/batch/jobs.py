@@ -3,8 +3,8 @@
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
 from decimal import Decimal
 from functools import cache
 from itertools import product
@@ -36,11 +36,15 @@ class Fingerprint:
 
     def changes(self, earlier: Self) -> list[str]:
         """Return what differs from an earlier fingerprint, one clause for each part."""
-        return [
-            _clause(field.name, getattr(earlier, field.name), getattr(self, field.name))
-            for field in fields(self)
-            if getattr(earlier, field.name) != getattr(self, field.name)
-        ]
+        clauses = {
+            "track": "the track changed",
+            "aircraft": "the aircraft changed",
+            "settings": "the settings changed",
+            "overrides": "--set or --sweep changed",
+            "until": f"the last stage was {earlier.until} and is {self.until}",
+            "versions": f"it was flown with other versions ({earlier.versions}; now {self.versions})",
+        }
+        return [clause for name, clause in clauses.items() if getattr(earlier, name) != getattr(self, name)]
 
 
 @record
@@ -74,60 +78,32 @@ class Job:
             track=_hash_of(self.track.text),
             aircraft=_hash_of(self.aircraft.text),
             settings="" if self.settings is None else _hash_of(self.settings.text),
-            overrides=hash_of_all(self.overrides),
+            overrides=hashlib.sha256(json.dumps(self.overrides).encode()).hexdigest(),
             until=self.until,
             versions=self.versions,
         )
 
-    def as_object(self) -> dict[str, object]:
-        """Return the job as plain values, for JSON."""
-        return asdict(self)
-
-    # Any: JSON that `as_object` wrote.
+    # Any: JSON of `asdict`.
     @classmethod
     def from_object(cls, plain: Mapping[str, Any]) -> Self:
-        """Return the job that `as_object` was called on, also after a round trip through JSON.
+        """Return the job that `asdict` was called on, also after a round trip through JSON.
 
         Raises:
             KeyError, TypeError: it is no such object.
         """
-        settings = plain["settings"]
-        return cls(
-            name=plain["name"],
-            course=plain["course"],
-            track=Document(**plain["track"]),
-            aircraft=Document(**plain["aircraft"]),
-            settings=None if settings is None else Document(**settings),
-            overrides=tuple(plain["overrides"]),
-            swept=tuple((key, value) for key, value in plain["swept"]),
-            until=plain["until"],
-            versions=plain["versions"],
-        )
-
-
-def hash_of_all(texts: Iterable[str]) -> str:
-    """Return the sha256 (hex) of several texts in their order."""
-    return hashlib.sha256(json.dumps(list(texts)).encode()).hexdigest()
+        values: dict[str, Any] = {
+            **plain,
+            **{name: plain[name] and Document(**plain[name]) for name in ("track", "aircraft", "settings")},
+            "overrides": tuple(plain["overrides"]),
+            "swept": tuple((key, value) for key, value in plain["swept"]),
+        }
+        return cls(**values)
 
 
 @cache
 def _hash_of(text: str) -> str:
     """Return the sha256 (hex) of a text; cached, for thousands of jobs share few documents."""
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
-
-
-def _clause(part: str, before: str, now: str) -> str:
-    match part:
-        case "until":
-            return f"the last stage was {before} and is {now}"
-        case "versions":
-            return f"it was flown with other versions ({before}; now {now})"
-        case "overrides":
-            return "--set or --sweep changed"
-        case "settings":
-            return "the settings changed"
-        case _:
-            return f"the {part} changed"
 
 
 VALUES_MAX = 100_000
@@ -168,15 +144,19 @@ def sweep_of(key: str, items: Sequence[str]) -> Sweep:
         ValueError: there is no value, a range leads nowhere, or a value comes twice.
     """
     values: list[str] = []
-    for item in (one.strip() for one in items):
+    for item in [one.strip() for one in items] or [""]:
         if not item:
             raise ValueError("a value is missing between two commas" if len(items) > 1 else "no values are given")
-        values += _range(key, item) if _is_range(item) else [canonical(item)]
+        parts = item.split(":")
+        if len(parts) == 3 and all(_NUMBER.fullmatch(part.strip()) for part in parts):
+            values += _range(key, item)
+        else:
+            values.append(_decimal(Decimal(item)) if _NUMBER.fullmatch(item) else item)
     if len(values) > VALUES_MAX:
         raise ValueError(f"has {len(values)} values; at most {VALUES_MAX} are swept")
-    twice = _first_repeated(values)
-    if twice is not None:
-        raise ValueError(f"the value {twice} is given twice")
+    ((value, number),) = Counter(values).most_common(1)
+    if number > 1:
+        raise ValueError(f"the value {value} is given twice")
     return Sweep(key, tuple(values))
 
 
@@ -187,28 +167,10 @@ def combinations(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
         yield tuple(zip(keys, values, strict=True))
 
 
-def count(sweeps: Iterable[Sweep]) -> int:
-    """Return the number of combinations."""
-    total = 1
-    for sweep in sweeps:
-        total *= len(sweep.values)
-    return total
-
-
 def cover(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
     """Yield a few combinations in which every value of every sweep occurs, so that a fault of any value shows."""
     for number in range(max((len(sweep.values) for sweep in sweeps), default=1)):
         yield tuple((sweep.key, sweep.values[number % len(sweep.values)]) for sweep in sweeps)
-
-
-def canonical(text: str) -> str:
-    """Return a number in its shortest decimal form, and any other text unchanged."""
-    return _decimal(Decimal(text)) if _NUMBER.fullmatch(text) else text
-
-
-def _is_range(text: str) -> bool:
-    parts = text.split(":")
-    return len(parts) == 3 and all(_NUMBER.fullmatch(part.strip()) for part in parts)
 
 
 def _range(key: str, text: str) -> list[str]:
@@ -225,18 +187,10 @@ def _range(key: str, text: str) -> list[str]:
 
 
 def _decimal(value: Decimal) -> str:
+    """Return a number in its shortest decimal form."""
     text = f"{value:f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text in ("-0", "+0") else text.removeprefix("+")
-
-
-def _first_repeated(values: Sequence[str]) -> str | None:
-    seen: set[str] = set()
-    for value in values:
-        if value in seen:
-            return value
-        seen.add(value)
-    return None
 
 
 LENGTH_MAX = 160
@@ -253,22 +207,18 @@ def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
         aircraft: the aircraft file, None where the track's own is flown.
         swept: the value of every sweep.
     """
-    keys = short_keys([key for key, _ in swept])
-    values = [f"{key}={value}" for key, (_, value) in zip(keys, swept, strict=True)]
+    lasts = [key.rpartition(".")[2] for key, _ in swept]
+    values = [
+        f"{last if lasts.count(last) == 1 else key}={value}" for last, (key, value) in zip(lasts, swept, strict=True)
+    ]
     parts = [course.stem, *([] if aircraft is None else [aircraft.stem]), *values]
     name = _UNFIT.sub("_", ",".join(parts))
     if name.startswith("."):  # such a file would be hidden
         name = f"_{name[1:]}"
     if len(name.encode()) <= LENGTH_MAX:
         return name
-    kept = name.encode()[: LENGTH_MAX - 9].decode(errors="ignore")
-    return f"{kept}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
-
-
-def short_keys(keys: Sequence[str]) -> list[str]:
-    """Return the last part of every key, or all of it where another key ends alike."""
-    lasts = [key.rpartition(".")[2] for key in keys]
-    return [last if lasts.count(last) == 1 else key for last, key in zip(lasts, keys, strict=True)]
+    begin = name.encode()[: LENGTH_MAX - 9].decode(errors="ignore")
+    return f"{begin}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def refuse_clashes(named: Iterable[tuple[str, str]]) -> None:

@@ -91,11 +91,6 @@ class JobRecord:
     findings: tuple[Finding, ...] = ()
     checkpoint: FileMark | None = None
 
-    @property
-    def race_time(self) -> float | None:
-        """The race time of the job's last stage, s; None if that found no flight."""
-        return None if self.run is None else self.run["race_time_s"]
-
 
 def checkpoint_path(folder: Path, name: str) -> Path:
     """Return the path of a job's checkpoint."""
@@ -159,12 +154,6 @@ def _record_of(plain: Mapping[str, Any]) -> JobRecord:
 VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
 """The exit codes to which the same inputs would lead again: these ends are answers, not accidents."""
 
-REASONS: Mapping[int, str] = {
-    ExitCode.INVALID_INPUT: "its input was not valid",
-    ExitCode.INTERRUPTED: "it was interrupted",
-}
-"""The reason for which a job is flown again, by the exit code that it ended with."""
-
 
 class Choice(Enum):
     """A choice of the finished jobs that are flown again."""
@@ -184,30 +173,29 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
         record = read_record(folder, job.name)
     except RecordError as error:
         return str(error), None
+    checkpoint = checkpoint_path(folder, job.name)
     if choice is Choice.ALL:
         return "asked for", record
     if record is None:
-        known = checkpoint_path(folder, job.name).exists()
-        return ("its record is missing" if known else "new"), None
-    return _reason(job, record, folder, choice), record
-
-
-def _reason(job: Job, record: JobRecord, folder: Path, choice: Choice) -> str:
-    changes = job.fingerprint.changes(record.fingerprint)
-    if changes:
-        return "; ".join(changes)
-    if not record.ended:
-        return "it was not finished"
-    if record.code not in VERDICTS:
-        return REASONS.get(record.code, f"it failed: {record.message}")
-    if record.code != ExitCode.DONE and choice is Choice.FAILED:
-        return f"asked for, since it failed: {record.message}"
-    if record.checkpoint is None:
-        return "it left no checkpoint"
-    return record.checkpoint.difference(checkpoint_path(folder, job.name))
-
-
-NAME = ".batch.lock"
+        return ("its record is missing" if checkpoint.exists() else "new"), None
+    reason = ""
+    if changes := job.fingerprint.changes(record.fingerprint):
+        reason = "; ".join(changes)
+    elif not record.ended:
+        reason = "it was not finished"
+    elif record.code == ExitCode.INVALID_INPUT:
+        reason = "its input was not valid"
+    elif record.code == ExitCode.INTERRUPTED:
+        reason = "it was interrupted"
+    elif record.code not in VERDICTS:
+        reason = f"it failed: {record.message}"
+    elif record.code != ExitCode.DONE and choice is Choice.FAILED:
+        reason = f"asked for, since it failed: {record.message}"
+    elif record.checkpoint is None:
+        reason = "it left no checkpoint"
+    else:
+        reason = record.checkpoint.difference(checkpoint)
+    return reason, record
 
 
 @contextmanager
@@ -226,7 +214,7 @@ def locked(folder: Path) -> Generator[None, None, None]:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise StorageError(f"cannot write to the folder {folder}: permission denied")
-    with file_lock(folder / NAME) as refused:
+    with file_lock(folder / ".batch.lock") as refused:
         if refused:
             raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output")
         yield

@@ -1,14 +1,14 @@
 """The ranking of a batch, and reports of it as CSV, Markdown and JUnit XML and to GitHub Actions."""
 
-import csv
-import io
 import math
+import operator
 import os
 import re
 import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -143,20 +143,15 @@ class BatchResult:
 def ranking_of(plan: BatchPlan, results: Sequence[JobResult]) -> list[BatchResult]:
     """Return all jobs, course by course as planned: certified ones by race time, then other flights by race time, then
     the rest as planned."""
-    pairs = list(zip(plan.steps, results, strict=True))
-    courses: dict[str, list[JobResult]] = {}
-    for step, result in pairs:
-        courses.setdefault(step.track, []).append(result)
-    bests = {track: min(of_course, key=_rank) for track, of_course in courses.items()}
-    order = {track: number for number, track in enumerate(courses)}
-
-    def result_of(step: PlannedJob, result: JobResult) -> BatchResult:
+    bests: dict[str, JobResult] = {}
+    for step, result in zip(plan.steps, results, strict=True):
+        bests[step.track] = min(bests.get(step.track, result), result, key=_rank)
+    order = {track: number for number, track in enumerate(bests)}
+    rows: list[BatchResult] = []
+    for step, result in zip(plan.steps, results, strict=True):
         best = bests[step.track]
-        if result.race_time is None or best.race_time is None:
-            return BatchResult(step, result, plan.folder, None, best=False)
-        return BatchResult(step, result, plan.folder, result.race_time - best.race_time, best=result is best)
-
-    rows = [result_of(*pair) for pair in pairs]
+        behind = None if result.race_time is None or best.race_time is None else result.race_time - best.race_time
+        rows.append(BatchResult(step, result, plan.folder, behind, best=behind is not None and result is best))
     return sorted(rows, key=lambda row: (order[row.step.track], *_rank(row.result)))
 
 
@@ -217,73 +212,63 @@ class WindSummary:
 
     def as_object(self) -> dict[str, object]:
         """Return the summary as plain values, for JSON."""
+        flights = {
+            word: {"name": row.name, "wind": wind_words(row), "race_time_s": row.race_time}
+            for word, row in (("best", self.best), ("worst", self.worst))
+        }
+        directions = [{"from_deg": one.from_deg, "mean_s": one.mean, "s_per_kt": one.per_knot} for one in self.bearings]
         return {
             "of": self.title,
             "flights": self.flights,
-            "best": _flight(self.best),
-            "worst": _flight(self.worst),
+            **flights,
             "s_per_kt": self.per_knot,
-            "directions": [
-                {"from_deg": one.from_deg, "mean_s": one.mean, "s_per_kt": one.per_knot} for one in self.bearings
-            ],
+            "directions": directions,
         }
-
-
-def wind_summaries(rows: Sequence[BatchResult]) -> list[WindSummary]:
-    """Return a summary of every course that was flown in several winds; none if the wind was not swept."""
-    groups: dict[tuple[str, ...], list[BatchResult]] = {}
-    for row in rows:
-        if row.result.code == ExitCode.DONE and row.result.race_time is not None and _is_wind_swept(row):
-            others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
-            key = (row.step.track, row.step.aircraft or "", row.step.course, *others)
-            groups.setdefault(key, []).append(row)
-    return [_summary(key, group) for key, group in groups.items() if len(group) > 1]
 
 
 def wind_words(row: BatchResult) -> str:
     """Return the swept part of a job's wind in words, e.g. `10 kt from 45`."""
-    swept = dict(row.step.swept)
+    swept = row.swept
     speeds = [f"{swept[key]} {'kt' if key.endswith('kt') else 'm/s'}" for key in SPEEDS if key in swept]
     return " ".join([*speeds, *([f"from {swept[DIRECTION]}"] if DIRECTION in swept else [])])
 
 
-def _is_wind_swept(row: BatchResult) -> bool:
-    return any(key == DIRECTION or key in SPEEDS for key, _ in row.step.swept)
+def wind_summaries(rows: Sequence[BatchResult]) -> list[WindSummary]:
+    """Return a summary of every course that was flown in several winds; none if the wind was not swept."""
+    groups: dict[tuple[str, ...], list[tuple[float, BatchResult]]] = {}
+    for row in rows:
+        others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
+        if row.certified and row.race_time is not None and len(others) < len(row.step.swept):
+            key = (row.step.track, row.step.aircraft or "", row.step.course, *others)
+            groups.setdefault(key, []).append((row.race_time, row))
+    summaries: list[WindSummary] = []
+    for (_, aircraft, course, *others), group in groups.items():
+        if len(group) > 1:
+            flights = [row for _, row in sorted(group, key=operator.itemgetter(0))]
+            title = ", ".join([course, *([Path(aircraft).stem] if aircraft else []), *others])
+            bearings = tuple(_bearings(group))
+            summaries.append(WindSummary(title, len(group), flights[0], flights[-1], _slope(group), bearings))
+    return summaries
 
 
-def _summary(key: tuple[str, ...], group: Sequence[BatchResult]) -> WindSummary:
-    _, aircraft, course, *others = key
-    inorder = sorted(group, key=_time)
-    directions = sorted({dict(row.step.swept).get(DIRECTION, "") for row in group} - {""}, key=_number)
-    bearings = [
-        _bearing(one, [row for row in group if dict(row.step.swept).get(DIRECTION) == one]) for one in directions
-    ]
-    title = ", ".join([course, *([Path(aircraft).stem] if aircraft else []), *others])
-    return WindSummary(title, len(group), inorder[0], inorder[-1], _slope(group), tuple(bearings))
+def _bearings(flights: Sequence[tuple[float, BatchResult]]) -> Iterator[Bearing]:
+    directions = {row.swept.get(DIRECTION, "") for _, row in flights} - {""}
+    for direction in sorted(directions, key=_number):
+        there = [(time, row) for time, row in flights if row.swept.get(DIRECTION) == direction]
+        yield Bearing(direction, sum(time for time, _ in there) / len(there), _slope(there))
 
 
-def _bearing(direction: str, rows: Sequence[BatchResult]) -> Bearing:
-    return Bearing(direction, sum(map(_time, rows)) / len(rows), _slope(rows))
-
-
-def _slope(rows: Sequence[BatchResult]) -> float | None:
+def _slope(flights: Sequence[tuple[float, BatchResult]]) -> float | None:
     """Return the slope of race time over wind speed, s/kt, by least squares; None where the speed does not vary."""
-    points = [(speed, _time(row)) for row in rows if (speed := _knots(row)) is not None]
-    if len({speed for speed, _ in points}) < 2:
-        return None
-    return statistics.linear_regression(*zip(*points, strict=True)).slope
-
-
-def _knots(row: BatchResult) -> float | None:
-    for key, value in row.step.swept:
-        if key in SPEEDS and math.isfinite(number := _number(value)):
-            return number * SPEEDS[key]
-    return None
-
-
-def _time(row: BatchResult) -> float:
-    assert row.result.race_time is not None  # only flights are summarised
-    return row.result.race_time
+    speeds: list[float] = []
+    times: list[float] = []
+    for time, row in flights:
+        for key, value in row.step.swept:
+            if key in SPEEDS and math.isfinite(number := _number(value)):
+                speeds.append(number * SPEEDS[key])
+                times.append(time)
+                break
+    return statistics.linear_regression(speeds, times).slope if len(set(speeds)) > 1 else None
 
 
 def _number(text: str) -> float:
@@ -294,58 +279,8 @@ def _number(text: str) -> float:
         return math.inf
 
 
-def _flight(row: BatchResult) -> dict[str, object]:
-    return {"name": row.step.name, "wind": wind_words(row), "race_time_s": row.result.race_time}
-
-
-COLUMNS = ("name", "course", "track", "aircraft")
-MEASURED = ("state", "code", "stage", "race_time_s", "behind_s", "laps_s", "wall_s", "kept", "retries", "message")
-ROUTES = ("route", "routes_evaluated", "next_route", "next_route_behind_s")
-
-
-def csv_text(rows: Sequence[BatchResult]) -> str:
-    """Return the table as RFC 4180 has it, with a column for every swept key.
-
-    Numbers have full precision; an entry is empty where there is none.
-    """
-    keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
-    written = io.StringIO()
-    writer = csv.writer(written)
-    writer.writerow([*COLUMNS, *keys, *MEASURED, *ROUTES, "checkpoint"])
-    for row in rows:
-        step, result, swept, routes = row.step, row.result, dict(row.step.swept), row.result.routes
-        writer.writerow(
-            [
-                *(step.name, step.course, step.track, step.aircraft),
-                *(swept.get(key) for key in keys),
-                *(row.state, result.code, result.stage, result.race_time, row.behind),
-                *(" ".join(str(lap) for lap in result.laps), result.wall),
-                "yes" if step.action == "keep" else "no",
-                len(result.retries),
-                result.message,
-                *(
-                    (None,) * len(ROUTES)
-                    if routes is None
-                    else (routes.flown, routes.tried, routes.next, routes.behind)
-                ),
-                row.checkpoint,
-            ]
-        )
-    return written.getvalue()
-
-
 ROWS_MAX = 500
-"""The largest number of jobs that are listed; GitHub takes 1 MiB."""
-
-
-_RANKING = (
-    Column("job"),
-    Column("state"),
-    Column("stage"),
-    Column("race time", "s", ".3f", missing=""),
-    Column("behind", "s", "+.3f", missing=""),
-    Column("wall", "s", ".1f"),
-)
+"""The largest number of jobs that Markdown lists; GitHub takes 1 MiB."""
 _ROUTES = (
     Column("job"),
     Column("route"),
@@ -360,56 +295,72 @@ _DIRECTIONS = (
 )
 
 
-def markdown_text(rows: Sequence[BatchResult], summaries: Sequence[WindSummary]) -> str:
+def batch_table(rows: Sequence[BatchResult]) -> Table:
+    """Return the jobs: in CSV all that is known of each, with a column for every swept key; for people the ranking."""
+    keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
+    columns = (
+        Column("job", key="name"),
+        *(Column(key=key) for key in ("course", "track", "aircraft", *keys)),
+        Column("state", key="state"),
+        Column(key="code"),
+        Column("stage", key="stage"),
+        Column("race time", "s", ".3f", "race_time_s", missing=""),
+        Column("behind", "s", "+.3f", missing=""),
+        *(Column(key=key) for key in ("behind_s", "laps_s", "wall_s")),
+        Column("wall", "s", ".1f"),
+        *(Column(key=key) for key in ("kept", "retries", "message", "route", "routes_evaluated")),
+        *(Column(key=key) for key in ("next_route", "next_route_behind_s", "checkpoint")),
+    )
+    cells: list[tuple[str | float | None, ...]] = []
+    for row in rows:
+        step, result, swept, routes = row.step, row.result, row.swept, row.result.routes
+        kept = step.action == "keep"
+        cells.append(
+            (
+                *(step.name, step.course, step.track, step.aircraft),
+                *(swept.get(key) for key in keys),
+                *(row.state, result.code, result.stage, result.race_time),
+                *(None if row.behind is None else row.behind_words, row.behind),
+                *(" ".join(map(str, result.laps)), result.wall, "kept" if kept else result.wall),
+                *("yes" if kept else "no", len(result.retries), result.message),
+                *((routes.route, routes.tried, routes.next, routes.behind) if routes else [None] * 4),
+                None if row.checkpoint is None else str(row.checkpoint),
+            )
+        )
+    return Table("", columns, cells)
+
+
+def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary]) -> str:
     """Return the report: a heading, the table, the routes, what is wrong, and the winds."""
     parts = [f"### airrace: {len(rows)} job{'' if len(rows) == 1 else 's'}: {counts_words(rows)}"]
-    ranking = [
-        (
-            row.name,
-            row.state,
-            row.result.stage,
-            row.race_time,
-            None if row.behind is None else row.behind_words,
-            "kept" if row.step.action == "keep" else row.result.wall,
-        )
-        for row in rows[:ROWS_MAX]
-    ]
-    parts.append(Table("", _RANKING, ranking).markdown())
+    parts.append(batch_table(rows[:ROWS_MAX]).markdown())
     if len(rows) > ROWS_MAX:
         parts.append(f"and {len(rows) - ROWS_MAX} more")
-    routes = [
-        (row.name, one.flown, one.tried, one.next, one.behind) for row in rows if (one := row.result.routes) is not None
-    ]
+    routes = [(row.name, one.route, one.tried, one.next, one.behind) for row in rows if (one := row.result.routes)]
     if routes:
         parts.append(Table("", _ROUTES, routes[:ROWS_MAX]).markdown())
-    troubles = list(_troubles(rows))
-    if troubles:
-        parts.append("\n".join(troubles))
-    return "\n\n".join([*parts, *(part for summary in summaries for part in _winds(summary))]) + "\n"
-
-
-def _troubles(rows: Sequence[BatchResult]) -> Iterator[str]:
-    lines = [
+    messages = [
         f"- `{row.name}`: {_plain(line)}"
         for row in rows
         if row.message
-        for line in ([str(finding) for finding in row.result.findings] or [row.message])
+        for line in map(str, row.result.findings or [row.message])
     ]
-    yield from lines[:ROWS_MAX]
-    if len(lines) > ROWS_MAX:
-        yield f"- and {len(lines) - ROWS_MAX} more"
-
-
-def _winds(summary: WindSummary) -> Iterator[str]:
-    yield f"#### Wind: {_plain(summary.title)}"
-    lines = [
-        f"- {word}: {row.race_time:.3f} s ({wind_words(row)})"
-        for word, row in (("best", summary.best), ("worst", summary.worst))
-    ]
-    yield "\n".join([*lines, *([] if summary.per_knot is None else [f"- {summary.per_knot:+.4f} s per knot"])])
-    if summary.bearings:
-        rows = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
-        yield Table("", _DIRECTIONS, rows).markdown()
+    if len(messages) > ROWS_MAX:
+        messages[ROWS_MAX:] = [f"- and {len(messages) - ROWS_MAX} more"]
+    if messages:
+        parts.append("\n".join(messages))
+    for summary in summaries:
+        parts.append(f"#### Wind: {_plain(summary.title)}")
+        lines = [
+            f"- {word}: {row.race_time:.3f} s ({wind_words(row)})"
+            for word, row in (("best", summary.best), ("worst", summary.worst))
+        ]
+        lines += [] if summary.per_knot is None else [f"- {summary.per_knot:+.4f} s per knot"]
+        parts.append("\n".join(lines))
+        if summary.bearings:
+            bearings = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
+            parts.append(Table("", _DIRECTIONS, bearings).markdown())
+    return "\n\n".join(parts) + "\n"
 
 
 def _plain(text: str) -> str:
@@ -419,103 +370,72 @@ def _plain(text: str) -> str:
 # Characters that XML 1.0 cannot hold, not even escaped.
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
-Run = Mapping[str, Any]  # Any: the JSON of a run
 
-
-def junit_text(rows: Sequence[BatchResult]) -> str:
+def junit_report(rows: Sequence[BatchResult]) -> str:
     """Return the report as XML; stages and certificates come from the jobs' records."""
     suites = Element("testsuites", name="airrace batch")
-    for row in rows:
-        suites.append(_suite(row))
-    for name in ("tests", "failures", "errors", "skipped"):
-        suites.set(name, str(sum(int(suite.get(name, "0")) for suite in suites)))
-    suites.set("time", _total_time(suites))
+    suites.extend(_suite(row) for row in rows)
+    _set_totals(suites)
     ElementTree.indent(suites)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suites, encoding="unicode") + "\n"
 
 
+def _set_totals(suite: Element) -> None:
+    """Write the numbers of its cases, and their time (s), on a suite or on all of them."""
+    for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(name, str(len(suite.findall(f".//{tag}"))))
+    suite.set("time", str(round(sum(float(case.get("time", "0")) for case in suite.iter("testcase")), 3)))
+
+
 def _suite(row: BatchResult) -> Element:
-    suite = Element("testsuite", name=fit(row.step.name))
+    """Return the suite of a job: a case for each stage and each item of its certificate, and one for the whole job.
+
+    The time of the last one is what the stages leave, so that the times of a suite add up.
+    """
+    step, result = row.step, row.result
+    suite = Element("testsuite", name=fit(row.name))
     properties = SubElement(suite, "properties")
-    for name, value in _properties(row):
+    for name, value in (
+        *(("course", step.course), ("track", step.track)),
+        *([] if step.aircraft is None else [("aircraft", step.aircraft)]),
+        *step.swept,
+        *(("state", row.state), ("exit_code", str(result.code))),
+        *([] if result.race_time is None else [("race_time_s", repr(result.race_time))]),
+        *(("retried", reason) for reason in result.retries),
+    ):
         SubElement(properties, "property", name=fit(name), value=fit(value))
-    cases = [case for stage in row.stages() for case in _stage_cases(row, stage)]
-    spent = sum(float(case.get("time", "0")) for case in cases)
-    suite.extend([*cases, _run_case(row, max(0.0, row.result.wall - spent))])
-    for name, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
-        suite.set(name, str(len(suite.findall(f"testcase/{tag}"))))
-    suite.set("tests", str(len(suite.findall("testcase"))))
-    suite.set("time", _total_time(suite))
+    spent = 0.0
+    for stage in row.stages():
+        name, kind = stage["stage"], f"{row.name}.{stage['stage']}"
+        case = _add_case(suite, kind, name, stage["wall_s"] or 0.0)
+        spent += float(case.get("time", "0"))
+        if stage["status"] not in (Status.CERTIFIED.value, Status.SOLVED.value, Status.GUESS.value):
+            _add_trouble(case, "failure", stage["status"], stage["message"] or stage["status"])
+        items: Sequence[Mapping[str, Any]] = stage["certificate"]["items"] if stage["certificate"] else ()  # Any: JSON
+        for item in items:
+            case = _add_case(suite, kind, f"{name}.{item['name']}", 0.0)
+            if not item["holds"]:
+                value = "not measured" if item["value"] is None else f"{item['value']:.6g}"
+                limit = "none" if item["limit"] is None else f"{item['limit']:.6g}"
+                where = f" at {item['where']}" if item["where"] else ""
+                text = f"{item['name']} is {value}, its limit {limit} {item['unit']}{where}".rstrip()
+                _add_trouble(case, "failure", item["name"], text)
+    case = _add_case(suite, row.name, "run", max(0.0, result.wall - spent))
+    if not row.certified:
+        tag = "failure" if result.code in (ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED) else "error"
+        if result.code == ExitCode.INTERRUPTED and not result.wall:
+            tag = "skipped"
+        _add_trouble(case, tag, row.state, "\n".join([result.message or row.state, *map(str, result.findings)]))
+    _set_totals(suite)
     return suite
 
 
-def _total_time(parent: Element) -> str:
-    """Return the time (s) of all cases of a suite, or of all suites, as a text."""
-    return str(round(sum(float(child.get("time", "0")) for child in parent), 3))
+def _add_case(suite: Element, kind: str, name: str, seconds: float) -> Element:
+    return SubElement(suite, "testcase", classname=fit(kind), name=fit(name), time=str(round(seconds, 3)))
 
 
-def _properties(row: BatchResult) -> Iterator[tuple[str, str]]:
-    yield "course", row.step.course
-    yield "track", row.step.track
-    if row.step.aircraft is not None:
-        yield "aircraft", row.step.aircraft
-    yield from row.step.swept
-    yield "state", row.state
-    yield "exit_code", str(row.result.code)
-    if row.result.race_time is not None:
-        yield "race_time_s", repr(row.result.race_time)
-    for reason in row.result.retries:
-        yield "retried", reason
-
-
-SOUND = {one.value for one in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)}
-"""The statuses of stages that are no failure."""
-
-
-def _stage_cases(row: BatchResult, stage: Run) -> Iterator[Element]:
-    name, kind = stage["stage"], f"{row.step.name}.{stage['stage']}"
-    case = _case(kind, name, stage["wall_s"] or 0.0)
-    if stage["status"] not in SOUND:
-        _trouble(case, "failure", stage["status"], stage["message"] or stage["status"])
-    yield case
-    items: Sequence[Run] = stage["certificate"]["items"] if stage["certificate"] else ()
-    for item in items:
-        case = _case(kind, f"{name}.{item['name']}", 0.0)
-        if not item["holds"]:
-            _trouble(case, "failure", item["name"], _item_text(item))
-        yield case
-
-
-def _item_text(item: Run) -> str:
-    value = "not measured" if item["value"] is None else f"{item['value']:.6g}"
-    limit = "none" if item["limit"] is None else f"{item['limit']:.6g}"
-    where = f" at {item['where']}" if item["where"] else ""
-    return f"{item['name']} is {value}, its limit {limit} {item['unit']}{where}".rstrip()
-
-
-def _run_case(row: BatchResult, seconds: float) -> Element:
-    """Return the case of the job as a whole; its time is what its stages leave, so that the times of a suite add up."""
-    result = row.result
-    case = _case(row.step.name, "run", seconds)
-    if result.code != ExitCode.DONE:
-        text = "\n".join([result.message or row.state, *map(str, result.findings)])
-        _trouble(case, _severity(result), row.state, text)
-    return case
-
-
-def _severity(result: JobResult) -> str:
-    if result.code in (ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED):
-        return "failure"
-    return "skipped" if result.code == ExitCode.INTERRUPTED and not result.wall else "error"
-
-
-def _case(kind: str, name: str, seconds: float) -> Element:
-    return Element("testcase", classname=fit(kind), name=fit(name), time=str(round(seconds, 3)))
-
-
-def _trouble(case: Element, tag: str, kind: str, text: str) -> None:
-    trouble = SubElement(case, tag, message=fit(text.partition("\n")[0]), type=fit(kind))
-    trouble.text = fit(text)
+def _add_trouble(case: Element, tag: str, kind: str, text: str) -> None:
+    SubElement(case, tag, message=fit(text.partition("\n")[0]), type=fit(kind)).text = fit(text)
 
 
 def fit(text: str) -> str:
@@ -527,22 +447,31 @@ ANNOTATIONS_MAX = 50
 """The largest number of annotations; GitHub shows ten of a step."""
 
 
-def runs_here(environment: Mapping[str, str] = os.environ) -> bool:
-    """Return whether this process is a step of GitHub Actions."""
-    return environment.get("GITHUB_ACTIONS") == "true"
-
-
 def annotations(rows: Sequence[BatchResult], findings: Sequence[Finding]) -> Iterator[str]:
     """Yield commands of a workflow, one per line: an error for every finding and every job that is not certified."""
-    lines = dict.fromkeys([*(_of_finding(one) for one in findings), *(line for row in rows for line in _of_row(row))])
-    told = list(lines)
-    yield from told[:ANNOTATIONS_MAX]
-    if len(told) > ANNOTATIONS_MAX:
-        yield f"::warning title=airrace::and {len(told) - ANNOTATIONS_MAX} more errors"
+    found = dict.fromkeys(findings)
+    for row in rows:
+        if row.result.findings:
+            found.update(dict.fromkeys(row.result.findings))
+        elif not row.certified:
+            found[Finding(row.step.track, 0, 0, f"{row.name}: {row.state}", row.message)] = None
+    for one in islice(found, ANNOTATIONS_MAX):
+        file = "" if one.file.startswith("--") else one.file
+        places = {"file": file, "line": one.line, "col": one.column, "title": one.key or "airrace"}
+        properties = ",".join(f"{name}={_escaped(str(value), ':,')}" for name, value in places.items() if value)
+        yield f"::error {properties}::{_escaped(one.message)}"
+    if len(found) > ANNOTATIONS_MAX:
+        yield f"::warning title=airrace::and {len(found) - ANNOTATIONS_MAX} more errors"
+
+
+def _escaped(text: str, also: str = "") -> str:
+    for character in "%\r\n" + also:
+        text = text.replace(character, f"%{ord(character):02X}")
+    return text
 
 
 def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> None:
-    """Append Markdown to the summary of the step, if there is one.
+    """Append Markdown to the summary of the step of GitHub Actions, if there is one.
 
     Raises:
         StorageError: the system refused.
@@ -555,31 +484,3 @@ def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> No
             file.write(text)
     except OSError as error:
         raise StorageError(f"cannot write to the step summary {path}: {error.strerror}") from error
-
-
-def _of_row(row: BatchResult) -> Iterator[str]:
-    if row.result.findings:
-        yield from map(_of_finding, row.result.findings)
-    elif row.result.code != ExitCode.DONE:
-        yield _error(f"{row.step.name}: {row.state}", row.result.message, row.step.track, 0, 0)
-
-
-def _of_finding(finding: Finding) -> str:
-    return _error(finding.key or "airrace", finding.message, finding.file, finding.line, finding.column)
-
-
-def _error(title: str, message: str, file: str, line: int, column: int) -> str:
-    places = {
-        "file": "" if file.startswith("--") else file,
-        "line": line,
-        "col": column,
-        "title": title,
-    }
-    properties = ",".join(f"{name}={_escaped(str(value), ':,')}" for name, value in places.items() if value)
-    return f"::error {properties}::{_escaped(message, '')}"
-
-
-def _escaped(text: str, also: str) -> str:
-    for character in "%\r\n" + also:
-        text = text.replace(character, f"%{ord(character):02X}")
-    return text

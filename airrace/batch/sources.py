@@ -19,7 +19,6 @@ FOLDERS_MAX = 10_000
 """The largest number of folders that one pattern is looked for in; a tenth of a second's work on most disks."""
 MATCHES_MAX = 20_000
 """The largest number of files that one pattern may mean; each of them is read before anything is flown."""
-ANY_DEPTH = "**"
 
 
 class TooWideError(Exception):
@@ -40,10 +39,10 @@ def matching(pattern: str) -> list[str]:
 
 def _expanded(pattern: str) -> Iterator[str]:
     parts = Path(pattern).parts
-    if ANY_DEPTH not in parts:
+    if "**" not in parts:
         yield from glob.iglob(pattern)
         return
-    place = parts.index(ANY_DEPTH)
+    place = parts.index("**")
     above, below = parts[:place], parts[place + 1 :]
     names = below or ("*",)
     for folder in _folders(os.path.join(*above) if above else ""):
@@ -167,72 +166,63 @@ def _batch_document(path: Path) -> Document | None:
 
 def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> SourceGroup:
     findings: list[Finding] = []
-    named = tuple(_files(entry.courses, folder, reporter, findings))
-    batches = [path for path in named if _batch_document(path) is not None]
-    for path in batches:
-        reporter.value(("courses",), f"{path} is a batch and no course; name the courses that it names")
-    courses = tuple(path for path in named if path not in batches)
+    courses: list[Path] = []
+    for path in list(_files(entry.courses, folder, reporter, findings)):
+        if _batch_document(path) is None:
+            courses.append(path)
+        else:
+            reporter.value(("courses",), f"{path} is a batch and no course; name the courses that it names")
     reporter.findings.extend(findings)
-    aircraft = tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ())
-    settings = None if entry.settings is None else folder / entry.settings
-    sweeps = {sweep.key: sweep for sweep in _sweeps_of(entry, reporter)}
-    of_command_line = {sweep.key for sweep in manner.sweeps}
+    sweeps: dict[str, Sweep] = {}
+    for key, values in entry.sweep.items():
+        items = values.split(",") if isinstance(values, str) else [value_text(value) for value in values]
+        try:
+            sweeps[key] = sweep_of(key, items)
+        except ValueError as error:
+            reporter.value(("sweep", key), str(error))
+    of_command_line = {sweep.key: sweep for sweep in manner.sweeps}
+    places: dict[str, Place] = {}
+    for part in ("set", "sweep"):
+        node = reporter.find((part,))
+        if isinstance(node, MappingNode):
+            places |= {key: one.key_place for key, one in node.entries.items() if key not in of_command_line}
     return SourceGroup(
-        courses,
+        tuple(courses),
         Manner(
-            aircraft=manner.aircraft or aircraft,
-            settings=manner.settings or settings,
+            aircraft=manner.aircraft or tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ()),
+            settings=manner.settings or (None if entry.settings is None else folder / entry.settings),
             overrides=(*set_texts(entry.set), *manner.overrides),
-            sweeps=tuple({**sweeps, **{sweep.key: sweep for sweep in manner.sweeps}}.values()),
+            sweeps=tuple({**sweeps, **of_command_line}.values()),
             until=manner.until or entry.until,
-            places={key: place for key, place in _places(reporter) if key not in of_command_line},
+            places=places,
         ),
     )
 
 
-def _sweeps_of(entry: BatchEntry, reporter: Reporter) -> Iterator[Sweep]:
-    for key, values in entry.sweep.items():
-        items = values.split(",") if isinstance(values, str) else [value_text(value) for value in values]
-        try:
-            yield sweep_of(key, items)
-        except ValueError as error:
-            reporter.value(("sweep", key), str(error))
-
-
-def _places(reporter: Reporter) -> Iterator[tuple[str, Place]]:
-    """Yield every key of `set` and `sweep` with its place in the file."""
-    for part in ("set", "sweep"):
-        node = reporter.find((part,))
-        if isinstance(node, MappingNode):
-            yield from ((key, entry.key_place) for key, entry in node.entries.items())
-
-
 def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findings: list[Finding]) -> Iterator[Path]:
-    """Yield the files of names and patterns, in their order; those of a pattern by name."""
+    """Yield the files of names and patterns, in their order; those of a pattern by name.
+
+    What is wrong with a name is reported where a batch file has it, else among the findings.
+    """
     for index, name in enumerate(named):
-        path = folder / name
-        if path.exists() or not glob.has_magic(name):
-            # A missing course becomes a job with invalid input; in a batch file the line that names it is reported.
-            if not path.is_dir() and TRACKS.finds(Path(name), folder):
-                yield TRACKS.meant(Path(name), folder)
+        path, file = folder / name, Path(name)
+        if not glob.has_magic(name) or path.exists():
+            if path.is_dir():
+                findings.append(Finding(str(path), 0, 0, "", f"is a folder; name the files in it, e.g. {path}/*.yaml"))
+            elif TRACKS.finds(file, folder):
+                yield TRACKS.meant(file, folder)
             elif reporter is not None and not path.exists():
-                reporter.value(("courses", index), TRACKS.missing(Path(name), folder))
-            elif path.is_dir():
-                message = f"is a folder; name the files in it, e.g. {path}/*.yaml"
-                findings.append(Finding(str(path), 0, 0, "", message))
-            else:
+                reporter.value(("courses", index), TRACKS.missing(file, folder))
+            else:  # a missing course becomes a job with invalid input
                 yield path
             continue
         try:
             matches = matching(str(path))
+            of_batch, alone = ("", "") if matches else (f"no file matches {path}", "no file matches this pattern")
         except TooWideError as error:
-            if reporter is not None:
-                reporter.value(("courses", index), f"{path} {error}")
-            else:
-                findings.append(Finding(str(path), 0, 0, "", str(error)))
-            continue
-        if not matches and reporter is not None:
-            reporter.value(("courses", index), f"no file matches {path}")
-        elif not matches:
-            findings.append(Finding(str(path), 0, 0, "", "no file matches this pattern"))
+            matches, of_batch, alone = [], f"{path} {error}", str(error)
         yield from map(Path, matches)
+        if alone and reporter is not None:
+            reporter.value(("courses", index), of_batch)
+        elif alone:
+            findings.append(Finding(str(path), 0, 0, "", alone))

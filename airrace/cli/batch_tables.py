@@ -3,10 +3,12 @@
 import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TextIO, cast
+from itertools import islice
+from typing import IO, TextIO, cast
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -31,9 +33,8 @@ NAME_MAX = 20
 """The longest line of a job's name on a narrow terminal, in characters: so much is left of 80 columns beside its state,
 the stage with the longest name, its race time and how far it is behind."""
 
-
-_JOB, _STATE, _STAGE = Column("job"), Column("state"), Column("stage")
-_RACE_TIME, _BEHIND = Column("race time", "s", ".3f"), Column("behind", "s", "+.3f")
+_JOB, _RACE_TIME = Column("job"), Column("race time", "s", ".3f")
+_RANKING = (_JOB, Column("state"), Column("stage"), _RACE_TIME, Column("behind", "s", "+.3f"))
 _MESSAGE = Column("message", wraps=True)
 
 
@@ -47,20 +48,37 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
         rows: the jobs in their order.
         columns: the width of the terminal, None without one.
     """
+    searched, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
+    heads = (
+        *([Column("best lap", "s", ".3f")] if laps else []),
+        *([Column("routes", "evaluated", "d"), Column("next route", "behind s", "+.3f")] if searched else []),
+        Column("wall", "s", ".1f"),
+    )
+    ranks: list[tuple[str | float | None, ...]] = []
+    flights: list[tuple[str | float | None, ...]] = []
+    messages: list[str] = []
+    for row in rows:
+        result, routes = row.result, row.result.routes
+        ranks.append((row.state, result.stage or "-", result.race_time, row.behind_words))
+        flights.append(
+            (
+                *([min(result.laps, default=None)] if laps else []),
+                *([routes and routes.tried, routes and routes.behind] if searched else []),
+                "kept" if row.step.action == "keep" else result.wall,
+            )
+        )
+        line = " ".join(result.message.split())
+        messages.append(line if len(line) <= MESSAGE_MAX else f"{line[: MESSAGE_MAX - 3]}...")
     title = f"{len(rows)} jobs: {counts_words(rows) or 'none'}"
-    heads, flights = _flights(rows)
-    ranks = [(row.state, row.result.stage or "-", row.result.race_time, row.behind_words) for row in rows]
-    messages = [_shortened(row.result.message) for row in rows]
-    whole = [(row.step.name, *rank, *flight) for row, rank, flight in zip(rows, ranks, flights, strict=True)]
-    ranking = (_JOB, _STATE, _STAGE, _RACE_TIME, _BEHIND)
-    table, noted = Table(title, (*ranking, *heads), whole), columns is None or any(messages)
-    if columns is None or full_columns(table) + MESSAGE_LEAST * noted <= columns:
-        cells = [(*cells, message) for cells, message in zip(whole, messages, strict=True)]
-        return [Table(title, (*ranking, *heads, _MESSAGE), cells) if noted else table]
-    jobs = [folded(row.step.name) for row in rows]
+    numbers = [(row.name, *rank, *flight) for row, rank, flight in zip(rows, ranks, flights, strict=True)]
+    table, has_messages = Table(title, (*_RANKING, *heads), numbers), columns is None or any(messages)
+    if columns is None or full_columns(table) + MESSAGE_LEAST * has_messages <= columns:
+        cells = [(*cells, message) for cells, message in zip(numbers, messages, strict=True)]
+        return [Table(title, (*table.columns, _MESSAGE), cells) if has_messages else table]
+    jobs = [folded(row.name) for row in rows]
     said = [(job, message) for job, message in zip(jobs, messages, strict=True) if message]
     return [
-        Table(title, ranking, [(job, *rank) for job, rank in zip(jobs, ranks, strict=True)]),
+        Table(title, _RANKING, [(job, *rank) for job, rank in zip(jobs, ranks, strict=True)]),
         Table("how they were flown", (_JOB, *heads), [(job, *one) for job, one in zip(jobs, flights, strict=True)]),
         *([Table("what was said of them", (_JOB, _MESSAGE), said)] if said else []),
     ]
@@ -76,6 +94,10 @@ def folded(name: str) -> str:
     return "\n".join(lines)
 
 
+_WIND = (Column(""), _JOB, Column("wind"), _RACE_TIME)
+_DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s per", "kt", "+.4f"))
+
+
 def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) -> list[Table]:
     """Return tables for every course that was flown in several winds: best and worst, and the mean by direction.
 
@@ -83,51 +105,20 @@ def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) ->
         summaries: what the courses have shown.
         columns: the width of the terminal, None without one; names of jobs are folded where it is too narrow.
     """
-    return [table for summary in summaries for table in _of_winds(summary, columns)]
-
-
-_WIND = (Column(""), _JOB, Column("wind"), _RACE_TIME)
-_DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s per", "kt", "+.4f"))
-
-
-def _of_winds(summary: WindSummary, columns: int | None) -> list[Table]:
-    flights = [
-        (words, row.step.name, wind_words(row), row.result.race_time)
-        for words, row in (("best", summary.best), ("worst", summary.worst))
-    ]
-    slope = "" if summary.per_knot is None else f", {summary.per_knot:+.4f} s per knot"
-    title = f"wind: {summary.title}: {summary.flights} certified flights{slope}"
-    extremes = Table(title, _WIND, flights)
-    if columns is not None and full_columns(extremes) > columns:
-        extremes = Table(title, _WIND, [(words, folded(job), *more) for words, job, *more in flights])
-    directions = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
-    return [extremes, *([Table("by direction of the wind", _DIRECTIONS, directions)] if directions else [])]
-
-
-def _flights(rows: Sequence[BatchResult]) -> tuple[list[Column], list[list[str | float | None]]]:
-    """Return the columns and the cells of how the jobs were flown, of what any of them has to tell."""
-    searched, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
-    heads = [
-        *([Column("best lap", "s", ".3f")] if laps else []),
-        *([Column("routes", "evaluated", "d"), Column("next route", "behind s", "+.3f")] if searched else []),
-        Column("wall", "s", ".1f"),
-    ]
-    cells: list[list[str | float | None]] = []
-    for row in rows:
-        routes = row.result.routes
-        cells.append(
-            [
-                *([min(row.result.laps, default=None)] if laps else []),
-                *([routes and routes.tried, routes and routes.behind] if searched else []),
-                "kept" if row.step.action == "keep" else row.result.wall,
-            ]
-        )
-    return heads, cells
-
-
-def _shortened(text: str) -> str:
-    line = " ".join(text.split())
-    return line if len(line) <= MESSAGE_MAX else f"{line[: MESSAGE_MAX - 3]}..."
+    tables: list[Table] = []
+    for summary in summaries:
+        slope = "" if summary.per_knot is None else f", {summary.per_knot:+.4f} s per knot"
+        title = f"wind: {summary.title}: {summary.flights} certified flights{slope}"
+        extremes = (("best", summary.best), ("worst", summary.worst))
+        table = Table(title, _WIND, [(word, row.name, wind_words(row), row.race_time) for word, row in extremes])
+        if columns is not None and full_columns(table) > columns:
+            rows = [(word, folded(row.name), wind_words(row), row.race_time) for word, row in extremes]
+            table = replace(table, rows=rows)
+        tables.append(table)
+        if summary.bearings:
+            directions = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
+            tables.append(Table("by direction of the wind", _DIRECTIONS, directions))
+    return tables
 
 
 REASONS_MAX = 20
@@ -152,7 +143,7 @@ def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
 class BatchLines(Watcher):
     """A watcher that prints one line per event, without control codes."""
 
-    def __init__(self, stream: TextIO, clock: Clock = time.monotonic) -> None:
+    def __init__(self, stream: IO[str], clock: Clock = time.monotonic) -> None:
         self._stream = stream
         self._clock = clock
         self._began = clock()
@@ -160,8 +151,10 @@ class BatchLines(Watcher):
 
     def begun(self, plan: BatchPlan) -> None:
         self._total = sum(step.known is None for step in plan.steps)
-        self._line(plan_line(plan))
-        for line in reason_lines(plan):
+        again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
+        if len(again) > REASONS_MAX:
+            again[REASONS_MAX:] = [f"and {len(again) - REASONS_MAX} more again (--dry-run tells all)"]
+        for line in (plan_line(plan), *again):
             self._line(line)
 
     def started(self, step: PlannedJob, attempt: int, where: str) -> None:
@@ -171,21 +164,22 @@ class BatchLines(Watcher):
         self._line(f"{step.name}: {stage} started")
 
     def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
-        self._line(f"{step.name}: {stage_words(event)}")
+        race_time = "" if event.race_time is None else f", race time {event.race_time:.3f} s"
+        self._line(f"{step.name}: {event.stage} {event.status}{race_time}")
 
     def retried(self, step: PlannedJob, reason: str) -> None:
         self._line(f"{step.name}: tried again: {reason}")
 
     def ended(self, step: PlannedJob, result: JobResult) -> None:
         self._done += 1
-        self._line(f"{step.name}: {ending_words(result)} ({self._done} of {self._total})")
+        self._line(f"{_ending_line(step, result)} ({self._done} of {self._total})")
 
     def _line(self, text: str) -> None:
         print(f"[{self._clock() - self._began:7.1f} s] {text}", file=self._stream, flush=True)
 
 
 @record
-class _Seen:
+class _JobUnderWay:
     """A job under way."""
 
     since: float
@@ -196,16 +190,17 @@ class _Seen:
     race_time: float | None = None
 
 
-class LiveTable(Watcher):
-    """A watcher that shows the jobs under way as a live table; those that ended scroll away above it."""
+class LiveTable(BatchLines):
+    """A watcher that shows the jobs under way as a live table; those that ended scroll away above it.
+
+    The view is drawn from another thread: what it reads is replaced as a whole, never changed.
+    """
 
     def __init__(self, console: Console, clock: Clock = time.monotonic) -> None:
-        self._clock = clock
-        self._began = clock()
+        super().__init__(console.file, clock)
         self._console = console
-        self._seen: dict[str, _Seen] = {}
-        self._total = 0
-        self._ended: dict[str, int] = {}
+        self._jobs: dict[str, _JobUnderWay] = {}
+        self._ended: Counter[str] = Counter()
         self.live = Live(
             console=console,
             get_renderable=self._render,
@@ -214,82 +209,60 @@ class LiveTable(Watcher):
             redirect_stdout=False,  # stdout is data
         )
 
-    def begun(self, plan: BatchPlan) -> None:
-        self._total = sum(step.known is None for step in plan.steps)
-        for line in (plan_line(plan), *reason_lines(plan)):
-            self.live.console.print(Text(line))
-
     def started(self, step: PlannedJob, attempt: int, where: str) -> None:
-        self._seen = {**self._seen, step.name: _Seen(self._clock(), attempt, where)}
+        self._jobs = {**self._jobs, step.name: _JobUnderWay(self._clock(), attempt, where)}
 
     def stage_started(self, step: PlannedJob, stage: str) -> None:
-        self._change(step, stage=stage, state="flying")
+        if job := self._jobs.get(step.name):
+            self._jobs = {**self._jobs, step.name: replace(job, stage=stage, state="flying")}
 
     def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
-        self._change(step, stage=event.stage, state=event.status, race_time=event.race_time)
+        if job := self._jobs.get(step.name):
+            changed = replace(job, stage=event.stage, state=event.status, race_time=event.race_time)
+            self._jobs = {**self._jobs, step.name: changed}
 
     def retried(self, step: PlannedJob, reason: str) -> None:
         self._forget(step)
-        self.live.console.print(Text(f"{step.name}: tried again: {reason}"))
+        super().retried(step, reason)
 
     def ended(self, step: PlannedJob, result: JobResult) -> None:
         self._forget(step)
-        state = STATES.get(result.code, "failed")
-        self._ended = {**self._ended, state: self._ended.get(state, 0) + 1}
-        self.live.console.print(Text(f"{step.name}: {ending_words(result)}"))
-
-    # The view is drawn from another thread: what it reads is replaced as a whole, never changed.
-    def _change(self, step: PlannedJob, **fields: str | float | None) -> None:
-        if step.name in self._seen:
-            # Any: the fields of `_Seen`, named by the callers above.
-            self._seen = {**self._seen, step.name: replace(self._seen[step.name], **fields)}  # pyright: ignore[reportArgumentType]
+        self._ended = self._ended + Counter([STATES.get(result.code, "failed")])
+        self._line(_ending_line(step, result))
 
     def _forget(self, step: PlannedJob) -> None:
-        self._seen = {name: seen for name, seen in self._seen.items() if name != step.name}
+        self._jobs = {name: job for name, job in self._jobs.items() if name != step.name}
+
+    def _line(self, text: str) -> None:
+        self.live.console.print(Text(text))
 
     def _render(self) -> RenderableType:
-        now, seen, counts = self._clock(), self._seen, self._ended
+        now, jobs, ended = self._clock(), self._jobs, self._ended
         table = RichTable(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for name in ("job", "stage", "race time s", "state", "elapsed s"):
             table.add_column(name, justify="right" if name.endswith(" s") else "left", no_wrap=True, style="none")
-        shown = list(seen.items())[: max(1, self._console.height - 4)]
-        for name, one in shown:
-            race_time = "-" if one.race_time is None else f"{one.race_time:.3f}"
-            state = f"{one.state}{_circumstances(one.attempt, one.where)}"
-            table.add_row(Text(name), one.stage or "-", race_time, Text(state), f"{now - one.since:.0f}")
-        ended = sum(counts.values())
-        told = ", ".join(f"{number} {state}" for state, number in counts.items())
-        line = f"{ended} of {self._total} done{f' ({told})' if told else ''}, {len(seen)} under way"
-        return Group(table, Text(f"{line}, {now - self._began:.0f} s", style="bold"))
+        for name, job in islice(jobs.items(), max(1, self._console.height - 4)):
+            race_time = "-" if job.race_time is None else f"{job.race_time:.3f}"
+            state = f"{job.state}{_circumstances(job.attempt, job.where)}"
+            table.add_row(Text(name), job.stage or "-", race_time, Text(state), f"{now - job.since:.0f}")
+        states = ", ".join(f"{number} {state}" for state, number in ended.items())
+        done = f"{ended.total()} of {self._total} done{f' ({states})' if states else ''}"
+        return Group(table, Text(f"{done}, {len(jobs)} under way, {now - self._began:.0f} s", style="bold"))
 
 
 def plan_line(plan: BatchPlan) -> str:
     """Return the plan in a line, e.g. `8 jobs: 3 kept, 5 to fly`."""
     actions = [step.action for step in plan.steps]
-    told = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
-    parts = [f"{actions.count(action)} {words}" for action, words in told.items() if action in actions]
+    words = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
+    parts = [f"{actions.count(action)} {word}" for action, word in words.items() if action in actions]
     return f"{len(actions)} job{'' if len(actions) == 1 else 's'}: {', '.join(parts) or 'none'}"
 
 
-def reason_lines(plan: BatchPlan) -> list[str]:
-    """Return why jobs that are not new are flown again, one line for each."""
-    again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
-    more = [f"and {len(again) - REASONS_MAX} more again (--dry-run tells all)"] if len(again) > REASONS_MAX else []
-    return [*again[:REASONS_MAX], *more]
-
-
-def stage_words(event: StageFinished) -> str:
-    """Return a finished stage in words."""
-    race_time = "" if event.race_time is None else f", race time {event.race_time:.3f} s"
-    return f"{event.stage} {event.status}{race_time}"
-
-
-def ending_words(result: JobResult) -> str:
-    """Return the end of a job in words."""
+def _ending_line(step: PlannedJob, result: JobResult) -> str:
     race_time = "" if result.race_time is None else f", race time {result.race_time:.3f} s"
-    state, said = STATES.get(result.code, "failed"), " ".join(result.message.split())
-    message = f": {said}" if said not in ("", state) else ""
-    return f"{state}{race_time}, {result.wall:.1f} s{message}"
+    state, message = STATES.get(result.code, "failed"), " ".join(result.message.split())
+    said = f": {message}" if message not in ("", state) else ""
+    return f"{step.name}: {state}{race_time}, {result.wall:.1f} s{said}"
 
 
 def _circumstances(attempt: int, where: str) -> str:

@@ -8,21 +8,22 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from batch_examples import flown, planned, policy, write_course
+from batch_examples import flown, job, planned, policy, write_course
 from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
-from airrace.batch import reports as github
-from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, RouteSummary, invalid, routes_of
+from airrace.batch import reports
+from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, RouteSummary, invalid, result_of
+from airrace.batch.record import JobRecord
 from airrace.batch.reports import (
     STATES,
     BatchResult,
+    batch_table,
     counts,
-    csv_text,
     fit,
-    junit_text,
-    markdown_text,
+    junit_report,
+    markdown_report,
     ranking_of,
     wind_summaries,
     wind_words,
@@ -43,6 +44,10 @@ def a_step(name: str, course: str = "", **swept: str) -> PlannedJob:
 
 def rows_of(*pairs: tuple[PlannedJob, JobResult]) -> list[BatchResult]:
     return ranking_of(BatchPlan(Path("out"), tuple(step for step, _ in pairs)), [result for _, result in pairs])
+
+
+def csv_of(rows: list[BatchResult]) -> str:
+    return batch_table(rows).csv()
 
 
 ROWS = rows_of(
@@ -84,9 +89,9 @@ def test_stage_and_laps_stand_beside_the_race_time() -> None:
     assert rendered(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
         *("a", "certified", "point-mass", "20.000", "best", "9.500")
     ]
-    (line,) = csv.DictReader(io.StringIO(csv_text(rows)))
+    (line,) = csv.DictReader(io.StringIO(csv_of(rows)))
     assert (line["stage"], line["laps_s"]) == ("point-mass", "10.5 9.5")
-    assert "| a | certified | point-mass | 20.000 | best | 0.0 |" in markdown_text(rows, ())
+    assert "| a | certified | point-mass | 20.000 | best | 0.0 |" in markdown_report(rows, ())
 
 
 def test_states_are_counted() -> None:
@@ -94,7 +99,7 @@ def test_states_are_counted() -> None:
 
 
 def test_the_csv_holds_every_job_with_every_number_as_it_is() -> None:
-    table = list(csv.DictReader(io.StringIO(csv_text(ROWS))))
+    table = list(csv.DictReader(io.StringIO(csv_of(ROWS))))
     assert [line["name"] for line in table] == [row.step.name for row in ROWS]
     assert [line["state"] for line in table] == [row.state for row in ROWS]
     assert float(table[1]["race_time_s"]) == 62.5
@@ -107,7 +112,7 @@ def test_the_csv_has_a_column_for_every_swept_key() -> None:
     rows = rows_of(
         (a_step("x", environment__wind__speed_kt="5"), JobResult(0, "", 10.0)), (a_step("y"), JobResult(0, "", 11.0))
     )
-    table = list(csv.DictReader(io.StringIO(csv_text(rows))))
+    table = list(csv.DictReader(io.StringIO(csv_of(rows))))
     assert [line["environment.wind.speed_kt"] for line in table] == ["5", ""]
 
 
@@ -121,14 +126,14 @@ EXPLORED = rows_of(
 
 
 def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
-    table = list(csv.DictReader(io.StringIO(csv_text(EXPLORED))))
+    table = list(csv.DictReader(io.StringIO(csv_of(EXPLORED))))
     assert [line["route"] for line in table] == ["a | b: to the left", ""]
     assert [line["routes_evaluated"] for line in table] == ["7", ""]
     assert [line["next_route"] for line in table] == ["a -> b: over the top", ""]
     assert [line["next_route_behind_s"] for line in table] == ["0.125", ""]
-    text = markdown_text(EXPLORED, ())
+    text = markdown_report(EXPLORED, ())
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
-    assert "routes tried" not in markdown_text(ROWS, ())
+    assert "routes tried" not in markdown_report(ROWS, ())
     shown = rendered(*ranking_tables(EXPLORED)).splitlines()
     assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
     assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]
@@ -137,12 +142,15 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
 
 
 def test_the_routes_of_a_run_are_those_of_the_stage_that_explored() -> None:
+    def routes_of(*routes: dict) -> RouteSummary | None:
+        stages = [{"stage": "point-mass", "routes": list(routes)}, {"stage": "six-dof", "routes": []}]
+        run = {"race_time_s": 60.0, "stages": stages}
+        return result_of(JobRecord(job().fingerprint, ended=True, run=run)).routes
+
     best, other = ({"route": way, "difference_s": late} for way, late in (("flat", 0.0), ("high", 0.5)))
-    silent = {"stage": "six-dof", "routes": []}
-    assert routes_of({"stages": [{"routes": [best, other]}, silent]}) == RouteSummary("flat", 2, "high", 0.5)
-    assert routes_of({"stages": [{"routes": [best]}, silent]}) == RouteSummary("flat", 1)
-    assert routes_of({"stages": [silent]}) is None
-    assert routes_of(None) is None
+    assert routes_of(best, other) == RouteSummary("flat", 2, "high", 0.5)
+    assert routes_of(best) == RouteSummary("flat", 1)
+    assert routes_of() is None
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +168,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[BatchRes
 
 def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[BatchResult]], tmp_path: Path) -> None:
     _, rows = mixed
-    text = junit_text(rows)
+    text = junit_report(rows)
     path = tmp_path / "out.xml"
     path.write_text(text, encoding="utf-8")
     report = JUnitXml.fromfile(str(path))
@@ -206,7 +214,7 @@ def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipp
 
 def suites_of(mixed: tuple[Path, list[BatchResult]]) -> dict[str, TestSuite]:
     _, rows = mixed
-    return {suite.name: suite for suite in JUnitXml.fromstring(junit_text(rows).encode())}
+    return {suite.name: suite for suite in JUnitXml.fromstring(junit_report(rows).encode())}
 
 
 def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
@@ -220,7 +228,7 @@ def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.text(st.characters(exclude_categories=["Cs"])))
 def test_any_message_survives_junit(message: str, name: str) -> None:
     rows = rows_of((a_step(name or "x"), JobResult(8, message, None, 1.0)))
-    (suite,) = JUnitXml.fromstring(junit_text(rows).encode())
+    (suite,) = JUnitXml.fromstring(junit_report(rows).encode())
     (case,) = suite
     (error,) = case.result
     assert suite.name == fit(name or "x")
@@ -228,7 +236,7 @@ def test_any_message_survives_junit(message: str, name: str) -> None:
 
 
 def test_annotations_lead_to_file_and_line_and_are_escaped() -> None:
-    lines = list(github.annotations(ROWS, ()))
+    lines = list(reports.annotations(ROWS, ()))
     assert (
         "::error file=tracks/bad%2C a.yaml,line=7,col=3,title=rules.n_z_mx::"
         "unknown key `n_z_mx`;%0Adid you mean `n_z_max`? 100 %25" in lines
@@ -239,27 +247,27 @@ def test_annotations_lead_to_file_and_line_and_are_escaped() -> None:
 
 
 def test_annotations_of_the_command_line_name_no_file() -> None:
-    (line,) = github.annotations((), (Finding("--sweep", 0, 0, "a.b", "never arrives"),))
+    (line,) = reports.annotations((), (Finding("--sweep", 0, 0, "a.b", "never arrives"),))
     assert line == "::error title=a.b::never arrives"
 
 
 def test_only_so_many_annotations_are_made() -> None:
     findings = [Finding("a.yaml", number, 1, "", "bad") for number in range(1, 200)]
-    lines = list(github.annotations((), findings))
-    assert len(lines) == github.ANNOTATIONS_MAX + 1
+    lines = list(reports.annotations((), findings))
+    assert len(lines) == reports.ANNOTATIONS_MAX + 1
     assert "149 more" in lines[-1]
 
 
 def test_the_summary_of_the_step_is_appended_to(tmp_path: Path) -> None:
     path = tmp_path / "summary.md"
     path.write_text("before\n")
-    github.append_summary("after\n", {"GITHUB_STEP_SUMMARY": str(path)})
-    github.append_summary("nowhere\n", {})
+    reports.append_summary("after\n", {"GITHUB_STEP_SUMMARY": str(path)})
+    reports.append_summary("nowhere\n", {})
     assert path.read_text() == "before\nafter\n"
 
 
 def test_markdown_cells_hold_what_would_break_them() -> None:
-    text = markdown_text(ROWS, ())
+    text = markdown_report(ROWS, ())
     assert "| no &lt;way> | infeasible |  |" in text
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len(table) == 2 + len(ROWS)
