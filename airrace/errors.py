@@ -67,7 +67,15 @@ class OutOfTime(AirraceError):
 
 
 class SolverCrash(AirraceError):
-    """An error of the solver process, which died or stopped answering."""
+    """An error of the solver process, which died or stopped answering.
+
+    Attributes:
+        status: that it ended with, negative for a signal; None where it has not died.
+    """
+
+    def __init__(self, text: str, status: int | None = None) -> None:
+        super().__init__(text)
+        self.status = status
 
 
 class KernelError(AirraceError):

@@ -7,6 +7,7 @@ it stands, as `airrace resume` does, and ends with the code and the object of `a
 import io
 import json
 import os
+import signal
 import sys
 import threading
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from airrace import interrupts, memory, process
+from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
@@ -70,6 +72,8 @@ def main() -> None:
             _fly(answer, job, Path(order["checkpoint"]), told)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
             record_failure(answer, error)
+            if isinstance(error, SolverCrash) and error.status == -getattr(signal, "SIGKILL", 9):
+                answer.error += " (out of memory?)"  # the solver has most of it, and the system picks it
         findings = [asdict(finding) for finding in answer.findings]
         ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
         told.tell({"ended": ended})

@@ -19,7 +19,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -74,7 +74,7 @@ class LocalExecutor:
     def events(self, patience: float) -> Sequence[Event]:
         events: list[Event] = []
         with contextlib.suppress(queue.Empty):
-            events.append(self._inbox.get(timeout=patience) if patience > 0.0 else self._inbox.get_nowait())
+            events.append(self._inbox.get(patience > 0.0, patience or None))
             while True:
                 events.append(self._inbox.get_nowait())
         for event in events:
@@ -159,7 +159,7 @@ class _JobProcess:
 
     def _converse(self) -> None:
         """Hand the order over, take in lines until there are no more, and report the end."""
-        order = {"job": self._order.job.as_object(), "checkpoint": str(self._order.checkpoint)}
+        order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
         asked, answers = self._process.stdin, self._process.stdout
         assert asked is not None  # `started_apart` was told so
         assert answers is not None
@@ -236,15 +236,11 @@ def _refuse_constant(name: str) -> None:
 
 
 def _answer_of(plain: Mapping[str, Any]) -> AttemptResult | None:
-    """Return the answer in a report, or None if it is malformed, which counts as no answer.
-
-    If the solver's process was killed, memory may have run out: that process has most of it, and the system picks it.
-    """
+    """Return the answer in a report, or None if it is malformed, which counts as no answer."""
     try:
-        run, error = plain["run"], str(plain["error"])
-        findings = tuple(Finding(**finding) for finding in plain["findings"])
+        run, findings = plain["run"], tuple(Finding(**finding) for finding in plain["findings"])
         float(run["race_time_s"] or 0.0)
-        message = f"{error} (out of memory?)" if "status -9" in error else error
-        return AttemptResult(int(plain["code"]), message, 0.0, findings, {**run, "stages": list(run["stages"])})
+        run = {**run, "stages": list(run["stages"])}
+        return AttemptResult(int(plain["code"]), str(plain["error"]), 0.0, findings, run)
     except (KeyError, TypeError, ValueError):
         return None

@@ -109,9 +109,6 @@ def main() -> None:
         case "exit":
             sys.stderr.write("the last words\n")
             sys.exit(3)
-        case "solver-killed":
-            end(8, run_object(job, None), "the solver process died (status -9)")
-            return
         case "hang":
             time.sleep(600.0)
         case "hang-once" if not resumed:

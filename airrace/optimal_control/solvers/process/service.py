@@ -185,7 +185,7 @@ class SolverService:
                 raise SolverEnded from error
             if status == memory.CODE:
                 raise MemoryError from error
-            raise SolverCrash(f"the solver process died (status {status})") from error
+            raise SolverCrash(f"the solver process died (status {status})", status) from error
 
     def stop(self) -> None:
         """Kill the process, if there is one; the next solve starts another."""
