@@ -7,7 +7,6 @@ import pytest
 
 READERS = (
     "airrace.runs.flight_sources",
-    "airrace.cli.stored_stages",
     "airrace.cli.run_tables",
     "airrace.runs.json_objects",
     "airrace.cli.flight_tables",

@@ -102,11 +102,10 @@ class BatchOptions:
         if self.cluster is None:
             return LocalExecutor(JOB_COMMAND, self.jobs or available_cores())
         try:
-            from airrace.batch.cluster import WORKERS_WAIT, ClusterExecutor
+            from airrace.batch.cluster import ClusterExecutor
         except ModuleNotFoundError as error:
             raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
-        wait = self.timeout or WORKERS_WAIT
-        return ClusterExecutor(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, wait)
+        return ClusterExecutor(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, self.timeout)
 
     def fly(
         self,

@@ -12,9 +12,9 @@ from airrace.quantities import KNOT, Interval
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.legs import passings_around
-from airrace.track.course import CrowdShape, Roll
-from airrace.track.polygons import Point, area, edges
-from airrace.views.course_page import CourseRow, rows
+from airrace.track.course import CrowdShape
+from airrace.track.polygons import area, edges
+from airrace.views.course_page import rows
 from airrace.views.tables import Column, Table
 
 ROWS_MAX = 200
@@ -27,8 +27,13 @@ REMARKS_MAX = 30
 
 def course_tables(race: Race) -> list[Table]:
     """Return the tables of a course: passages, conditions on single legs, limits along the flight, and surroundings."""
-    tables = [_passages_table(race), _legs_table(race), _limits_table(race), _surroundings_table(race)]
-    return [table for table in tables if table.rows]
+    words = (
+        ("on the leg to", ("passage", "safety lines", "roll"), _leg_conditions(race)),
+        ("limits along the flight", ("limit", "range"), _limits(race)),
+        ("kept away from", ("name", "what", "where", "distance"), _surroundings(race)),
+    )
+    tables = [Table(title, [Column(head) for head in heads], list(cells)) for title, heads, cells in words]
+    return [table for table in (_passages_table(race), *tables) if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
@@ -55,19 +60,20 @@ _PASSAGES = (
 
 def _passages_table(race: Race) -> Table:
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    cells = [
-        (
-            row.passage.name,
-            row.kind,
-            row.north,
-            row.east,
-            _height(row),
-            *(_degrees(angle) for angle in (row.heading, row.climb, row.bank)),
-            row.leg,
-            _degrees(row.turn),
-        )
-        for row in rows(race)
-    ]
+    cells: list[tuple[str | float | None, ...]] = []
+    for row in rows(race):
+        angles = (None if one is None else math.degrees(one) for one in (row.heading, row.climb, row.bank, row.turn))
+        heading, climb, bank, turn = angles
+        height, bounds = row.height, row.passage.element.heights
+        if height is None and bounds.bounded:  # a free manoeuvre
+            lower, upper = f"{bounds.lower:.0f}", f"{bounds.upper:.0f}"
+            height = f"{lower}-{upper}"
+            if not math.isfinite(bounds.lower):
+                height = f"< {upper}"
+            elif not math.isfinite(bounds.upper):
+                height = f"> {lower}"
+        place = (row.passage.name, row.kind, row.north, row.east, height)
+        cells.append((*place, heading, climb, bank, row.leg, turn))
     if len(cells) > ROWS_MAX:
         title += f" ({len(cells)} passages; --json has all of them)"
         blank = (f"... {len(cells) - ROWS_MAX} more", *[""] * (len(_PASSAGES) - 1))
@@ -75,106 +81,65 @@ def _passages_table(race: Race) -> Table:
     return Table(title, _PASSAGES, cells)
 
 
-def _height(row: CourseRow) -> str | float | None:
-    """Return the height of a passage as a text; for a free manoeuvre the bounds of its height."""
-    heights = row.passage.element.heights
-    if row.height is None and heights.bounded:
-        lower, upper = heights.lower, heights.upper
-        if not math.isfinite(lower):
-            return f"< {upper:.0f}"
-        return f"> {lower:.0f}" if not math.isfinite(upper) else f"{lower:.0f}-{upper:.0f}"
-    return row.height
-
-
-def _legs_table(race: Race) -> Table:
-    """Return a table of the conditions on legs that lead to single passages.
-
-    Conditions that hold on several legs are listed once.
-    """
+def _leg_conditions(race: Race) -> Iterator[list[str]]:
+    """Yield the conditions on legs that lead to single passages; those that hold on several legs once."""
     found: dict[tuple[str, str], list[str]] = {}
     for passage in race.course.passages:
-        lines = ", ".join(line.name for line in passage.safety_lines)
-        if lines or passage.roll is not None:
-            found.setdefault((lines or "-", _roll(passage.roll)), []).append(passage.name)
-    cells = [[_listed(names), *conditions] for conditions, names in found.items()]
-    return _words_table("on the leg to", ("passage", "safety lines", "roll"), cells)
+        lines, roll, text = ", ".join(line.name for line in passage.safety_lines), passage.roll, "-"
+        if roll is not None:
+            climb = " to ".join(f"{math.degrees(bound):.0f}" for bound in (roll.climb.lower, roll.climb.upper))
+            gain = f", +{roll.gain:g} m" if roll.gain else ""
+            text = f"{math.degrees(roll.angle):.0f} deg {roll.turning.value}, at {climb} deg{gain}"
+        if lines or roll is not None:
+            found.setdefault((lines or "-", text), []).append(passage.name)
+    for conditions, names in found.items():
+        many = len(names) > 3
+        yield [f"{names[0]}, {names[1]} and {len(names) - 2} more" if many else ", ".join(names), *conditions]
 
 
-def _limits_table(race: Race) -> Table:
+def _limits(race: Race) -> Iterator[list[str]]:
     rules, envelope = race.course.rules, race.aircraft.envelope
     start = race.course.passages[0].speed
-    limits = [
-        ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")],
-        ["speed", _speeds(envelope.V)],
-        ["speed at the start", _speeds(start) if start.bounded else "free"],
-        ["height", _range(rules.height, "m")],
-        ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"],
-    ]
+    yield ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")]
+    yield ["speed", _speeds(envelope.V)]
+    yield ["speed at the start", _speeds(start) if start.bounded else "free"]
+    yield ["height", _range(rules.height, "m")]
+    yield ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"]
     if math.isfinite(rules.beta_A):
-        limits.append(["sideslip", f"up to {math.degrees(rules.beta_A):.3g} deg"])
+        yield ["sideslip", f"up to {math.degrees(rules.beta_A):.3g} deg"]
     if rules.C_L.bounded:
-        limits.append(["lift coefficient", _range(rules.C_L, "").rstrip()])
+        yield ["lift coefficient", _range(rules.C_L, "").rstrip()]
     if rules.alpha_A.bounded:
-        degrees = Interval(*(math.degrees(bound) for bound in (rules.alpha_A.lower, rules.alpha_A.upper)))
-        limits.append(["angle of attack", _range(degrees, "deg")])
-    return _words_table("limits along the flight", ("limit", "range"), limits)
-
-
-def _surroundings_table(race: Race) -> Table:
-    return _words_table("kept away from", ("name", "what", "where", "distance"), list(_surroundings(race)))
+        degrees = Interval(math.degrees(rules.alpha_A.lower), math.degrees(rules.alpha_A.upper))
+        yield ["angle of attack", _range(degrees, "deg")]
 
 
 def _surroundings(race: Race) -> Iterator[list[str]]:
-    shapes = {CrowdShape.POINT: "at", CrowdShape.LINE: "along", CrowdShape.AREA: "within"}
     for crowd in race.course.crowd:
-        corners = crowd.corners
+        places = [(corner.north, corner.east) for corner in crowd.corners]
         if crowd.shape is CrowdShape.AREA:
-            size = f"{abs(area(corners)) / 1e4:.3g} ha about"
+            shape = f"within {abs(area(crowd.corners)) / 1e4:.3g} ha about"
         elif crowd.shape is CrowdShape.LINE:
-            size = f"{sum(math.dist(*ends) for ends in itertools.pairwise(map(_pair, corners))):.0f} m about"
+            shape = f"along {sum(itertools.starmap(math.dist, itertools.pairwise(places))):.0f} m about"
         else:
-            size = ""
-        middle = np.mean([_pair(corner) for corner in corners], axis=0)
-        where = f"{shapes[crowd.shape]} {size} {_place(*middle)}".replace("  ", " ")
-        yield [crowd.name, "crowd", where, f"{crowd.distance:g} m {'slant' if crowd.slant else 'over ground'}"]
+            shape = "at"
+        north, east = np.mean(places, axis=0)
+        distance = f"{crowd.distance:g} m {'slant' if crowd.slant else 'over ground'}"
+        yield [crowd.name, "crowd", f"{shape} ({north:.0f}, {east:.0f})", distance]
     for line in race.course.safety_lines:
-        side = "right" if line.keep_right else "left"
-        where = f"{side} of {_place(*_pair(line.start))} to {_place(*_pair(line.end))}"
+        start, end = (f"({one.north:.0f}, {one.east:.0f})" for one in (line.start, line.end))
+        where = f"{'right' if line.keep_right else 'left'} of {start} to {end}"
         yield [line.name, "safety line", where, f"{line.margin:g} m"]
     corners = race.course.airspace
     if corners:
-        around = sum(math.dist(_pair(a), _pair(b)) for a, b in edges(corners, closed=True))
+        around = sum(math.hypot(a.north - b.north, a.east - b.east) for a, b in edges(corners, closed=True))
         size = f"{len(corners)} corners, {abs(area(corners)) / 1e6:.3g} km2, {around / 1e3:.3g} km around"
         yield ["airspace", "its border", size, "0 m"]
-
-
-def _pair(place: Point) -> tuple[float, float]:
-    return place.north, place.east
-
-
-def _place(north: float, east: float) -> str:
-    return f"({north:.0f}, {east:.0f})"
-
-
-def _roll(roll: Roll | None) -> str:
-    if roll is None:
-        return "-"
-    climb = " to ".join(f"{math.degrees(bound):.0f}" for bound in (roll.climb.lower, roll.climb.upper))
-    gain = f", +{roll.gain:g} m" if roll.gain else ""
-    return f"{math.degrees(roll.angle):.0f} deg {roll.turning.value}, at {climb} deg{gain}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 3 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
 
 
 def _speeds(interval: Interval) -> str:
     knots = Interval(*(round(bound / KNOT, 1) for bound in (interval.lower, interval.upper)))
     return f"{_range(interval, 'm/s')} ({_range(knots, 'kt')})"
-
-
-def _degrees(angle: float | None) -> float | None:
-    return None if angle is None else math.degrees(angle)
 
 
 def _range(interval: Interval, unit: str) -> str:
@@ -208,7 +173,3 @@ def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
         place = (one.north, one.east, one.height)
         cells.append((thing, one.distance, one.required, *place, f"{before.name} and {after.name}"))
     return Table(f"least distances of the line that is {planned.source.remark}", _PLANNED, cells)
-
-
-def _words_table(title: str, heads: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
-    return Table(title, [Column(head) for head in heads], cells)

@@ -1,21 +1,28 @@
 """The tables of a run: stages, splits, certificates, routes, meshes, legs, near misses and the run it started from."""
 
+import logging
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.cli.stored_stages import StoredStages
+from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.tables import PAGE, number, rendered
+from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
 from airrace.procedure.split_comparison import compared, last_common
 from airrace.quantities import KNOT
+from airrace.records import record
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import NearMiss, near_misses
-from airrace.results.leg_facts import LegFacts, Range, leg_facts
-from airrace.runs.json_objects import REASONS
+from airrace.results.leg_facts import Range, leg_facts
+from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
+from airrace.runs.run import ensure_readable, run_of_checkpoint
+from airrace.runs.stage_view import downgrade_stale, is_certified
+from airrace.views.plain_text import one_line
 from airrace.views.stage_tables import certificate_table, search_table, splits_table
 from airrace.views.tables import Cell, Column, Table
 
@@ -23,6 +30,8 @@ if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
     from airrace.procedure.restart import SourceRun
     from airrace.runs.plan import ExecutionPlan
+
+logger = logging.getLogger(__name__)
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; no second mesh has confirmed the race time"
@@ -53,6 +62,70 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     difference = None if plan.start is None else start_table(plan.start, results)
     if difference is not None:
         yield rendered(difference, columns=PAGE)
+
+
+@record
+class StoredStages:
+    """The content of a checkpoint as `airrace show` shows it: its stages, and legs and laps of one of them.
+
+    Attributes:
+        checkpoint: that holds them.
+        every: all stages of the run; those that no longer stand are not certified.
+        results: the stages that are shown, in their order.
+        flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
+            is none, or where this version of airrace does not accept the stored inputs.
+        stage: the name of the stage that the flight belongs to; empty without one.
+    """
+
+    checkpoint: Checkpoint
+    every: tuple[StageResult, ...]
+    results: tuple[StageResult, ...]
+    flight: Flight | None = None
+    stage: str = ""
+
+    def as_object(self) -> dict[str, object]:
+        """Return the object of the run, with `legs` and `laps` in the stage whose flight is shown.
+
+        `unverified` says that all of it is read from the file and nothing is measured.
+        """
+        wall = sum(result.timings.wall for result in self.every)
+        track = one_line(Path(self.checkpoint.inputs.track.path).stem)
+        legs = {} if self.flight is None else {self.stage: legs_object(self.flight)}
+        stages = [stage_object(result) | legs.get(result.stage.value, {}) for result in self.results]
+        run = run_object(track, self.results, wall, certified=is_certified(self.every))
+        return run | {"stages": stages, "unverified": True}
+
+
+def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> StoredStages:
+    """Choose what is shown.
+
+    Args:
+        checkpoint: read from a file.
+        path: of that file.
+        stage: the name of the only stage that is shown; None for all.
+
+    Raises:
+        UsageError: the run has no such stage.
+    """
+    run, refusal = None, ""
+    try:
+        run = ensure_readable(run_of_checkpoint(checkpoint, path))
+        every = run.told
+    except InputError as error:  # the stages may stand on these inputs as they are stored
+        refusal = str(error.findings[0])
+        stale = dict(stale_stages(checkpoint, inputs_hash(checkpoint.inputs.resolved)))
+        stored = (one.result for one in checkpoint.stages)
+        every = tuple(downgrade_stale(result, stale.get(result.stage, "")) for result in stored)
+    results = tuple(result for result in every if stage in (None, result.stage.value))
+    if stage is not None and not results:
+        names = ", ".join(result.stage.value for result in every) or "none"
+        raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
+    name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
+    if name is not None and run is not None:
+        return StoredStages(checkpoint, every, results, run.flight(name), name)
+    if name is not None:
+        logger.warning("legs and laps are left out: this version of airrace refuses the inputs: %s", refusal)
+    return StoredStages(checkpoint, every, results)
 
 
 def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterator[str]:
@@ -168,12 +241,12 @@ _MESH = (
 
 def mesh_table(result: StageResult) -> Table:
     """Return a table of the legs: their intervals, the worst values measured, and the reasons for their lengths."""
-    flown, record = result.trajectory, result.mesh
-    steps = 1e3 * np.diff(flown.time)
+    trajectory, mesh = result.trajectory, result.mesh
+    steps = 1e3 * np.diff(trajectory.time)
     rows: list[tuple[str | float, ...]] = []
-    for phase, first, last in zip(flown.phases, flown.first_node, flown.first_node[1:], strict=False):
+    for phase, first, last in zip(trajectory.phases, trajectory.first_node, trajectory.first_node[1:], strict=False):
         leg = slice(first, last)
-        counts = np.bincount(record.why[leg], minlength=len(RefinementReason)).tolist()
+        counts = np.bincount(mesh.why[leg], minlength=len(RefinementReason)).tolist()
         reasons = [(count, REASONS[reason]) for reason, count in zip(RefinementReason, counts, strict=True) if count]
         rows.append(
             (
@@ -181,8 +254,8 @@ def mesh_table(result: StageResult) -> Table:
                 int(last - first),
                 float(steps[leg].min()),
                 float(steps[leg].max()),
-                float(record.defect[leg].max()),
-                float(record.drift[leg].max()),
+                float(mesh.defect[leg].max()),
+                float(mesh.drift[leg].max()),
                 ", ".join(f"{reason} {count}" for count, reason in sorted(reasons, reverse=True)),
             )
         )
@@ -197,11 +270,18 @@ def laps_lines(flight: Flight) -> list[str]:
 
 
 def leg_tables(flight: Flight) -> tuple[Table, Table]:
-    """Return two tables, of at most 80 columns, of every leg: loads and energy; speeds and clearances."""
-    facts = leg_facts(flight)
-    return Table("legs", _LOADS, [_loads(one) for one in facts]), Table(
-        "legs: speeds and clearances", _SPEEDS, [_speeds(one) for one in facts]
-    )
+    """Return two tables, of at most 80 columns, of every leg: loads and energy; speeds (kt) and the clearance with the
+    least margin."""
+    loads: list[tuple[str | float | None, ...]] = []
+    speeds: list[tuple[str | float | None, ...]] = []
+    for one in leg_facts(flight):
+        name, nearest = one.leg.name, one.clearances[0] if one.clearances else None
+        ranges = (one.n_z.least, one.n_z.greatest, one.height.least, one.height.greatest)
+        loads.append((name, one.leg.time, *ranges, math.degrees(one.roll_rate), one.energy_in, one.energy_out))
+        clearance = (nearest.distance, nearest.required) if nearest else (None, None)
+        where = f"{nearest.text} at {nearest.time:.2f} s" if nearest else ""
+        speeds.append((name, _knots(one.V_K), _knots(one.V_A), _knots(one.V_I), *clearance, where))
+    return Table("legs", _LOADS, loads), Table("legs: speeds and clearances", _SPEEDS, speeds)
 
 
 _LOADS = (
@@ -215,19 +295,6 @@ _LOADS = (
     Column("energy", "start m", "z.0f"),
     Column("energy", "end m", "z.0f"),
 )
-
-
-def _loads(one: LegFacts) -> tuple[str | float, ...]:
-    ends = (math.degrees(one.roll_rate), one.energy_in, one.energy_out)
-    return (
-        one.leg.name,
-        one.leg.time,
-        *(one.n_z.least, one.n_z.greatest),
-        *(one.height.least, one.height.greatest),
-        *ends,
-    )
-
-
 _SPEEDS = (
     Column("leg to"),
     Column("ground", "kt", ".0f"),
@@ -237,16 +304,6 @@ _SPEEDS = (
     Column("required", "m", ".1f"),
     Column("to", wraps=True),
 )
-
-
-def _speeds(one: LegFacts) -> tuple[str | float | None, ...]:
-    """Return least and greatest speeds in knots, and the clearance with the least margin."""
-    nearest = one.clearances[0] if one.clearances else None
-    speeds = [_knots(values) for values in (one.V_K, one.V_A, one.V_I)]
-    if nearest is None:
-        return (one.leg.name, *speeds, None, None, "")
-    where = f"{nearest.text} at {nearest.time:.2f} s"
-    return (one.leg.name, *speeds, nearest.distance, nearest.required, where)
 
 
 def _knots(speeds: Range) -> str:

@@ -23,8 +23,7 @@ def show(
     """Show stages, times, legs and certificates."""
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import LogCheckpoint, read_sealed, read_stored
-        from airrace.cli.run_tables import run_texts
-        from airrace.cli.stored_stages import stored_stages, stored_stages_object
+        from airrace.cli.run_tables import run_texts, stored_stages
         from airrace.runs.signing import ensure_signed
 
         stored = read_stored(run_file)
@@ -43,8 +42,7 @@ def show(
                 answer.texts.extend(log_texts(flown, legs=legs))
             return
         shown = stored_stages(stored, run_file, stage)
-        answer.fields.update(stored_stages_object(shown))
-        answer.fields["signed_by"] = signed_by or None
+        answer.fields.update(shown.as_object(), signed_by=signed_by or None)
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         if not as_json:

@@ -7,6 +7,7 @@ import re
 import signal
 import socket
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,8 @@ from clusters import Cluster
 from stand_in_job import CHECKPOINT
 from waiting import PATIENCE, alive, wait_until, wait_until_gone
 
-from airrace.batch import cluster as cluster_connection
-from airrace.batch.cluster import AttemptReply, ClusterExecutor, Connection, DamagedPayload, Payload, landed
+from airrace.batch import cluster as cluster_module
+from airrace.batch.cluster import AttemptReply, ClusterExecutor, Connection, DamagedPayload, Payload, receive_checkpoint
 from airrace.batch.supervision import Attempt, AttemptResult, FailureKind, StageFinished, Started, supervise
 from airrace.errors import ClusterError
 
@@ -134,7 +135,9 @@ def test_a_checkpoint_that_was_damaged_on_its_way_is_a_failed_attempt_and_not_wr
     path.write_bytes(b"before")
     done = AttemptResult(0, "", 1.0, run={"race_time_s": 10.0, "stages": []})
     stage = StageFinished("oval", "point-mass", "solved", 10.0, True)
-    stages, ending = landed(Attempt(job(), 1, path, None), AttemptReply(done, (stage,), Payload(b"flawn", "0" * 64)))
+    stages, ending = receive_checkpoint(
+        Attempt(job(), 1, path, None), AttemptReply(done, (stage,), Payload(b"flawn", "0" * 64))
+    )
     assert (stages, ending.code, ending.fault, ending.run) == ((), 8, FailureKind.LOST, None)
     assert ending.message.startswith("its checkpoint came back damaged on its way (sha256 ")
     assert path.read_bytes() == b"before"
@@ -159,7 +162,7 @@ def test_tasks_are_called_off_called_upon_and_forgotten(cluster: Cluster) -> Non
         assert sorted(workers.values()) == [1, 2]
         assert connection.call(os.path.basename, "a/b", workers=list(workers)) == dict.fromkeys(workers, "b")
         queued = [connection.submit(time.sleep, 1.0, key=f"sleep-{n}", workers=list(workers)) for n in range(6)]
-        connection.cancel(queued)
+        connection.client.cancel(queued)
         assert [future.status for future in queued] == ["cancelled"] * 6
         done = connection.submit(len, "abc", key="length", workers=list(workers))
         assert done.result(timeout=PATIENCE) == 3
@@ -184,13 +187,13 @@ def test_workers_with_other_versions_are_refused(cluster: Cluster, versions: dic
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://", "xyz://127.0.0.1:1", "tcp://no-such-host.invalid:1"])
 def test_an_address_that_is_none_is_one_clear_error(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_connection, "CONNECT", 1.0)
+    monkeypatch.setattr(cluster_module, "TIMES", replace(cluster_module.TIMES, connect=1.0))
     with pytest.raises(ClusterError, match="cannot reach the scheduler"), ClusterExecutor(address, (), VERSIONS):
         pass
 
 
 def test_somebody_who_listens_and_is_silent_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster_connection, "CONNECT", 1.0)
+    monkeypatch.setattr(cluster_module, "TIMES", replace(cluster_module.TIMES, connect=1.0))
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(ClusterError, match="no answer within 1 s"), ClusterExecutor(address, (), VERSIONS):
