@@ -17,18 +17,9 @@ MADE = [ROOT / "docs" / folder for folder in ("reference", "project", "notebooks
 
 
 def test_no_layer_reaches_upwards() -> None:
-    checked = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "from importlinter.cli import lint_imports_command; lint_imports_command()",
-            "--no-cache",
-        ],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    program = "from importlinter.cli import lint_imports_command; lint_imports_command()"
+    command = [sys.executable, "-c", program, "--no-cache"]
+    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
@@ -42,19 +33,12 @@ def test_nothing_but_the_entry_point_knows_the_command_line() -> None:
     assert naming == {"airrace/__main__.py"}
 
 
-def test_every_package_appears_in_the_architecture() -> None:
+def test_documents_name_every_package_and_no_module_or_path_that_does_not_exist() -> None:
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     packages = {path.parent.name for path in (ROOT / "airrace").glob("*/__init__.py")}
     assert {package for package in packages if f"`airrace/{package}/`" not in text} == set()
-
-
-def test_no_module_is_described_that_does_not_exist() -> None:
-    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     modules = {path.name for folder in ("airrace", "scripts") for path in (ROOT / folder).rglob("*.py")}
     assert set(re.findall(r"`(\w+\.py)`", text)) <= modules
-
-
-def test_every_path_in_the_documents_exists() -> None:
     for document in DOCUMENTS:
         text = document.read_text(encoding="utf-8")
         paths = re.findall(r"`((?:airrace|tests|tracks|configs|scripts|\.ci)/[\w./]+)`", text)

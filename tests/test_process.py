@@ -21,14 +21,14 @@ def said(program: str, **variables: str) -> str:
     return ran.stdout.strip()
 
 
-def test_what_nobody_has_set_is_settled() -> None:
-    program = f"from airrace import process; process.settle(); {SETTLED.format(names=tuple(ONE_THREAD))}"
-    assert said(program) == f"{CREATED} 1 1 1 1"
-
-
-def test_what_the_user_has_set_stays() -> None:
-    program = f"from airrace import process; process.settle(); {SETTLED.format(names=('OPENBLAS_NUM_THREADS',))}"
-    assert said(program, OPENBLAS_NUM_THREADS="3") == f"{CREATED} 3"
+@pytest.mark.parametrize(
+    ("names", "variables", "expected"),
+    [(tuple(ONE_THREAD), {}, "1 1 1 1"), (("OPENBLAS_NUM_THREADS",), {"OPENBLAS_NUM_THREADS": "3"}, "3")],
+    ids=["set", "left to the user"],
+)
+def test_what_nobody_has_set_is_settled(names: tuple[str, ...], variables: dict[str, str], expected: str) -> None:
+    program = f"from airrace import process; process.settle(); {SETTLED.format(names=names)}"
+    assert said(program, **variables) == f"{CREATED} {expected}"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted as Linux tells them")
@@ -123,30 +123,25 @@ print("heard once")
 """
 
 
-def lines_of(what: str, name: str = "SIGINT") -> list[str]:
-    """The lines of a program that is interrupted in a function of that name."""
+REPEATED = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="requests are not repeated here")
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "lines"),
+    [
+        pytest.param("swallowing", "SIGINT", [], marks=REPEATED),
+        pytest.param("finalising", "SIGINT", [], marks=REPEATED),
+        ("turning", "SIGTERM", []),
+        ("tidying", "SIGINT", ["tidy"]),
+    ],
+)
+def test_a_request_is_heard_once_even_if_swallowed_turned_into_an_error_or_made_meanwhile(
+    what: str, name: str, lines: list[str]
+) -> None:
     program = PROGRAM.format(what=what, name=name)
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert ran.stderr == ""
-    return ran.stdout.splitlines()
-
-
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="requests are not repeated here")
-def test_a_request_that_is_swallowed_is_repeated() -> None:
-    assert lines_of("swallowing") == ["True", "heard once"]
-
-
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="requests are not repeated here")
-def test_a_request_within_a_finalizer_is_repeated_without_a_word() -> None:
-    assert lines_of("finalising") == ["True", "heard once"]
-
-
-def test_an_error_that_a_request_was_turned_into_is_a_request() -> None:
-    assert lines_of("turning", "SIGTERM") == ["True", "heard once"]
-
-
-def test_what_is_put_in_order_meanwhile_is_not_interrupted_again() -> None:
-    assert lines_of("tidying") == ["tidy", "True", "heard once"]
+    assert ran.stdout.splitlines() == [*lines, "True", "heard once"]
 
 
 def test_nobody_listens_who_has_not_asked() -> None:

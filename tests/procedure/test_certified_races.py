@@ -66,18 +66,11 @@ def assert_certified(result: StageResult) -> None:
 
 
 @every_race_and_guess
-def test_race_is_certified_in_still_air(name: str, guess: GuessKind) -> None:
-    assert_certified(optimum(RACES[name], settings(guess)))
-
-
-@pytest.mark.parametrize(("name", "guess", "direction"), windy_cases())
-def test_race_is_certified_in_wind(name: str, guess: GuessKind, direction: int) -> None:
-    assert_certified(optimum(blown(RACES[name], direction, WIND), settings(guess)))
-
-
-@every_race_and_guess
-def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, guess: GuessKind) -> None:
+def test_race_is_certified_in_still_air_and_when_measured_again_from_the_result_alone(
+    name: str, guess: GuessKind
+) -> None:
     result = optimum(RACES[name], settings(guess))
+    assert_certified(result)
     assert result.certificate is not None
     again = recertify(RACES[name], settings(guess), result)
     assert again.certified
@@ -86,36 +79,25 @@ def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, 
         # One number is solved for anew, from another start: on a coarse mesh an optimum is flat within a part of a ms.
         solved_again = 3e-4 if one.name == "race_time_change" else 1e-7
         assert one.value == pytest.approx(other.value, rel=1e-3, abs=solved_again)
-
-
-@every_race_and_guess
-def test_homotopy_comes_first_and_only_where_it_is_asked_for(name: str, guess: GuessKind) -> None:
     stages = [result.stage for result in solve_point_mass(RACES[name], settings(guess))]
-    expected = {GuessKind.HOMOTOPY: [Stage.HOMOTOPY, Stage.POINT_MASS], GuessKind.PLAN: [Stage.POINT_MASS]}
-    assert stages == expected[guess]
+    assert stages == [Stage.HOMOTOPY, Stage.POINT_MASS][guess is GuessKind.PLAN :]
+
+
+@pytest.mark.parametrize(("name", "guess", "direction"), windy_cases())
+def test_race_is_certified_in_wind(name: str, guess: GuessKind, direction: int) -> None:
+    assert_certified(optimum(blown(RACES[name], direction, WIND), settings(guess)))
 
 
 @each_quick_race
-def test_homotopy_flies_every_phase_of_a_shipped_race(name: str) -> None:
-    pieces = solve_point_mass(RACES[name], settings(GuessKind.HOMOTOPY))[0]
-    assert pieces.remarks == ""
-    assert pieces.certificate is None
-    assert not pieces.certified
-    assert len(pieces.trajectory.phases) == len(RACES[name].course.passages) - 1
-
-
-@each_quick_race
-def test_joint_optimum_saves_time_over_the_plan(name: str) -> None:
-    race_time = optimum(RACES[name], settings(GuessKind.PLAN)).trajectory.race_time
-    seconds = planned(RACES[name]).seconds
-    assert 0.8 * seconds < race_time < seconds
-
-
-@each_quick_race
-def test_both_guesses_lead_to_about_the_same_time(name: str) -> None:
+def test_homotopy_flies_every_phase_and_the_joint_optimum_saves_time_over_the_plan(name: str) -> None:
     """Optima are local; two guesses may end in two, but neither in a needless loop."""
-    times = [optimum(RACES[name], settings(guess)).trajectory.race_time for guess in GUESSES]
-    assert max(times) < 1.005 * min(times)
+    pieces = solve_point_mass(RACES[name], settings(GuessKind.HOMOTOPY))[0]
+    assert (pieces.remarks, pieces.certificate, pieces.certified) == ("", None, False)
+    assert len(pieces.trajectory.phases) == len(RACES[name].course.passages) - 1
+    times = {guess: optimum(RACES[name], settings(guess)).trajectory.race_time for guess in GUESSES}
+    assert max(times.values()) < 1.005 * min(times.values())
+    seconds = planned(RACES[name]).seconds
+    assert 0.8 * seconds < times[GuessKind.PLAN] < seconds
 
 
 @every_race_and_guess

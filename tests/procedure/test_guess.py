@@ -15,8 +15,6 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.planning.plan import Plan
-from airrace.planning.waypoints import Waypoint
 from airrace.procedure import fidelity_continuation as module
 from airrace.procedure.attitudes import ROWS
 from airrace.procedure.fidelity_continuation import FidelityContinuation
@@ -56,76 +54,46 @@ def test_mesh_divides_every_phase_into_enough_equal_intervals(name: str) -> None
 def test_first_intervals_are_longer_in_long_races_alone() -> None:
     plan = planned(SIXTEEN)
     seconds = leg_seconds(plan)
-    long_enough = math.ceil(STRETCHED * LONG_RACE / sum(seconds))
-    longer = dataclasses.replace(plan, legs=plan.legs * long_enough, waypoints=_again(plan, long_enough))
+    times = math.ceil(STRETCHED * LONG_RACE / sum(seconds))
+    waypoints = (*plan.waypoints[:-1] * times, plan.waypoints[-1])
+    longer = dataclasses.replace(plan, legs=plan.legs * times, waypoints=waypoints)
     lap = [len(fractions) for fractions in first_mesh(plan, MESH)]
     stretched = [len(fractions) for fractions in first_mesh(longer, MESH)]
-    assert stretched == counts_of(seconds, MESH, STRETCHED) * long_enough
-    assert STRETCHED * sum(stretched) < 1.2 * sum(lap) * long_enough  # counts are rounded up
-    assert max(np.array(seconds * long_enough) / np.array(stretched)) <= STRETCHED * MESH.interval
-
-
-def _again(plan: Plan, times: int) -> tuple[Waypoint, ...]:
-    """The waypoints of a plan flown so many times, one after the other."""
-    return (*plan.waypoints[:-1] * times, plan.waypoints[-1])
+    assert stretched == counts_of(seconds, MESH, STRETCHED) * times
+    assert STRETCHED * sum(stretched) < 1.2 * sum(lap) * times  # counts are rounded up
+    assert max(np.array(seconds * times) / np.array(stretched)) <= STRETCHED * MESH.interval
 
 
 @every_race
-def test_every_number_is_finite_and_every_duration_positive(name: str) -> None:
-    made = guessed(name)
+def test_guess_fits_its_problem_with_unit_quaternions_without_jumps_of_sign(name: str) -> None:
+    made, problem = guessed(name), prepared(RACES[name]).problem(first_mesh(planned(RACES[name]), MESH))
+    assert made.durations.shape == (len(problem.phases),)
+    assert made.state.shape == (len(problem.system.states), problem.intervals + 1)
+    assert made.control.shape == (len(problem.system.controls), problem.intervals)
     assert all(np.isfinite(values).all() for values in (made.durations, made.state, made.control))
     assert (made.durations > 0.0).all()
-
-
-@every_race
-def test_attitudes_are_unit_quaternions_without_jumps_of_sign(name: str) -> None:
-    state = PointMassState[Array].split(guessed(name).state)
-    q = np.array(state.q)
+    q = np.array(PointMassState[Array].split(made.state).q)
     assert np.allclose((q * q).sum(axis=0), 1.0, atol=1e-9)
     assert ((q[:, 1:] * q[:, :-1]).sum(axis=0) > 0.5).all()
 
 
 @every_race
-def test_flight_leads_through_the_waypoints(name: str) -> None:
+def test_flight_leads_through_the_waypoints_in_their_attitude(name: str) -> None:
     state = PointMassState[Array].split(guessed(name).state)
     for waypoint, node in zip(planned(RACES[name]).waypoints, ends(name), strict=True):
         if waypoint.position is not None:
             north, east, height = waypoint.position
             assert [state.x[node], state.y[node], -state.z[node]] == pytest.approx([north, east, height], abs=1e-6)
+        R, expected = np.array(rotation([float(one[node]) for one in state.q])), np.array(rotation(waypoint.q))
+        assert np.allclose(R[:, 0], expected[:, 0], atol=1e-6)
+        assert waypoint.bank is None or np.allclose(R, expected, atol=1e-6)
 
 
 @every_race
-def test_flight_crosses_the_waypoints_in_their_attitude(name: str) -> None:
-    state = PointMassState[Array].split(guessed(name).state)
-    for waypoint, node in zip(planned(RACES[name]).waypoints, ends(name), strict=True):
-        R = rotation([float(one[node]) for one in state.q])
-        expected = rotation(waypoint.q)
-        assert np.allclose([row[0] for row in R], [row[0] for row in expected], atol=1e-6)
-        if waypoint.bank is not None:
-            assert np.allclose(R, expected, atol=1e-6)
-
-
-@every_race
-def test_controls_are_the_rates_of_the_commands(name: str) -> None:
-    made, plan = guessed(name), planned(RACES[name])
-    state, control = PointMassState[Array].split(made.state), PointMassControl[Array].split(made.control)
-    steps = np.concatenate(
-        [np.asarray(part) * T for part, T in zip(first_mesh(plan, MESH), made.durations, strict=True)]
-    )
-    for values, rate in (
-        (state.n_z, control.n_z_dot),
-        (state.n_y, control.n_y_dot),
-        (state.p_Kbar, control.p_Kbar_dot),
-    ):
-        assert np.allclose(values[:-1] + rate * steps, values[1:], atol=1e-9)
-    assert (control.delta_T_cmd == 1.0).all()
-
-
-@every_race
-def test_path_moves_in_the_direction_of_its_attitude(name: str) -> None:
+def test_path_moves_in_the_direction_of_its_attitude_and_controls_are_the_rates_of_the_commands(name: str) -> None:
     """Between two nodes the flight goes where the attitudes at both ends point, at about the planned speed."""
     made, plan = guessed(name), planned(RACES[name])
-    state = PointMassState[Array].split(made.state)
+    state, control = PointMassState[Array].split(made.state), PointMassControl[Array].split(made.control)
     R = rotation([np.asarray(one) for one in state.q])
     direction = np.array([R[0][0], R[1][0], R[2][0]])
     moved = np.diff(np.array([state.x, state.y, state.z]), axis=1)
@@ -135,6 +103,12 @@ def test_path_moves_in_the_direction_of_its_attitude(name: str) -> None:
         cosine /= np.linalg.norm(middle, axis=0) * np.linalg.norm(moved[:, first:last], axis=0)
         # Between free positions the path is sheared so that it ends where it must: up to 30 degrees off at its worst.
         assert cosine.min() > (0.999 if leg.path is not None else 0.85)
+    parts = zip(first_mesh(plan, MESH), made.durations, strict=True)
+    steps = np.concatenate([np.asarray(part) * T for part, T in parts])
+    for command in ("n_z", "n_y", "p_Kbar"):
+        values, rate = getattr(state, command), getattr(control, f"{command}_dot")
+        assert np.allclose(values[:-1] + rate * steps, values[1:], atol=1e-9)
+    assert (control.delta_T_cmd == 1.0).all()
 
 
 @every_race
@@ -175,15 +149,6 @@ def test_mesh_of_another_density_samples_the_same_path(name: str) -> None:
     assert np.allclose(dense.durations, sparse.durations)
     path = [PointMassState.names().index(one) for one in ("x", "y", "z", "V_K", "q0", "q1", "q2", "q3", "n_z")]
     assert np.allclose(dense.state[path, ::2], sparse.state[path], atol=1e-6)
-
-
-@every_race
-def test_guess_fits_its_problem(name: str) -> None:
-    plan = planned(RACES[name])
-    problem, made = prepared(RACES[name]).problem(first_mesh(plan, MESH)), guessed(name)
-    assert made.durations.shape == (len(problem.phases),)
-    assert made.state.shape == (len(problem.system.states), problem.intervals + 1)
-    assert made.control.shape == (len(problem.system.controls), problem.intervals)
 
 
 def test_free_manoeuvres_follow_one_another_without_gaps() -> None:
@@ -236,46 +201,18 @@ def pieces_of(problem: Problem, whole: Iterate) -> list[Iterate]:
 
 
 @every_race
-def test_cutting_and_joining_is_a_round_trip(name: str) -> None:
+def test_pieces_share_the_node_at_their_gate_join_again_and_move_from_plan_to_plan(name: str) -> None:
     problem, whole = flight(name)
-    again = joined(pieces_of(problem, whole))
+    pieces = pieces_of(problem, whole)
+    again = joined(pieces)
     assert (again.durations == whole.durations).all()
     assert (again.control == whole.control).all()
     assert (again.state == whole.state).all()
-
-
-@every_race
-def test_pieces_share_the_node_at_their_gate(name: str) -> None:
-    problem, whole = flight(name)
-    pieces = pieces_of(problem, whole)
     for piece, phase in zip(pieces, problem.phases, strict=True):
         assert piece.state.shape[1] == len(phase.fractions) + 1 == piece.control.shape[1] + 1
-    for before, after in itertools.pairwise(pieces):
-        assert (before.state[:, -1] == after.state[:, 0]).all()
-
-
-def test_of_two_states_at_a_gate_the_later_is_kept() -> None:
-    problem, whole = flight("four_gates")
-    first, second, third = pieces_of(problem, whole)
-    later = Iterate(second.durations, second.state + 5.0, second.control)
-    node = problem.first_node[1]
-    assert joined([first, later, third]).state[0, node] == whole.state[0, node] + 5.0
-    assert joined([first, later, third]).state[0, node - 1] == whole.state[0, node - 1]
-
-
-def test_joining_aligns_the_signs_of_attitudes() -> None:
-    problem, whole = flight("four_gates")
-    first, second, third = pieces_of(problem, whole)
-    flipped = second.state.copy()
-    flipped[ROWS] *= -1.0
-    again = joined([first, Iterate(second.durations, flipped, second.control), third])
-    assert np.allclose(again.state, whole.state, atol=1e-12)
-
-
-@every_race
-def test_what_lies_on_one_plan_moves_onto_the_other(name: str) -> None:
-    problem, whole = flight(name)
-    before = phase_piece(whole, problem, 0)
+    for one, next_one in itertools.pairwise(pieces):
+        assert (one.state[:, -1] == next_one.state[:, 0]).all()
+    before = pieces[0]
     after = Iterate(before.durations + 0.3, before.state + 2.0, before.control - 0.1)
     after.state[ROWS] = before.state[ROWS][:, ::-1]
     shifted = moved(before, before, after)
@@ -284,16 +221,24 @@ def test_what_lies_on_one_plan_moves_onto_the_other(name: str) -> None:
     assert np.allclose(shifted.durations, after.durations)
 
 
-def test_moving_by_no_difference_changes_nothing() -> None:
+def test_joining_keeps_the_later_of_two_states_at_a_gate_and_aligns_the_signs_of_attitudes() -> None:
+    problem, whole = flight("four_gates")
+    first, second, third = pieces_of(problem, whole)
+    later = joined([first, Iterate(second.durations, second.state + 5.0, second.control), third])
+    node = problem.first_node[1]
+    assert later.state[0, node] == whole.state[0, node] + 5.0
+    assert later.state[0, node - 1] == whole.state[0, node - 1]
+    flipped = second.state.copy()
+    flipped[ROWS] *= -1.0
+    again = joined([first, Iterate(second.durations, flipped, second.control), third])
+    assert np.allclose(again.state, whole.state, atol=1e-12)
+
+
+def test_moving_by_no_difference_changes_nothing_and_keeps_a_positive_duration() -> None:
     problem, whole = flight("four_gates")
     piece, reference = phase_piece(whole, problem, 0), phase_piece(whole, problem, 0)
     shifted = moved(piece, reference, reference)
     assert np.allclose(shifted.state, piece.state, atol=1e-12)
     assert (shifted.durations == piece.durations).all()
-
-
-def test_moved_piece_keeps_a_positive_duration() -> None:
-    problem, whole = flight("four_gates")
-    piece = phase_piece(whole, problem, 0)
     long = Iterate(piece.durations * 10.0, piece.state, piece.control)
     assert moved(piece, long, piece).durations == pytest.approx(SHORTEST_SHARE * piece.durations)

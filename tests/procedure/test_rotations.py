@@ -1,5 +1,6 @@
 """Rotations between attitudes: how they are parted, and how long they take."""
 
+import itertools
 import math
 
 import numpy as np
@@ -18,42 +19,27 @@ PACE = PlanningModel(V=80.0, n=5.0, p=3.0)
 attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
 
-@given(attitudes, attitudes)
-def test_rotation_vector_leads_from_start_to_end(start: list[float], end: list[float]) -> None:
+@given(attitudes, attitudes, st.floats(0.0, 1.0))
+def test_rotation_leads_from_start_to_end_by_half_a_turn_at_most(
+    start: list[float], end: list[float], part: float
+) -> None:
     assert np.allclose(rotation(rotated(start, end, 1.0)), rotation(end), atol=1e-9)
     assert np.allclose(rotation(rotated(start, end, 0.0)), rotation(start), atol=1e-12)
-
-
-@given(attitudes, attitudes)
-def test_no_rotation_is_longer_than_half_a_turn(start: list[float], end: list[float]) -> None:
-    assert math.hypot(*rotation_vector(start, end)) <= math.pi + 1e-9
-
-
-@given(attitudes, attitudes, st.floats(0.0, 1.0))
-def test_parts_of_a_rotation_add_up(start: list[float], end: list[float], part: float) -> None:
-    on_the_way = rotated(start, end, part)
     whole = math.hypot(*rotation_vector(start, end))
+    assert whole <= math.pi + 1e-9
+    on_the_way = rotated(start, end, part)
     assert math.hypot(*rotation_vector(start, on_the_way)) == pytest.approx(part * whole, abs=1e-6)
     assert math.hypot(*rotation_vector(on_the_way, end)) == pytest.approx((1.0 - part) * whole, abs=1e-6)
 
 
-@given(attitudes, attitudes)
-def test_opposite_quaternions_are_the_same_attitude(start: list[float], end: list[float]) -> None:
-    negated = [-one for one in end]
-    assert rotation_time(start, negated, PACE) == pytest.approx(rotation_time(start, end, PACE), rel=1e-6)
-
-
-@given(attitudes)
-def test_staying_takes_no_time(attitude: list[float]) -> None:
-    assert rotation_time(attitude, attitude, PACE) == pytest.approx(0.0, abs=1e-6)
-
-
 @given(attitudes, attitudes, attitudes)
-def test_time_does_not_depend_on_the_direction_of_north(
+def test_time_depends_neither_on_the_direction_of_north_nor_on_the_sign_of_a_quaternion(
     start: list[float], end: list[float], north: list[float]
 ) -> None:
-    turned = rotation_time(product(north, start), product(north, end), PACE)
-    assert turned == pytest.approx(rotation_time(start, end, PACE), rel=1e-6, abs=1e-6)
+    seconds = rotation_time(start, end, PACE)
+    assert rotation_time(product(north, start), product(north, end), PACE) == pytest.approx(seconds, rel=1e-6, abs=1e-6)
+    assert rotation_time(start, [-one for one in end], PACE) == pytest.approx(seconds, rel=1e-6)
+    assert rotation_time(start, start, PACE) == pytest.approx(0.0, abs=1e-6)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
@@ -62,37 +48,24 @@ def test_rolling_takes_the_angle_over_the_roll_rate(bank: float, climb: float) -
     assert rotation_time(start, end, PACE) == pytest.approx(abs(bank) / PACE.p, abs=1e-6)
 
 
-def test_pulling_up_takes_the_angle_over_the_rate_of_the_load_factor() -> None:
-    seconds = rotation_time(quaternion(0.0, 0.0, 0.0), quaternion(0.0, 1.0, 0.0), PACE)
-    assert seconds == pytest.approx(1.0 / (g0 * (PACE.n - 1.0) / PACE.V))
-
-
-def test_pushing_takes_three_times_as_long_as_pulling() -> None:
+def test_pulling_up_takes_the_angle_over_the_rate_of_the_load_factor_and_pushing_three_times_as_long() -> None:
     level, up, down = (quaternion(0.0, climb, 0.0) for climb in (0.0, 0.8, -0.8))
-    assert rotation_time(level, down, PACE) == pytest.approx(3.0 * rotation_time(level, up, PACE))
+    seconds = rotation_time(level, up, PACE)
+    assert seconds == pytest.approx(0.8 / (g0 * (PACE.n - 1.0) / PACE.V))
+    assert rotation_time(level, down, PACE) == pytest.approx(3.0 * seconds)
 
 
-every_heading = pytest.mark.parametrize("heading", range(360))
-
-
-@every_heading
-def test_half_a_loop_is_pulled_whatever_its_heading(heading: int) -> None:
+@pytest.mark.parametrize("heading", range(360))
+def test_half_a_loop_is_pulled_and_a_vertical_roll_no_longer_than_asked_for_whatever_the_heading(heading: int) -> None:
     chi = math.radians(heading)
     _, pitch, _ = rotation_vector(quaternion(chi, 0.0, 0.0), quaternion(chi + math.pi, 0.0, math.pi))
     assert pitch == pytest.approx(math.pi)
-
-
-@every_heading
-@pytest.mark.parametrize(("turning", "sign"), [(Turning.RIGHT, 1), (Turning.LEFT, -1)])
-@pytest.mark.parametrize("degrees", [180, 360])
-def test_roll_on_a_vertical_line_is_no_longer_than_asked_for(
-    heading: int, turning: Turning, sign: int, degrees: int
-) -> None:
-    begin, angle = quaternion(math.radians(heading), math.pi / 2, 0.0), math.radians(degrees)
-    end = product(begin, [math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
-    seconds, rolled = roll_time(begin, end, Roll(angle, Interval(), turning=turning), PACE)
-    assert rolled == pytest.approx(sign * angle)
-    assert seconds == pytest.approx(angle / PACE.p, abs=1e-5)
+    begin = quaternion(chi, math.pi / 2, 0.0)
+    for angle, (turning, sign) in itertools.product((math.pi, math.tau), ((Turning.RIGHT, 1), (Turning.LEFT, -1))):
+        end = product(begin, [math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
+        seconds, rolled = roll_time(begin, end, Roll(angle, Interval(), turning=turning), PACE)
+        assert rolled == pytest.approx(sign * angle)
+        assert seconds == pytest.approx(angle / PACE.p, abs=1e-5)
 
 
 @given(st.floats(0.1, 1.0), st.floats(-1e-3, 1e-3))
