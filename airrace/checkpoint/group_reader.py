@@ -6,11 +6,11 @@ from typing import Never
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.checkpoint.hdf5 import Column, Group, Node, Numbers, Series, Table
+from airrace.checkpoint.hdf5 import Column, Group, Node, Numbers, R, Series, Table, rows_of
 from airrace.errors import CheckpointError
-from airrace.procedure.result import GateSplit, StageResult
+from airrace.procedure.result import StageResult
 from airrace.records import record
-from airrace.trajectory import Array, Trajectory
+from airrace.trajectory import Array
 
 
 @record
@@ -44,6 +44,21 @@ class Place:
     def table(self, name: str) -> Table:
         node = self.node.members[name]
         return node if isinstance(node, Table) else self._wrong(name, "a table")
+
+    def rows(self, name: str, record: type[R]) -> tuple[R, ...]:
+        """Return the records of a table.
+
+        Raises:
+            CheckpointError: the member is no table, or its columns are not the fields of such records.
+        """
+        return rows_of(record, self.table(name), f"{self.path}/{name}")
+
+    def row(self, name: str, record: type[R]) -> R:
+        """Return the record of a table of one row; errors as of `rows`, and if there are more."""
+        rows = self.rows(name, record)
+        if len(rows) != 1:
+            raise CheckpointError(f"{self.path}/{name}: {len(rows)} rows instead of one")
+        return rows[0]
 
     def texts(self, name: str, column: str) -> tuple[str, ...]:
         """Return the entries of a table that has one column of texts.
@@ -90,10 +105,6 @@ def ensure_possible(result: StageResult, path: str) -> None:
 
     Where no flight was found the numbers are those at which the solver gave up, and anything goes.
 
-    Args:
-        result: the stage as it was read.
-        path: its place in the file.
-
     Raises:
         CheckpointError: histories, times, multipliers or splits are not finite or larger than `LARGEST`; time runs
             backwards, does not begin at 0, or does not pass as the durations of the phases have it; a quaternion is
@@ -111,23 +122,21 @@ def ensure_possible(result: StageResult, path: str) -> None:
         ("bound_multipliers", result.bound_multipliers),
     ):
         ensure_sizes(values, f"{path}/{name}")
-    ensure_sizes(np.array([_numbers(split) for split in result.splits]), f"{path}/splits")
-    _ensure_time_passes(flown, path)
+    numbers = [[value for value in vars(split).values() if isinstance(value, float)] for split in result.splits]
+    ensure_sizes(np.array(numbers), f"{path}/splits")
+    if not (flown.durations > 0.0).all():
+        raise CheckpointError(f"{path}/durations: a phase takes no time")
+    if flown.time[0] != 0.0 or not (np.diff(flown.time) > 0.0).all():
+        raise CheckpointError(f"{path}/time: does not run forwards from 0")
+    passed: Array = np.diff(flown.time[flown.first_node])
+    if not (np.abs(passed - flown.durations) <= ROUNDED * flown.race_time).all():
+        raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")
     rows = {one.name: values for one, values in zip(flown.states, flown.state, strict=True)}
     ensure_attitudes(rows, f"{path}/states")
 
 
-def _numbers(split: GateSplit) -> list[float]:
-    """Return all numbers of a gate split."""
-    return [value for value in vars(split).values() if isinstance(value, float)]
-
-
 def ensure_sizes(values: Array, path: str) -> None:
     """Refuse numbers that nothing can be calculated with.
-
-    Args:
-        values: of any shape and any unit of SI.
-        path: their place in the file.
 
     Raises:
         CheckpointError: one of them is not finite, or larger than `LARGEST`.
@@ -141,10 +150,6 @@ def ensure_sizes(values: Array, path: str) -> None:
 def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
     """Refuse quaternions that are no attitudes; nothing is asked where there are none.
 
-    Args:
-        histories: by their names, each of shape (n,).
-        path: their place in the file.
-
     Raises:
         CheckpointError: the length of a quaternion is not within `LENGTH_ERROR` of 1.
     """
@@ -153,13 +158,3 @@ def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
     length: Array = np.sqrt(sum(histories[name] ** 2 for name in QUATERNION))
     if not (np.abs(length - 1.0) <= LENGTH_ERROR).all():
         raise CheckpointError(f"{path}: the quaternion {', '.join(QUATERNION)} is not of length 1")
-
-
-def _ensure_time_passes(flown: Trajectory, path: str) -> None:
-    if not (flown.durations > 0.0).all():
-        raise CheckpointError(f"{path}/durations: a phase takes no time")
-    if flown.time[0] != 0.0 or not (np.diff(flown.time) > 0.0).all():
-        raise CheckpointError(f"{path}/time: does not run forwards from 0")
-    passed: Array = np.diff(flown.time[flown.first_node])
-    if not (np.abs(passed - flown.durations) <= ROUNDED * flown.race_time).all():
-        raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")

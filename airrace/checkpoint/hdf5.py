@@ -22,9 +22,6 @@ from airrace.records import record
 # h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 
-# h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
-# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-
 
 Attribute = str | float | int
 Numbers = NDArray[np.float64 | np.int64]

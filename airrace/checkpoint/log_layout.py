@@ -8,17 +8,18 @@ from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
 from airrace.checkpoint.group_reader import Place, ensure_attitudes, ensure_sizes
-from airrace.checkpoint.hdf5 import Group, Node, Series, Table, rows_of, table_of
+from airrace.checkpoint.hdf5 import Group, Node, Series, Table, table_of
 from airrace.checkpoint.run_layout import (
     CONTENT,
     QUANTITY_NAME,
-    Version,
     declaration,
     declaration_of,
     inputs_group,
     inputs_of,
     integers,
     series,
+    versions_of,
+    versions_table,
 )
 from airrace.errors import CheckpointError
 from airrace.logs.violations import Violation
@@ -99,7 +100,6 @@ FLOWN_LOG = "flown log"
 LOG_SCHEMA = 1
 """The version of this layout; a reader refuses every other."""
 BASES = ("measured", "derived")
-_TIME = "/flight/time"
 
 
 def encode_log(recorded: LogCheckpoint) -> Group:
@@ -111,7 +111,7 @@ def encode_log(recorded: LogCheckpoint) -> Group:
     log = recorded.log
     members: dict[str, Node] = {
         "inputs": inputs_group(recorded.inputs),
-        "versions": table_of(Version, [Version(name, number) for name, number in recorded.versions.items()]),
+        "versions": versions_table(recorded.versions),
         "log": Group(
             {
                 "path": log.path,
@@ -129,7 +129,12 @@ def encode_log(recorded: LogCheckpoint) -> Group:
                 "label": recorded.label,
                 "time": series(recorded.time, "s", "time after the start"),
                 "histories": Group(
-                    {_named(one.quantity.name): _history(one, row) for row, one in enumerate(recorded.histories)}
+                    {
+                        _named(one.quantity.name): Series(
+                            one.values, {**declaration(one.quantity, row), "basis": one.basis}, "/flight/time"
+                        )
+                        for row, one in enumerate(recorded.histories)
+                    }
                 ),
                 "passings": table_of(StoredPassing, recorded.passings),
                 "violations": table_of(Violation, recorded.violations),
@@ -161,18 +166,18 @@ def decode_log(root: Group) -> LogCheckpoint:
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
         raise CheckpointError(f"{flight.path}/time: does not run forwards")
     histories = _histories(flight.group("histories"), len(time))
-    passings = rows_of(StoredPassing, flight.table("passings"), f"{flight.path}/passings")
+    passings = flight.rows("passings", StoredPassing)
     known = [one.time for one in passings if not np.isnan(one.time)]
     if any(not time[0] <= one <= time[-1] for one in known) or any(a > b for a, b in itertools.pairwise(known)):
         raise CheckpointError(f"{flight.path}/passings: do not follow one another within the flight")
     return LogCheckpoint(
         inputs=inputs_of(place.group("inputs")),
-        versions={one.name: one.version for one in rows_of(Version, place.table("versions"), "/versions")},
+        versions=versions_of(place),
         log=_log(place.group("log")),
         time=time,
         histories=histories,
         passings=passings,
-        violations=rows_of(Violation, flight.table("violations"), f"{flight.path}/violations"),
+        violations=flight.rows("violations", Violation),
         label=flight.text("label"),
     )
 
@@ -181,10 +186,6 @@ def _named(name: str) -> str:
     if not QUANTITY_NAME.fullmatch(name):
         raise CheckpointError(f"{name!r} is not a name for a quantity: it cannot be stored")
     return name
-
-
-def _history(one: StoredHistory, row: int) -> Series:
-    return Series(one.values, {**declaration(one.quantity, row), "basis": one.basis}, _TIME)
 
 
 def _log(place: Place) -> RawLog:
@@ -214,13 +215,8 @@ def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:
         rows[row] = StoredHistory(quantity, values, str(basis))
     if sorted(rows) != list(range(len(place.node.members))):
         raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
-    _ensure_positions(rows, place.path)
+    names = {one.quantity.name for one in rows.values()}
+    if missing := [one for one in ("x", "y", "z", "height", "V_K", "n_z", "chi", "gamma", "mu") if one not in names]:
+        raise CheckpointError(f"{place.path}: {missing[0]!r} is missing")
     ensure_attitudes({one.quantity.name: one.values for one in rows.values()}, place.path)
     return tuple(rows[row] for row in sorted(rows))
-
-
-def _ensure_positions(rows: Mapping[int, StoredHistory], path: str) -> None:
-    names = {one.quantity.name for one in rows.values()}
-    missing = [name for name in ("x", "y", "z", "height", "V_K", "n_z", "chi", "gamma", "mu") if name not in names]
-    if missing:
-        raise CheckpointError(f"{path}: {missing[0]!r} is missing")

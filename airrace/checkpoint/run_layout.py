@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
 from airrace.checkpoint.group_reader import Place, ensure_possible
-from airrace.checkpoint.hdf5 import Attribute, Group, Node, R, Series, Table, rows_of, table_of
+from airrace.checkpoint.hdf5 import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
@@ -94,100 +94,88 @@ def encode(checkpoint: Checkpoint) -> Group:
     Raises:
         CheckpointError: a quantity's name cannot name an HDF5 dataset, or a trajectory contradicts itself.
     """
-    versions = [Version(name, version) for name, version in checkpoint.versions.items()]
-    members: dict[str, Node] = {
+    stages: dict[str, Node] = {}
+    for stored in checkpoint.stages:
+        name = stored.result.stage.value
+        alternatives = {
+            f"{number}": Group(_encode_result(alternative, f"/stages/{name}/alternatives/{number}"))
+            for number, alternative in enumerate(stored.result.alternatives, start=1)
+        }
+        stages[name] = Group(
+            {
+                "inputs_hash": stored.inputs_hash,
+                "chain_hash": stored.chain_hash,
+                **_encode_result(stored.result, f"/stages/{name}"),
+                "alternatives": Group(alternatives),
+            }
+        )
+    members = {
         "inputs": inputs_group(checkpoint.inputs),
-        "versions": table_of(Version, versions),
-        "stages": Group({stored.result.stage.value: _encode_stage(stored) for stored in checkpoint.stages}),
+        "versions": versions_table(checkpoint.versions),
+        "stages": Group(stages),
     }
     return Group(members, {"schema": SCHEMA})
 
 
 def inputs_group(inputs: StoredInputs) -> Group:
     """Return the inputs as a group, as runs and flown logs store them."""
-    members: dict[str, Node] = {
-        "track": _encode_document(inputs.track),
-        "aircraft": _encode_document(inputs.aircraft),
-        "overrides": Table({"override": inputs.overrides}),
-        "resolved": inputs.resolved,
-    }
-    if inputs.settings is not None:
-        members["settings"] = _encode_document(inputs.settings)
-    return Group(members)
+    documents = {"track": inputs.track, "aircraft": inputs.aircraft, "settings": inputs.settings}
+    return Group(
+        {
+            **{name: Group({"path": one.path, "text": one.text}) for name, one in documents.items() if one},
+            "overrides": Table({"override": inputs.overrides}),
+            "resolved": inputs.resolved,
+        }
+    )
 
 
-def _encode_document(document: StoredDocument) -> Group:
-    return Group({"path": document.path, "text": document.text})
-
-
-def _encode_stage(stored: StoredStage) -> Group:
-    path = f"/stages/{stored.result.stage.value}"
-    alternatives = {
-        f"{number}": Group(_encode_result(alternative, f"{path}/alternatives/{number}"))
-        for number, alternative in enumerate(stored.result.alternatives, start=1)
-    }
-    hashes = {"inputs_hash": stored.inputs_hash, "chain_hash": stored.chain_hash}
-    return Group({**hashes, **_encode_result(stored.result, path), "alternatives": Group(alternatives)})
+def versions_table(versions: Mapping[str, str]) -> Table:
+    """Return versions by name as a table, as runs and flown logs store them."""
+    return table_of(Version, [Version(name, number) for name, number in versions.items()])
 
 
 def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
+    flown, mesh, search = result.trajectory, result.mesh, result.search
+    summary = SearchSummary(search.converged_to_best, search.converged_elsewhere, search.failed, search.seconds)
     members: dict[str, Node] = {
         "outcome": result.outcome.value,
         "message": result.message,
         "notes": table_of(NoteRow, [NoteRow(note.kind.value, note.text) for note in result.notes]),
-        **_encode_trajectory(result.trajectory, path),
+        "time": series(flown.time, "s", "time at the nodes"),
+        "interval_time": series(flown.time[:-1], "s", "time at the beginning of the intervals"),
+        "states": _encode_histories(flown.states, flown.state, f"{path}/time"),
+        "controls": _encode_histories(flown.controls, flown.control, f"{path}/interval_time"),
+        "phases": Table({"phase": flown.phases}),
+        "first_node": integers(flown.first_node, "node at which each phase begins, and the last node"),
+        "durations": series(flown.durations, "s", "duration of each phase"),
         "constraint_multipliers": series(result.constraint_multipliers, "1", "multipliers of the constraints"),
         "bound_multipliers": series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
-        "mesh": _encode_mesh(result.mesh),
+        "mesh": Group(
+            {
+                "why": integers(mesh.why, "why each interval is as long as it is"),
+                "coarser": integers(mesh.coarser, "1 for nodes of the mesh whose race time was compared"),
+                "defect": series(mesh.defect, "scaled", "deviation of the replay from the next node"),
+                "drift": series(mesh.drift, "1", "distance of the Hamiltonian from -1"),
+            }
+        ),
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
         "provenance": table_of(StageProvenance, [result.provenance]),
-        "search": _encode_explored(result.search),
+        "search": Group(
+            {
+                "routes": table_of(Route, search.routes),
+                "loops": Table({"loop": search.loops}),
+                "summary": table_of(SearchSummary, [summary]),
+            }
+        ),
     }
     if result.suggested_changes:
         members["suggested_changes"] = table_of(SuggestedChange, result.suggested_changes)
     if result.certificate is not None:
-        members["certificate"] = _encode_certificate(result.certificate)
+        items = table_of(Item, result.certificate.items)
+        members["certificate"] = Group({"solver_status": result.certificate.solver_status, "items": items})
     return members
-
-
-def _encode_trajectory(trajectory: Trajectory, path: str) -> dict[str, Node]:
-    return {
-        "time": series(trajectory.time, "s", "time at the nodes"),
-        "interval_time": series(trajectory.time[:-1], "s", "time at the beginning of the intervals"),
-        "states": _encode_histories(trajectory.states, trajectory.state, f"{path}/time"),
-        "controls": _encode_histories(trajectory.controls, trajectory.control, f"{path}/interval_time"),
-        "phases": Table({"phase": trajectory.phases}),
-        "first_node": integers(trajectory.first_node, "node at which each phase begins, and the last node"),
-        "durations": series(trajectory.durations, "s", "duration of each phase"),
-    }
-
-
-def _encode_mesh(record: MeshRecord) -> Group:
-    return Group(
-        {
-            "why": integers(record.why, "why each interval is as long as it is"),
-            "coarser": integers(record.coarser, "1 for nodes of the mesh whose race time was compared"),
-            "defect": series(record.defect, "scaled", "deviation of the replay from the next node"),
-            "drift": series(record.drift, "1", "distance of the Hamiltonian from -1"),
-        }
-    )
-
-
-def _encode_explored(explored: SearchReport) -> Group:
-    summary = SearchSummary(explored.converged_to_best, explored.converged_elsewhere, explored.failed, explored.seconds)
-    return Group(
-        {
-            "routes": table_of(Route, explored.routes),
-            "loops": Table({"loop": explored.loops}),
-            "summary": table_of(SearchSummary, [summary]),
-        }
-    )
-
-
-def _encode_certificate(certificate: Certificate) -> Group:
-    return Group({"solver_status": certificate.solver_status, "items": table_of(Item, certificate.items)})
 
 
 def _encode_histories(declared: tuple[Quantity, ...], values: Array, axis: str) -> Group:
@@ -235,13 +223,11 @@ def decode(root: Group) -> Checkpoint:
     if schema != SCHEMA:
         raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
     place = Place("", root).expecting("inputs", "versions", "stages")
-    versions = rows_of(Version, place.table("versions"), "/versions")
     stages = place.group("stages")
-    unknown = set(stages.node.members) - {stage.value for stage in STAGES}
-    if unknown:
+    if unknown := set(stages.node.members) - {stage.value for stage in STAGES}:
         raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
-    stored = [_decode_stage(stages.group(stage.value), stage) for stage in STAGES if stage.value in stages.node.members]
-    return Checkpoint(inputs_of(place.group("inputs")), {row.name: row.version for row in versions}, tuple(stored))
+    stored = (_decode_stage(stages.group(one.value), one) for one in STAGES if one.value in stages.node.members)
+    return Checkpoint(inputs_of(place.group("inputs")), versions_of(place), tuple(stored))
 
 
 def inputs_of(place: Place) -> StoredInputs:
@@ -251,109 +237,79 @@ def inputs_of(place: Place) -> StoredInputs:
         CheckpointError: a member is missing, unknown or of the wrong kind.
     """
     place.expecting("track", "aircraft", "overrides", "resolved", optional=("settings",))
-    return StoredInputs(
-        track=_decode_document(place.group("track")),
-        aircraft=_decode_document(place.group("aircraft")),
-        settings=_decode_document(place.group("settings")) if "settings" in place.node.members else None,
-        overrides=place.texts("overrides", "override"),
-        resolved=place.text("resolved"),
-    )
+    documents: dict[str, StoredDocument] = {}
+    for name in {"track", "aircraft", "settings"} & set(place.node.members):
+        document = place.group(name).expecting("path", "text")
+        documents[name] = StoredDocument(document.text("path"), document.text("text"))
+    overrides, resolved = place.texts("overrides", "override"), place.text("resolved")
+    return StoredInputs(documents["track"], documents["aircraft"], documents.get("settings"), overrides, resolved)
 
 
-def _decode_document(place: Place) -> StoredDocument:
-    place.expecting("path", "text")
-    return StoredDocument(place.text("path"), place.text("text"))
+def versions_of(place: Place) -> dict[str, str]:
+    """Return the versions that stand at a place, by name."""
+    return {row.name: row.version for row in place.rows("versions", Version)}
 
 
-_TRAJECTORY = ("time", "interval_time", "states", "controls", "phases", "first_node", "durations")
-_HASHES = ("inputs_hash", "chain_hash")
-_TEXTS = ("outcome", "message")
-_MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
-_TABLES = ("notes", "splits", "attempts", "timings", "provenance")
+_MEMBERS = (
+    *("outcome", "message", "notes", "time", "interval_time", "states", "controls", "phases", "first_node"),
+    *("durations", "constraint_multipliers", "bound_multipliers", "mesh", "splits", "attempts", "timings"),
+    *("provenance", "search"),
+)
 _OPTIONAL = ("certificate", "suggested_changes")
-_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "search")
 
 
 def _decode_stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_MEMBERS, *_HASHES, "alternatives", optional=_OPTIONAL)
+    place.expecting(*_MEMBERS, "inputs_hash", "chain_hash", "alternatives", optional=_OPTIONAL)
     alternatives = place.group("alternatives")
     numbers = [str(number) for number in range(1, len(alternatives.node.members) + 1)]
-    alternatives.expecting(*numbers)
-    found = tuple(
-        _decode_result(alternatives.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers
-    )
-    result = replace(_decode_result(place, stage), alternatives=found)
+    groups = [alternatives.expecting(*numbers).group(one).expecting(*_MEMBERS, optional=_OPTIONAL) for one in numbers]
+    result = replace(_decode_result(place, stage), alternatives=tuple(_decode_result(group, stage) for group in groups))
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
 
 def _decode_result(place: Place, stage: Stage) -> StageResult:
     trajectory = _decode_trajectory(place)
+    outcome = place.text("outcome")
+    if outcome not in [one.value for one in OUTCOMES]:
+        raise CheckpointError(f"{place.path}/outcome: unknown outcome {outcome[:40]!r}")
+    try:
+        notes = tuple(Note(NoteKind(row.kind), row.text) for row in place.rows("notes", NoteRow))
+    except ValueError as error:
+        raise CheckpointError(f"{place.path}/notes: {str(error)[:80]}") from error
+    certificate = None
+    if "certificate" in place.node.members:
+        group = place.group("certificate").expecting("solver_status", "items")
+        certificate = Certificate(group.text("solver_status"), group.rows("items", Item))
+    search = place.group("search").expecting("routes", "loops", "summary")
+    summary = search.row("summary", SearchSummary)
     result = StageResult(
         stage=stage,
-        outcome=_outcome(place),
+        outcome=Status(outcome),
         message=place.text("message"),
         trajectory=trajectory,
         constraint_multipliers=place.floats("constraint_multipliers"),
         bound_multipliers=place.floats("bound_multipliers"),
-        certificate=_decode_certificate(place.group("certificate")) if "certificate" in place.node.members else None,
-        splits=rows_of(GateSplit, place.table("splits"), f"{place.path}/splits"),
-        attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
-        timings=_one_row(place, "timings", Timings),
-        provenance=_one_row(place, "provenance", StageProvenance),
+        certificate=certificate,
+        splits=place.rows("splits", GateSplit),
+        attempts=place.rows("attempts", Attempt),
+        timings=place.row("timings", Timings),
+        provenance=place.row("provenance", StageProvenance),
         mesh=_decode_mesh(place.group("mesh"), len(trajectory.time) - 1),
-        search=_decode_explored(place.group("search")),
-        notes=_notes(place),
-        suggested_changes=_suggested_changes(place) if "suggested_changes" in place.node.members else (),
+        search=SearchReport(
+            search.rows("routes", Route),
+            summary.converged_to_best,
+            summary.converged_elsewhere,
+            summary.failed,
+            summary.seconds,
+            search.texts("loops", "loop"),
+        ),
+        notes=notes,
+        suggested_changes=(
+            place.rows("suggested_changes", SuggestedChange) if "suggested_changes" in place.node.members else ()
+        ),
     )
     ensure_possible(result, place.path)
     return result
-
-
-def _suggested_changes(place: Place) -> tuple[SuggestedChange, ...]:
-    return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/suggested_changes")
-
-
-def _notes(place: Place) -> tuple[Note, ...]:
-    rows = rows_of(NoteRow, place.table("notes"), f"{place.path}/notes")
-    try:
-        return tuple(Note(NoteKind(row.kind), row.text) for row in rows)
-    except ValueError as error:
-        raise CheckpointError(f"{place.path}/notes: {str(error)[:80]}") from error
-
-
-def _one_row(place: Place, name: str, record: type[R]) -> R:
-    rows = rows_of(record, place.table(name), f"{place.path}/{name}")
-    if len(rows) != 1:
-        raise CheckpointError(f"{place.path}/{name}: {len(rows)} rows instead of one")
-    return rows[0]
-
-
-def _outcome(place: Place) -> Status:
-    text = place.text("outcome")
-    for outcome in OUTCOMES:
-        if outcome.value == text:
-            return outcome
-    raise CheckpointError(f"{place.path}/outcome: unknown outcome {text[:40]!r}")
-
-
-def _decode_certificate(place: Place) -> Certificate:
-    place.expecting("solver_status", "items")
-    items = rows_of(Item, place.table("items"), f"{place.path}/items")
-    return Certificate(place.text("solver_status"), items)
-
-
-def _decode_explored(place: Place) -> SearchReport:
-    place.expecting("routes", "loops", "summary")
-    summary = _one_row(place, "summary", SearchSummary)
-    routes = rows_of(Route, place.table("routes"), f"{place.path}/routes")
-    return SearchReport(
-        routes,
-        summary.converged_to_best,
-        summary.converged_elsewhere,
-        summary.failed,
-        summary.seconds,
-        place.texts("loops", "loop"),
-    )
 
 
 def _decode_mesh(place: Place, intervals: int) -> MeshRecord:
