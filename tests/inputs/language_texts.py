@@ -93,3 +93,16 @@ def findings_of(
 def edited(text: str, old: str, new: str) -> str:
     assert text.count(old) == 1, old
     return text.replace(old, new)
+
+
+def edits(table: str) -> list[tuple[str, str, str]]:
+    """Edits of a text, one a line as `old => new`, each with what is said of it, in the lines with `> ` below."""
+    found: list[tuple[str, str, str]] = []
+    for line in table.strip("\n").splitlines():
+        if line.startswith("> "):
+            *rest, (old, new, said) = found
+            found = [*rest, (old, new, f"{said} {line[2:]}".strip())]
+        else:
+            old, new = line.replace("\\n", "\n").split(" =>")
+            found.append((old, new.removeprefix(" "), ""))
+    return found

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, findings_of
+from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, edits, findings_of
 
 from airrace.errors import Finding, InputError
-from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
+from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.inputs.inputs import FINDINGS_MAX
 
 Mutation = Callable[[str, random.Random], str]
@@ -141,187 +141,97 @@ def mutated(text: str, choose: random.Random) -> str:
     return text
 
 
-def finding_in_track(old: str, new: str) -> str:
-    (finding,) = findings_of(edited(TRACK, old, new))
-    return str(finding)
+REFUSED = r"""
+    heading_deg: 90\n =>
+> 7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis when flown forward; or its two
+> `pylons`
+heading_deg: 90\n => heading_deg: 90\n    heigth_m: 20\n
+> 12:5: gates.g0.heigth_m: unknown key `heigth_m`; did you mean `height_m`?
+    east_m: 0\n =>     east_m: 0\n    north_m: 5\n
+> 11:5: gates.g0.north_m: duplicate key; first in line 9
+    north_m: 0\n =>     north_m: 0,5\n
+> 9:14: gates.g0.north_m: must be a number at least -50000 and at most 50000, not the text `0,5`; write it with a
+> decimal point, 0.5
+    north_m: 0\n =>     north_m: -12,75\n
+> 9:14: gates.g0.north_m: must be a number at least -50000 and at most 50000, not the text `-12,75`; write it with a
+> decimal point, -12.75
+    north_m: 0\n =>     north_m: '0,5,6'\n
+> 9:14: gates.g0.north_m: must be a number at least -50000 and at most 50000, not the text `0,5,6`
+course:\n => wind: {from_deg: 250, speed_m_s: 6}\ncourse:\n
+> 15:1: wind: unknown key `wind`; it belongs in `environment`
+start: g0 => start: top
+> 16:10: course.start: a race must start somewhere: `top` needs north_m, east_m and height_m, or be a gate
+n_z_max: 10 => n_z_max: ten
+> 4:12: rules.n_z_max: must be a number above 1 and at most 25, not the text `ten`
+n_z_max: 10 => n_z_max: 99
+> 4:12: rules.n_z_max: must be above 1 and at most 25, not 99
+n_z_max: 10 => n_z_max: yes
+> 4:12: rules.n_z_max: must be a number above 1 and at most 25, not the text `yes`
+n_z_max: 10 => n_z_max: true
+> 4:12: rules.n_z_max: must be a number above 1 and at most 25, not `true`
+n_z_max: 10 => n_z_max:
+> 4:11: rules.n_z_max: has no value; give one, or leave the key out
+  n_z_max: 10\n =>
+> 3:1: rules.n_z_max: missing; a rule book needs `n_z_max`: the largest load factor
+name: Test => name: 2014
+> 2:7: name: must be text, not 2014; quote it if it is meant as text
+type: level => type: levle
+> 8:11: gates.g0.type: unknown type `levle`; did you mean `level`?
+    type: level\n =>
+> 7:3: gates.g0.type: missing; `type` is one of: level, knife-edge, quad, pylon, manoeuvre, high-turn, vertical-roll
+bank: left => bank: leftt
+> 13:77: gates.g2.bank: must be one of right, left, either, not the text `leftt`; did you mean `left`?
+laps: 2 => laps: 1.5
+> 18:9: course.laps: must be a whole number at least 1 and at most 100, not 1.5
+laps: 2 => laps: 0
+> 18:9: course.laps: must be at least 1 and at most 100, not 0
+start: g0 => start: g00
+> 16:10: course.start: unknown gate `g00`; did you mean `g0`?
+lap: [g1, => lap: [g11,
+> 17:9: course.lap.0: unknown gate `g11`; did you mean `g1`?
+lap: [g1, => lap: [3,
+> 17:9: course.lap.0: must be the name of a gate or {gate: NAME, direction: reverse}, not 3
+lap: [g1, => lap: [g0, g1,
+> 17:9: course.lap.0: `g0` is passed twice in a row; another element must come between
+lap: [g1, => lap: [{gate: g1, direction: reverse},
+> 17:31: course.lap.0.direction: only two-pylon gates have a direction; `g1` is none, leave it out
+heading_deg: 90 => heading_deg: 90\n    height_m: 30\n    height_max_m: 25
+> 12:15: gates.g0.height_m: must lie within the window's heights, 25 to 25 m, not 30
+heading_deg: 90 => heading_deg: 90\n    width_m: 8
+> 12:14: gates.g0.width_m: a width of 8 m less two clearances of 0.5 m leaves 7 m; the wing of Edge 540 class spans
+> 7.43 m
+heading_deg: 90 => heading_deg: 90\n    clearance_m: 7
+> 7:3: gates.g0.width_m: a width of 13 m leaves nothing between two clearances of 7 m
+heading_deg: 90 => heading_deg: 90\n    crossing_max_deg: 90
+> 12:23: gates.g0.crossing_max_deg: must be above 0 and at most 85, not 90
+  n_z_max: 10 =>   n_z_max: 10\n  ceiling_m: 12
+> 8:3: gates.g0.height_m: lies at 15 to 25 m, outside of the flown heights of 10 to 12 m (rules: floor, ceiling)
+inverted: true, height_min_m: 100 =>
+> 14:3: gates.top: a manoeuvre needs at least one condition: climb_deg, bank_deg, inverted, heading_deg, ...
+inverted: true, => inverted: true, climb_deg: 90,
+> 14:36: gates.top.inverted: has no meaning on a vertical line; leave it out
+inverted: true, => inverted: true, bank_deg: 0,
+> 14:52: gates.top.bank_deg: not together with `inverted`, which says a bank of 180 degrees
+height_min_m: 100 => height_min_m: 100, height_m: 120
+> 14:71: gates.top.height_m: is exact; not together with `height_min_m` or `height_max_m`
+  start_speed_max_kt: 200 =>   start_speed_max_kt: 60
+> 5:23: rules.start_speed_max_kt: must be above 68.03 kt, the least speed of Edge 540 class; is 60
+schema: airrace/track/1 => schema: airrace/track/2
+> 1:9: schema: expected `schema: airrace/track/1`, found `airrace/track/2`
+schema: airrace/track/1\n =>
+> 1:1: schema: missing; the file must begin with `schema: airrace/track/1`
+course:\n => environment: {wind: {from_deg: 0}}\ncourse:\n
+> 15:15: environment.wind: missing; a wind needs `speed_kt` or `speed_m_s`
+course:\n => environment: {wind: {from_deg: 0, speed_kt: 1, speed_m_s: 1}}\ncourse:\n
+> 15:48: environment.wind.speed_m_s: the speed is given twice; keep one of `speed_kt` and `speed_m_s`
+"""
 
 
-def test_a_missing_gate_field_names_the_gate_and_its_line() -> None:
-    message = finding_in_track("    heading_deg: 90\n", "")
-    assert message == (
-        "t.yaml:7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis when flown forward; "
-        "or its two `pylons`"
-    )
-
-
-def test_an_unknown_key_comes_with_a_suggestion() -> None:
-    message = finding_in_track("heading_deg: 90\n", "heading_deg: 90\n    heigth_m: 20\n")
-    assert message == "t.yaml:12:5: gates.g0.heigth_m: unknown key `heigth_m`; did you mean `height_m`?"
-
-
-def test_a_duplicate_key_is_found() -> None:
-    message = finding_in_track("    east_m: 0\n", "    east_m: 0\n    north_m: 5\n")
-    assert message == "t.yaml:11:5: gates.g0.north_m: duplicate key; first in line 9"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            "n_z_max: 10",
-            "n_z_max: ten",
-            "t.yaml:4:12: rules.n_z_max: must be a number above 1 and at most 25, not the text `ten`",
-        ),
-        ("n_z_max: 10", "n_z_max: 99", "t.yaml:4:12: rules.n_z_max: must be above 1 and at most 25, not 99"),
-        (
-            "n_z_max: 10",
-            "n_z_max: yes",
-            "t.yaml:4:12: rules.n_z_max: must be a number above 1 and at most 25, not the text `yes`",
-        ),
-        (
-            "n_z_max: 10",
-            "n_z_max: true",
-            "t.yaml:4:12: rules.n_z_max: must be a number above 1 and at most 25, not `true`",
-        ),
-        ("n_z_max: 10", "n_z_max:", "t.yaml:4:11: rules.n_z_max: has no value; give one, or leave the key out"),
-        (
-            "  n_z_max: 10\n",
-            "",
-            "t.yaml:3:1: rules.n_z_max: missing; a rule book needs `n_z_max`: the largest load factor",
-        ),
-        ("name: Test", "name: 2014", "t.yaml:2:7: name: must be text, not 2014; quote it if it is meant as text"),
-        ("type: level", "type: levle", "t.yaml:8:11: gates.g0.type: unknown type `levle`; did you mean `level`?"),
-        (
-            "    type: level\n",
-            "",
-            "t.yaml:7:3: gates.g0.type: missing; `type` is one of: level, knife-edge, quad, pylon, manoeuvre, "
-            "high-turn, vertical-roll",
-        ),
-        (
-            "bank: left",
-            "bank: leftt",
-            (
-                "t.yaml:13:77: gates.g2.bank: must be one of right, left, either, not the text `leftt`; did you mean "
-                "`left`?"
-            ),
-        ),
-        (
-            "laps: 2",
-            "laps: 1.5",
-            "t.yaml:18:9: course.laps: must be a whole number at least 1 and at most 100, not 1.5",
-        ),
-        ("laps: 2", "laps: 0", "t.yaml:18:9: course.laps: must be at least 1 and at most 100, not 0"),
-        ("start: g0", "start: g00", "t.yaml:16:10: course.start: unknown gate `g00`; did you mean `g0`?"),
-        ("lap: [g1,", "lap: [g11,", "t.yaml:17:9: course.lap.0: unknown gate `g11`; did you mean `g1`?"),
-        (
-            "lap: [g1,",
-            "lap: [3,",
-            "t.yaml:17:9: course.lap.0: must be the name of a gate or {gate: NAME, direction: reverse}, not 3",
-        ),
-        (
-            "lap: [g1,",
-            "lap: [g0, g1,",
-            "t.yaml:17:9: course.lap.0: `g0` is passed twice in a row; another element must come between",
-        ),
-        (
-            "lap: [g1,",
-            "lap: [{gate: g1, direction: reverse},",
-            "t.yaml:17:31: course.lap.0.direction: only two-pylon gates have a direction; `g1` is none, leave it out",
-        ),
-        (
-            "heading_deg: 90",
-            "heading_deg: 90\n    height_m: 30\n    height_max_m: 25",
-            "t.yaml:12:15: gates.g0.height_m: must lie within the window's heights, 25 to 25 m, not 30",
-        ),
-        (
-            "heading_deg: 90",
-            "heading_deg: 90\n    width_m: 8",
-            (
-                "t.yaml:12:14: gates.g0.width_m: a width of 8 m less two clearances of 0.5 m leaves 7 m; the wing of "
-                "Edge 540 class spans 7.43 m"
-            ),
-        ),
-        (
-            "heading_deg: 90",
-            "heading_deg: 90\n    clearance_m: 7",
-            "t.yaml:7:3: gates.g0.width_m: a width of 13 m leaves nothing between two clearances of 7 m",
-        ),
-        (
-            "heading_deg: 90",
-            "heading_deg: 90\n    crossing_max_deg: 90",
-            "t.yaml:12:23: gates.g0.crossing_max_deg: must be above 0 and at most 85, not 90",
-        ),
-        (
-            "  n_z_max: 10",
-            "  n_z_max: 10\n  ceiling_m: 12",
-            (
-                "t.yaml:8:3: gates.g0.height_m: lies at 15 to 25 m, outside of the flown heights of 10 to 12 m "
-                "(rules: floor, ceiling)"
-            ),
-        ),
-        (
-            "inverted: true, height_min_m: 100",
-            "",
-            (
-                "t.yaml:14:3: gates.top: a manoeuvre needs at least one condition: climb_deg, bank_deg, inverted, "
-                "heading_deg, ..."
-            ),
-        ),
-        (
-            "inverted: true,",
-            "inverted: true, climb_deg: 90,",
-            "t.yaml:14:36: gates.top.inverted: has no meaning on a vertical line; leave it out",
-        ),
-        (
-            "inverted: true,",
-            "inverted: true, bank_deg: 0,",
-            "t.yaml:14:52: gates.top.bank_deg: not together with `inverted`, which says a bank of 180 degrees",
-        ),
-        (
-            "height_min_m: 100",
-            "height_min_m: 100, height_m: 120",
-            "t.yaml:14:71: gates.top.height_m: is exact; not together with `height_min_m` or `height_max_m`",
-        ),
-        (
-            "  start_speed_max_kt: 200",
-            "  start_speed_max_kt: 60",
-            "t.yaml:5:23: rules.start_speed_max_kt: must be above 68.03 kt, the least speed of Edge 540 class; is 60",
-        ),
-        (
-            "schema: airrace/track/1",
-            "schema: airrace/track/2",
-            "t.yaml:1:9: schema: expected `schema: airrace/track/1`, found `airrace/track/2`",
-        ),
-        (
-            "schema: airrace/track/1\n",
-            "",
-            "t.yaml:1:1: schema: missing; the file must begin with `schema: airrace/track/1`",
-        ),
-        (
-            "course:\n",
-            "environment: {wind: {from_deg: 0}}\ncourse:\n",
-            "t.yaml:15:15: environment.wind: missing; a wind needs `speed_kt` or `speed_m_s`",
-        ),
-        (
-            "course:\n",
-            "environment: {wind: {from_deg: 0, speed_kt: 1, speed_m_s: 1}}\ncourse:\n",
-            (
-                "t.yaml:15:48: environment.wind.speed_m_s: the speed is given twice; keep one of `speed_kt` and "
-                "`speed_m_s`"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "message"), edits(REFUSED))
 def test_an_error_in_a_track_says_where_what_and_what_would_be_right(old: str, new: str, message: str) -> None:
-    if "ceiling_m" in new:  # concerns every element; the first finding is enough
-        assert str(findings_of(edited(TRACK, old, new))[0]) == message
-    else:
-        assert finding_in_track(old, new) == message
-
-
-def test_a_race_does_not_start_at_a_free_position() -> None:
-    (finding,) = findings_of(edited(TRACK, "start: g0", "start: top"))
-    assert (finding.line, finding.column, finding.key) == (16, 10, "course.start")
+    findings = findings_of(edited(TRACK, old, new))
+    assert str(findings[0]) == f"t.yaml:{message}"
+    assert len(findings) == 1 or "ceiling_m" in new  # which concerns every element
 
 
 def test_all_findings_come_at_once() -> None:
@@ -345,18 +255,6 @@ def test_a_document_that_is_no_mapping_is_refused() -> None:
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 
 
-@pytest.mark.parametrize(
-    ("written", "words"),
-    [
-        ("    north_m: 0,5\n", "not the text `0,5`; write it with a decimal point, 0.5"),
-        ("    north_m: -12,75\n", "write it with a decimal point, -12.75"),
-    ],
-)
-def test_decimal_comma_is_called_one(written: str, words: str) -> None:
-    (finding,) = findings_of(edited(TRACK, "    north_m: 0\n", written))
-    assert words in str(finding)
-
-
 def test_decimal_comma_between_braces_is_called_one() -> None:
     text = ROVINJ.read_text().replace("north_m: 272.8,", "north_m: 272,8,")
     (finding,) = findings_of(text)
@@ -364,38 +262,22 @@ def test_decimal_comma_between_braces_is_called_one() -> None:
     assert "a number has a decimal point, not a comma" in str(finding)
 
 
-def test_other_texts_are_no_numbers_with_a_comma() -> None:
-    (finding,) = findings_of(edited(TRACK, "    north_m: 0\n", "    north_m: '0,5,6'\n"))
-    assert "decimal" not in str(finding)
-
-
-def test_key_that_stands_one_level_too_high_is_told_where_it_belongs() -> None:
-    (finding,) = findings_of(TRACK + "wind: {from_deg: 250, speed_m_s: 6}\n")
-    assert "wind: unknown key `wind`; it belongs in `environment`" in str(finding)
-
-
-def test_metres_set_on_a_place_of_degrees_are_told_so_and_not_the_file() -> None:
-    text = edited(TRACK, "    north_m: 0\n    east_m: 0\n", "    latitude_deg: 45\n    longitude_deg: 13\n")
-    text += "origin: {latitude_deg: 45, longitude_deg: 13}\n"
-    (finding,) = findings_of(text, overrides=("gates.g0.north_m=3",))
-    assert (finding.file, finding.key) == ("--set", "gates.g0.north_m")
-    assert finding.message.startswith("the file gives this position by latitude and longitude; set `latitude_deg`")
-
-
-def test_degrees_set_on_a_place_of_metres_are_told_so_and_not_the_file() -> None:
-    text = TRACK + "origin: {latitude_deg: 45, longitude_deg: 13}\n"
-    (finding,) = findings_of(text, overrides=("gates.g0.latitude_deg=45.1",))
-    assert (finding.file, finding.key) == ("--set", "gates.g0.latitude_deg")
-    assert finding.message == "the file gives this position by north and east; set `north_m` and `east_m`"
+def test_a_place_set_in_the_other_way_than_the_file_gives_it_is_told_so_and_not_the_file() -> None:
+    origin = "origin: {latitude_deg: 45, longitude_deg: 13}\n"
+    degrees = edited(TRACK, "    north_m: 0\n    east_m: 0\n", "    latitude_deg: 45\n    longitude_deg: 13\n")
+    for text, key, message in (
+        (degrees, "north_m=3", "by latitude and longitude; set `latitude_deg` and `longitude_deg`"),
+        (TRACK, "latitude_deg=45.1", "by north and east; set `north_m` and `east_m`"),
+    ):
+        (finding,) = findings_of(text + origin, overrides=(f"gates.g0.{key}",))
+        assert (finding.file, finding.key) == ("--set", f"gates.g0.{key.split('=')[0]}")
+        assert finding.message == f"the file gives this position {message}"
 
 
 def test_mass_that_no_body_of_that_size_has_is_refused() -> None:
     (finding,) = findings_of(aircraft=edited(AIRCRAFT, "mass_kg: 698 ", "mass_kg: 0.001 "))
     assert "airframe.mass_kg: is too little: nothing within a wing span of 7.43 m has I_x_kg_m2 = 520" in str(finding)
-
-
-def test_wing_span_whose_square_is_no_number_is_refused() -> None:
-    findings = findings_of(aircraft=edited(AIRCRAFT, "wing_span_m: 7.43", "wing_span_m: 1e-308"))
+    findings = findings_of(aircraft=edited(AIRCRAFT, "wing_span_m: 7.43", "wing_span_m: 1e-308"))  # squared it is 0
     assert any("nothing within a wing span of 1e-308 m" in str(finding) for finding in findings)
 
 
@@ -424,42 +306,30 @@ SHIPPED = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "tracks")
 TRACKS = [*SHIPPED, *[RICH] * 6]
 
 
-def loaded(track: str, aircraft: str, settings: str) -> Inputs | InputError:
-    """What the texts are understood as, or how they are refused."""
-    documents = (Document("t.yaml", track), Document("a.yaml", aircraft), Document("s.yaml", settings))
-    try:
-        return inputs_from_documents(*documents, ())
-    except InputError as error:
-        return error
-
-
-def check_findings(findings: list[Finding]) -> None:
-    """Every finding says something, in a bearable length; there are not too many."""
-    assert findings
-    for finding in findings:
-        assert finding.message.strip()
-        assert len(str(finding)) < 2000
-        assert finding.file in ("t.yaml", "a.yaml", "s.yaml")
-        assert (finding.line >= 1) == (finding.column >= 1)
-    told = Counter(finding.file for finding in findings)
-    assert max(told.values()) <= FINDINGS_MAX + 1
-
-
 def survive(count: int, seed: int) -> Counter[str]:
-    """Load so many spoilt inputs; how many were understood and refused."""
+    """Load so many spoilt inputs; how many were understood and refused, with some findings of bearable length."""
     choose = random.Random(seed)
     outcomes: Counter[str] = Counter()
     for index in range(count):
         texts = {"track": choose.choice(TRACKS), "aircraft": AIRCRAFT, "settings": SETTINGS}
         spoilt = choose.choices(list(texts), weights=(8, 1, 1))[0]
         texts[spoilt] = mutated(texts[spoilt], choose)
+        documents = [Document(f"{kind[0]}.yaml", text) for kind, text in texts.items()]
+        findings: list[Finding] | None = None
         try:
-            found = loaded(**texts)
-            if isinstance(found, InputError):
-                check_findings(found.findings)
+            inputs_from_documents(*documents, ())
+        except InputError as error:
+            findings = error.findings
         except Exception as error:
             raise AssertionError(f"seed {seed}, mutation {index}, {spoilt}:\n{texts[spoilt][:5000]}") from error
-        outcomes["refused" if isinstance(found, InputError) else "understood"] += 1
+        outcomes["understood" if findings is None else "refused"] += 1
+        assert findings != []
+        for finding in findings or ():
+            assert finding.message.strip()
+            assert len(str(finding)) < 2000
+            assert finding.file in ("t.yaml", "a.yaml", "s.yaml")
+            assert (finding.line >= 1) == (finding.column >= 1)
+        assert max(Counter(finding.file for finding in findings or ()).values(), default=0) <= FINDINGS_MAX + 1
     return outcomes
 
 
@@ -473,19 +343,6 @@ def test_three_hundred_spoilt_files_are_understood_or_refused() -> None:
 @pytest.mark.parametrize("seed", range(2, 12))
 def test_a_thousand_spoilt_files_are_understood_or_refused(seed: int) -> None:
     assert survive(1000, seed).total() == 1000
-
-
-@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.__name__)
-def test_every_mutation_changes_something_and_can_be_repeated(mutation: object) -> None:
-    assert callable(mutation)
-    texts = [mutation(RICH, random.Random(seed)) for seed in range(20)]
-    assert texts == [mutation(RICH, random.Random(seed)) for seed in range(20)]
-    assert sum(text != RICH for text in texts) > 10
-
-
-def test_the_unspoilt_files_are_understood() -> None:
-    for track in (*SHIPPED, RICH):
-        assert isinstance(loaded(track, AIRCRAFT, SETTINGS), Inputs)
 
 
 def test_files_of_any_bytes_are_refused(tmp_path: Path) -> None:
