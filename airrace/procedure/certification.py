@@ -1,4 +1,4 @@
-"""The measurements of an optimum, and the certificate that they make."""
+"""The measurements of an optimum, the certificate that they make, and the result of a stage."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,20 @@ from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance,
 from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
+from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.procedure.result import (
+    NO_PROVENANCE,
+    NO_RECORD,
+    MeshRecord,
+    Note,
+    Stage,
+    StageProvenance,
+    StageResult,
+    Status,
+)
 from airrace.procedure.settings import CertificateLimits
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import StageProblem, gate_splits, trajectory_of
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -143,3 +156,37 @@ def _hamiltonian(problem: Problem, iterate: Iterate, drift: Array, limits: Certi
 def failures(items: Sequence[Item]) -> str:
     """Return the items that do not hold, as part of a sentence."""
     return ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} ({item.where})" for item in items)
+
+
+def conclude(
+    flight: StageProblem,
+    session: SolverSession,
+    problem: Problem,
+    iterate: Iterate,
+    *,
+    outcome: Status,
+    stage: Stage | None = None,
+    message: str = "",
+    multipliers: Multipliers | None = None,
+    certificate: Certificate | None = None,
+    provenance: StageProvenance = NO_PROVENANCE,
+    mesh: MeshRecord = NO_RECORD,
+    notes: tuple[Note, ...] = (),
+) -> StageResult:
+    """Return the result of a stage, by default the flight's own; without multipliers theirs are empty."""
+    trajectory = trajectory_of(problem, iterate)
+    return StageResult(
+        stage=stage or flight.stage,
+        outcome=outcome,
+        message=message,
+        trajectory=trajectory,
+        constraint_multipliers=np.zeros(0) if multipliers is None else multipliers.constraints,
+        bound_multipliers=np.zeros(0) if multipliers is None else multipliers.bounds,
+        certificate=certificate,
+        splits=gate_splits(flight, trajectory),
+        attempts=tuple(session.attempts),
+        timings=session.timings(),
+        provenance=provenance,
+        mesh=mesh,
+        notes=notes,
+    )

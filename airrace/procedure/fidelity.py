@@ -1,20 +1,45 @@
-"""A fidelity: everything that belongs to one stage alone."""
+"""The fidelities, one object each with everything that belongs to one stage alone; `register` adds a further one.
 
+With them the equations of a stage, and a stored flight checked against them. Nothing here loads a solver.
+"""
+
+import dataclasses
+import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Protocol
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.control.dynamic_inversion import SIX_DOF, STATE_SPACE, STATE_SPACE_INVERSION, invert_body_motion
 from airrace.control.inner_controller import InnerLoopInverse
+from airrace.control.inversion_transfer_functions import invert_transfer_functions
 from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.point_mass import build_point_mass
+from airrace.dynamics.six_dof import build_six_dof
+from airrace.dynamics.state_space import build_state_space
+from airrace.dynamics.state_space_inversion import build_state_space_inversion
+from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air
-from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
+from airrace.errors import CheckpointError
+from airrace.extensions import load_extensions
+from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
+from airrace.planning.race import Race
+from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Rules
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Trajectory
+
+LONGEST_INTERVAL = 0.13
+"""The longest interval of the models with an inner loop, s.
+
+Their roll mode's time constant is 0.08 s. In a step of 0.13 s the scheme of order 7 errs by 3e-5 of it; one of order 5
+errs by 1e-2, so much that optima are found which nothing could fly. With order 7 and 0.13 s all stages take three
+quarters of the time that they take with order 5 and 0.07 to 0.1 s, with 0.16 s no less.
+"""
 
 Histories = Mapping[str, Array]
 """Named histories, each of shape (n,)."""
@@ -31,20 +56,20 @@ class WarmStart:
     """The way in which a stage is started from the optimum of the stage below it.
 
     Attributes:
-        farthest: a flight of this model along that optimum is taken for a start where it strays no further than this
-            (m); else the model is put at rest in the optimum, node by node. On the shipped courses flights that strayed
-            further were worse starts than the model at rest.
-        retold: a stage that flies the same equations and differs in its controls alone; its optimum is not flown along
-            but told in the controls of this one. None where the equations are this stage's own.
+        max_tracking_error: a simulation of this model along that optimum is taken for a start where it keeps so near
+            (m); else the model is trimmed in the optimum, node by node. On the shipped courses simulations with larger
+            errors were worse starts than the trimmed model.
+        same_dynamics_as: a stage with the same equations that differs in its controls alone; its optimum is not
+            followed but expressed in the controls of this one. None where the equations are this stage's own.
     """
 
-    farthest: float = 25.0
+    max_tracking_error: float = 25.0
     same_dynamics_as: Stage | None = None
 
 
 @record
 class Fidelity:
-    """A model of the aircraft as a stage of the ladder.
+    """A model of the aircraft as a stage of rising fidelity.
 
     Attributes:
         stage: its name and its place among the stages.
@@ -54,7 +79,7 @@ class Fidelity:
         scheme: integrates the model over an interval.
         longest_interval: the longest interval of its meshes before these are halved, s. Infinite where any length will
             do that keeps the limits.
-        handover: how it is started from the stage below.
+        warm_start: how it is started from the stage below.
         columns: further columns of its tables, each a function of the named histories of all states and controls, of
             shape (n,) -> (n,).
         guess: whether its flight only serves as a guess for the next stage: it is assembled from pieces, never
@@ -81,3 +106,122 @@ class Fidelity:
         if self.inner_controller is None:
             raise ValueError(f"{self.stage.value} has no inner loop that could be commanded")
         return self.inner_controller
+
+
+_point_mass = Fidelity(Stage.POINT_MASS, build_point_mass)
+
+_fidelities: dict[Stage, Fidelity] = {
+    one.stage: one
+    for one in (
+        dataclasses.replace(_point_mass, stage=Stage.HOMOTOPY, guess=True),
+        _point_mass,
+        Fidelity(
+            Stage.TRANSFER_FUNCTION,
+            build_transfer_functions,
+            inner_controller=invert_transfer_functions,
+            scheme=VERNER_7,
+            longest_interval=LONGEST_INTERVAL,
+        ),
+        Fidelity(
+            Stage.STATE_SPACE_INVERSION,
+            build_state_space_inversion,
+            inner_controller=functools.partial(invert_body_motion, chain=STATE_SPACE_INVERSION),
+            scheme=VERNER_7,
+            longest_interval=LONGEST_INTERVAL,
+        ),
+        Fidelity(
+            Stage.STATE_SPACE,
+            build_state_space,
+            inner_controller=functools.partial(invert_body_motion, chain=STATE_SPACE),
+            scheme=VERNER_7,
+            longest_interval=LONGEST_INTERVAL,
+            warm_start=WarmStart(same_dynamics_as=Stage.STATE_SPACE_INVERSION),
+        ),
+        Fidelity(
+            Stage.SIX_DOF,
+            build_six_dof,
+            inner_controller=functools.partial(invert_body_motion, chain=SIX_DOF),
+            scheme=VERNER_7,
+            longest_interval=LONGEST_INTERVAL,
+        ),
+    )
+}
+
+
+def register(fidelity: Fidelity) -> Fidelity:
+    """Add a fidelity, at the place of its stage, and return it.
+
+    A file that calls this is all that a fidelity of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
+
+    Raises:
+        ValueError: the stage has another fidelity already, or the model has no inner controller by which it
+            could be started from the stage below.
+    """
+    if fidelity.stage in _fidelities:
+        raise ValueError(f"there is a fidelity for the stage {fidelity.stage.value} already")
+    fidelity.controller()
+    _fidelities[fidelity.stage] = fidelity
+    return fidelity
+
+
+def fidelity_of(stage: Stage) -> Fidelity:
+    """Return the fidelity of a stage.
+
+    Raises:
+        KeyError: the stage was declared, but no fidelity was registered for it.
+    """
+    load_extensions()
+    return _fidelities[stage]
+
+
+def stage_model(stage: Stage, race: Race) -> FlightModel:
+    """Return the equations of a stage, with the numbers and limits of a race.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    course = race.course
+    return fidelity_of(stage).build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
+
+
+def iterate_of(trajectory: Trajectory) -> Iterate:
+    """Return the unknowns of a stored flight."""
+    return Iterate(trajectory.durations, trajectory.state, trajectory.control)
+
+
+def ensure_matches_model(race: Race, result: StageResult) -> None:
+    """Refuse a stored stage whose histories are not those of its model, and its alternatives likewise.
+
+    Names, their order and units decide, for whatever reads a flight goes by them. How a history is described, and
+    which values are allowed, may differ.
+
+    Args:
+        result: a stage as it was read from a file.
+
+    Raises:
+        CheckpointError: a state or a control is missing, unknown, in another place or in another unit; or the flight
+            has another number of legs than the course.
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    system, legs = stage_model(result.stage, race).system, len(race.course.passages) - 1
+    for one in (result, *result.alternatives):
+        trajectory, name = one.trajectory, one.stage.value
+        _ensure_same(name, "state", trajectory.states, system.states)
+        _ensure_same(name, "control", trajectory.controls, system.controls)
+        if len(trajectory.phases) != legs:
+            raise CheckpointError(f"{name}: its flight has {len(trajectory.phases)} legs, and the course has {legs}")
+
+
+def _ensure_same(stage: str, kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> None:
+    names, wanted = [one.name for one in stored], [one.name for one in declared]
+    missing = [name for name in wanted if name not in names]
+    unknown = [name for name in names if name not in wanted]
+    if missing:
+        raise CheckpointError(f"{stage}: the {kind} {missing[0]} is missing")
+    if unknown:
+        raise CheckpointError(f"{stage}: its model has no {kind} {unknown[0]}")
+    if names != wanted:
+        raise CheckpointError(f"{stage}: its {kind}s are {', '.join(names)}, in another order than its model's")
+    for mine, other in zip(stored, declared, strict=True):
+        if (mine.unit, mine.rate_of) != (other.unit, other.rate_of):
+            raise CheckpointError(f"{stage}: the {kind} {mine.name} is declared as another quantity than its model's")

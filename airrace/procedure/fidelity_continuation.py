@@ -11,14 +11,15 @@ import numpy as np
 from airrace.control.simulation import TrackingSimulator, pilot
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
+from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
 from airrace.planning.route_decisions import MIRRORED_TIES
-from airrace.procedure.conclusion import conclude
-from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.certification import conclude
+from airrace.procedure.fidelity import fidelity_of, iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
+from airrace.procedure.homotopy import InfeasibilityTest, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
 from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
 from airrace.procedure.infeasibility.local_infeasibility import (
@@ -27,18 +28,16 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
-from airrace.procedure.models import iterate_of
 from airrace.procedure.multistart.coarse_solution import InitialGuess
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget
-from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import check_mesh_convergence, solve_single_mesh, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
-from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.procedure.warm_start import followed, recorded, settled
 
@@ -87,7 +86,7 @@ class FidelityContinuation:
         self._race = race
         self._settings = settings
         self._last = last
-        self._flights: dict[Stage, Flight] = {}
+        self._flights: dict[Stage, StageProblem] = {}
         self._pilots: dict[Stage, TrackingSimulator] = {}
         self._pieces: StageResult | None = None
         self._local_infeasibility: LocalInfeasibility | None = None
@@ -95,7 +94,7 @@ class FidelityContinuation:
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
-    def flight(self, stage: Stage) -> Flight:
+    def flight(self, stage: Stage) -> StageProblem:
         """Return the model of a stage, made when it is first asked for.
 
         Raises:
@@ -106,7 +105,7 @@ class FidelityContinuation:
             return dataclasses.replace(self.flight(Stage.POINT_MASS), fidelity=fidelity)
         if stage not in self._flights:
             with defer_signals():
-                self._flights[stage] = stage_flight(stage, self._race, self._settings)
+                self._flights[stage] = formulate(stage, self._race, self._settings)
         return self._flights[stage]
 
     def make_ready(self, stage: Stage) -> None:
@@ -154,7 +153,7 @@ class FidelityContinuation:
             The stage, certified; as it was, with a message that says why, where that fails.
         """
         solved = self.done[stage]
-        session.go_on(solved.attempts, solved.timings)
+        session.restore_log(solved.attempts, solved.timings)
         main, *alternatives = (self._proved(one, session) for one in (solved, *solved.alternatives))
         result = dataclasses.replace(_on_record(main, session), alternatives=tuple(alternatives))
         self.done[stage] = result
@@ -282,7 +281,7 @@ class FidelityContinuation:
         if self._pieces is None:
             flown = self.done.get(Stage.HOMOTOPY)
             infeasible = self._infeasibility_test(session, plain=plain)
-            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, infeasible)
+            self._pieces = flown or solve_homotopy(self.flight(Stage.HOMOTOPY), session, infeasible)
         return self._pieces
 
     def _infeasibility_test(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
@@ -328,7 +327,7 @@ class FidelityContinuation:
         with defer_signals():
             return followed(flight, self._pilot(stage), below, optimum)
 
-    def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
+    def as_flown(self, stage: Stage, optimum: StageResult) -> StageProblem:
         """Return a stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
         way = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
@@ -385,7 +384,7 @@ def _nothing(_: SolverPool) -> str:
     return ""
 
 
-def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
+def _planned(flight: StageProblem, way: Plan, session: SolverSession) -> InitialGuess:
     """Return a plan as an initial guess, on the mesh on which the race's own is solved without a search."""
     mesh = first_mesh(way, session.settings.mesh)
     return InitialGuess(
@@ -393,7 +392,7 @@ def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
     )
 
 
-def _initial_guess(flight: Flight, pieces: StageResult) -> InitialGuess:
+def _initial_guess(flight: StageProblem, pieces: StageResult) -> InitialGuess:
     """Return the pieces of a homotopy as an initial guess."""
     return InitialGuess(
         flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), InitialBarrier.PIECES, is_baseline=True

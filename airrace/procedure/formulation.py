@@ -1,100 +1,94 @@
-"""The statement of the race as an optimal control problem: a phase per leg, a boundary per passage."""
+"""The parts of a race as an optimal control problem: the conditions at its passages, at its ends and along its legs."""
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Self
 
-from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import CrossingParameters, with_sight
-from airrace.dynamics.flight_model import COUNTING, FROM_ZERO, FlightModel
-from airrace.optimal_control.problem import Boundary, Objective, PathConstraint, Phase, Problem
-from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.dynamics.flight_model import FROM_ZERO, FlightModel
+from airrace.dynamics.settled import SIDE_ACCELERATION, settled_observation
+from airrace.dynamics.surroundings import (
+    CrowdKind,
+    climb_observation,
+    crowd_observation,
+    crowd_values,
+    line_observation,
+    line_values,
+    safety_line_values,
+)
+from airrace.errors import UsageError
+from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
-from airrace.procedure.boundary_conditions import Ends
-from airrace.procedure.guess import leg_seconds
-from airrace.quantities import Interval
-from airrace.system import Observation
-from airrace.track.course import Roll
+from airrace.quantities import Interval, Quantity
+from airrace.records import record
+from airrace.system import Observation, side_by_side
+from airrace.track.course import Course, EndState
 from airrace.track.element import Frame, climb_condition
 from airrace.track.gates import NOT_POSITIVE, POSITIVE, ZERO
+from airrace.track.polygons import area, edges
 
-DETOUR, DETOUR_SECONDS = 3.0, 10.0
-"""The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
-SHORTEST_SHARE, SHORTEST_SECONDS = 1.0 / 3.0, 0.1
-"""The shortest duration of a phase: a share of the plan (1), and a time (s) of which no more is asked."""
-TIME_SCALE = 3.0
-"""The scale of the phases' durations, s."""
 PIECE_ANGLE = math.radians(10.0)
 """The largest angle by which a piece of the homotopy may leave the planned course and climb, rad."""
 
+NamedPassing = tuple[str, str]
+"""The name of a passing and, where it is known, its kind."""
 
-def race_problem(
-    plan: Plan,
-    mesh: Sequence[tuple[float, ...]],
-    *,
-    watches: Sequence[tuple[PathConstraint, ...]],
-    model: FlightModel,
-    observation: Observation,
-    ends: Ends,
-    aircraft: Aircraft,
-    regularised: Mapping[str, float],
-    scheme: RungeKutta,
-) -> Problem:
-    """Return the joint problem over all phases.
 
-    Args:
-        plan: waypoints in flown order.
-        mesh: fractions of each phase's intervals.
-        watches: what holds along each phase.
-        model: the aircraft's equations.
-        observation: the crossing, seen from the model's states.
-        ends: what is asked of the first and the last passage besides.
-        aircraft: for its wing span.
-        regularised: weights of the squared, scaled controls by name.
-        scheme: integrates an interval.
+@record
+class Trim:
+    """The condition that the inner loop is settled at an end of the race, see `airrace.dynamics.settled`.
+
+    Attributes:
+        crossing: what the boundaries of passages observe.
+        settled: what is zero in a settled flight.
+        both: the two of them, side by side.
+        values: its parameters, the numbers of aircraft and air.
     """
-    first, *between, last = _boundaries(plan, observation, aircraft.airframe.b)
-    start = ends.start(first)
-    phases = [
-        Phase(
-            name=f"{a.passage.name} -> {b.passage.name}",
-            fractions=fractions,
-            duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
-            end=end,
-            bounds=COUNTING if b.passage.roll is not None else {},
-            watches=watched,
+
+    crossing: Observation
+    settled: Observation
+    both: Observation
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, model: FlightModel, crossing: Observation) -> Self:
+        """Return the condition for a model that sees the course's passages as `crossing`."""
+        settled = settled_observation(model)
+        values = tuple(float(value) for value in model.parameter_values)
+        return cls(crossing, settled, side_by_side(crossing, settled), values)
+
+    def at(self, boundary: Boundary) -> Boundary:
+        """Return the boundary of a passage that is to be met in settled flight."""
+        seen = boundary.observation
+        assert seen is not None  # it is the boundary of a passage
+        return dataclasses.replace(
+            boundary,
+            bounds={**boundary.bounds, **{one.name: ZERO for one in self.settled.quantities}},
+            observation=self.both if seen is self.crossing else side_by_side(seen, self.settled),
+            values=(*boundary.values, *self.values),
         )
-        for a, b, fractions, end, watched, seconds in zip(
-            plan.waypoints,
-            plan.waypoints[1:],
-            mesh,
-            [*between, ends.finish(last)],
-            watches,
-            leg_seconds(plan),
-            strict=False,
-        )
-    ]
-    return Problem(
-        system=model.system,
-        parameters=tuple(float(value) for value in model.parameter_values),
-        # Every interval ends with a unit quaternion; the first one must begin with one, or its length is arbitrary.
-        start=dataclasses.replace(start, bounds={**start.bounds, "attitude_norm": Interval.exactly(1.0)}),
-        phases=tuple(phases),
-        objective=Objective(time=1.0, regularisation=regularised),
-        scheme=scheme,
-        time_scale=TIME_SCALE,
-    )
 
 
-def _boundaries(plan: Plan, observation: Observation, span: float) -> list[Boundary]:
+def without_trim(boundary: Boundary) -> Boundary:
+    """Return the boundary of a passage without what `Trim` has added to it."""
+    seen = () if boundary.observation is None else boundary.observation.quantities
+    added = {one.name for one in seen if one.rate_of or one == SIDE_ACCELERATION}
+    return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
+
+
+def boundaries(plan: Plan, course: Course, observation: Observation, trim: Trim | None, span: float) -> list[Boundary]:
     """Return the conditions of all passages, in which counting begins anew where a roll does."""
-    boundaries = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
+    found = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
     for index, following in enumerate(plan.waypoints[1:]):
         if following.passage.roll is not None:
-            before = boundaries[index]
-            boundaries[index] = dataclasses.replace(before, bounds={**before.bounds, **FROM_ZERO})
-    return boundaries
+            found[index] = dataclasses.replace(found[index], bounds={**found[index].bounds, **FROM_ZERO})
+    for index, state in ((0, course.start_state), (-1, course.finish_state)):
+        if trim is not None and state is EndState.SETTLED:
+            found[index] = trim.at(found[index])
+    return found
 
 
 def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Boundary:
@@ -104,7 +98,9 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
     if passage.speed.bounded:
         bounds["V_K"] = passage.speed
     if passage.roll is not None:
-        bounds |= _rolled(passage.roll, waypoint.rolled)
+        angle = passage.roll.angle  # to the side to which the plan rolls
+        bounds["Phi"] = Interval(lower=angle) if waypoint.rolled > 0.0 else Interval(upper=-angle)
+        bounds["gain"] = Interval(lower=passage.roll.gain)
     frame = element.frame(axis=waypoint.axis, bank=waypoint.bank or 0.0, span=span)
     values = (*crossing_parameters(frame).join(), *element.sight_values)
     return Boundary(passage.name, bounds, with_sight(observation, element.sight), values)
@@ -134,12 +130,6 @@ def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
     return Boundary(waypoint.passage.name, bounds, observation, tuple(crossing_parameters(frame).join()))
 
 
-def _rolled(roll: Roll, planned: float) -> dict[str, Interval]:
-    """Return the conditions of a roll that goes far enough, to the side to which the plan rolls."""
-    angle = Interval(lower=roll.angle) if planned > 0.0 else Interval(upper=-roll.angle)
-    return {"Phi": angle, "gain": Interval(lower=roll.gain)}
-
-
 def crossing_parameters(frame: Frame) -> CrossingParameters[float]:
     """Return the frame of a passage as the parameters by which a crossing is observed."""
     return CrossingParameters(
@@ -153,3 +143,66 @@ def crossing_parameters(frame: Frame) -> CrossingParameters[float]:
         crossing_tan=frame.crossing_tan,
         half_span=frame.half_span,
     )
+
+
+def path_constraints(course: Course, states: Sequence[Quantity]) -> tuple[tuple[PathConstraint, ...], ...]:
+    """Return what holds along each leg besides the aircraft's limits: lines, crowd, the climb angle of a roll.
+
+    There is one leg less than there are passages. Every kind of observation is made once, however many legs see it.
+    """
+    line = line_observation(states)
+    climb, exact_climb = climb_observation(states, exact=False), climb_observation(states, exact=True)
+    crowds: dict[CrowdKind, tuple[Observation, Observation]] = {}
+
+    def beside(name: str, values: tuple[float, ...], margin: float) -> PathConstraint:
+        return PathConstraint(name, {"beside": Interval(lower=margin)}, line, values)
+
+    everywhere: list[PathConstraint] = []
+    if course.airspace:
+        right = area(course.airspace) > 0.0
+        for number, (a, b) in enumerate(edges(course.airspace, closed=True), start=1):
+            everywhere.append(beside(f"airspace, side {number}", line_values(a, b, right=right), 0.0))
+    for crowd in course.crowd:
+        kind = CrowdKind.of(crowd)
+        if kind not in crowds:
+            crowds[kind] = crowd_observation(states, kind, exact=False), crowd_observation(states, kind, exact=True)
+        smooth, exact = crowds[kind]
+        distance = {"distance": Interval(lower=crowd.distance)}
+        everywhere.append(PathConstraint(f"crowd {crowd.name}", distance, smooth, crowd_values(crowd), exact))
+    legs: list[tuple[PathConstraint, ...]] = []
+    for passage in course.passages[1:]:
+        lines = [beside(f"safety line {one.name}", safety_line_values(one), one.margin) for one in passage.safety_lines]
+        if passage.roll is not None:
+            lines.append(PathConstraint("roll", {"climb": passage.roll.climb}, climb, (), exact_climb))
+        legs.append((*everywhere, *lines))
+    return tuple(legs)
+
+
+def passings_of(course: Course) -> list[NamedPassing]:
+    """Return the names and kinds of the elements that a course passes, in order."""
+    return [(passage.name, type(passage.element).__name__.lower()) for passage in course.passages]
+
+
+def ensure_same_passings(here: Sequence[NamedPassing], there: Sequence[NamedPassing], name: str) -> None:
+    """Refuse a run whose passings differ: its flight leads through another course.
+
+    Args:
+        here: the passings of the race to be flown.
+        there: those of the run to start from; kinds may be unknown, which is an empty text.
+        name: what users call that run.
+
+    Raises:
+        UsageError: naming the first passing that differs.
+    """
+    for number, (mine, other) in enumerate(itertools.zip_longest(here, there), start=1):
+        if mine is None or other is None:
+            longer, one = ("this course", mine) if other is None else (name, other)
+            assert one is not None  # only one of the two sequences has ended
+            raise UsageError(f"{name} flies other passings: only {longer} has a passing number {number}, {one[0]}")
+        same_kind = mine[1] == other[1] or not (mine[1] and other[1])
+        if mine[0] != other[0] or not same_kind:
+            first, second = (f"{one[0]} ({one[1]})" if not same_kind and one[1] else one[0] for one in (other, mine))
+            raise UsageError(
+                f"{name} flies other passings: number {number} is {first} there and {second} here; "
+                "start without it, or keep the names and the order of the passings"
+            )

@@ -17,7 +17,7 @@ from airrace.planning.plan import Leg, Plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.planning.rotation_time import roll_time, rotation_time, turned
 from airrace.planning.waypoints import Waypoint
-from airrace.procedure.attitudes import align_quaternions
+from airrace.procedure.phase_segments import align_quaternions
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 

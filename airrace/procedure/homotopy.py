@@ -4,64 +4,156 @@ Each phase begins where the one before ended. First both gates stand in line and
 second gate's position and attitude move along the planned turn, its curvature growing with `part` from 0 to 1, until
 the gate is where it belongs. The whole way is tried first; where a step fails, it is halved.
 
-A phase flown for itself leaves its gate without a thought for the next. So a short horizon of phases is solved together
-and only the first of them is kept when the next one joins. The pieces together are the guess of the joint problem.
+A phase solved for itself leaves its gate without regard for the next. So a short horizon of phases is solved together
+and only the first of them stays when the next one joins. The pieces together are the guess of the joint problem.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from airrace.dynamics.point_mass import PointMassState
+from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.procedure.conclusion import conclude
+from airrace.planning.plan import Leg, Plan
+from airrace.planning.planning_model import PlanningModel
+from airrace.planning.rotation_time import rotated, rotation_time
+from airrace.planning.waypoints import Waypoint
+from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
-from airrace.procedure.phase_segments import joined, moved, phase_piece
+from airrace.procedure.phase_segments import concatenate, phase_piece, shift
 from airrace.procedure.result import Note, NoteKind, Stage, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
+from airrace.records import record
+from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 
-HORIZON = 2
-"""The number of phases that are solved together."""
-LONGEST_HORIZON = 8
-"""The largest number of phases that are solved together where fewer fail."""
+HORIZON, LONGEST_HORIZON = 2, 8
+"""The number of phases that are solved together; the largest one, where fewer fail."""
 SMALLEST_STEP = 1.0 / 16.0
 """The smallest step of `part` that is tried (1)."""
 DETOUR, DETOUR_SECONDS = 1.25, 1.0
-"""The longest duration of a window: a factor on the plan (1), and a time on top (s)."""
+"""The longest duration of a horizon: a factor on the plan (1), and a time on top (s)."""
 TOLERANCE, ITERATIONS_MAX = 1e-2, 100
 """The tolerance (1) and the number of iterations of a piece's solve, which yields only a guess."""
 INFEASIBILITY_TESTS_MAX = 2
-"""The number of phases that cannot be added of which it is asked whether they can be flown at all."""
+"""The largest number of infeasibility tests."""
 
 InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
-"""Tells of a race, a phase of it and some guesses of the race whether there is no flight around that phase."""
+"""(problem, phase, guesses) -> bool: True if the legs around the phase are infeasible."""
 
 
-def fly_homotopy(
-    flight: Flight, session: SolverSession, window_is_infeasible: InfeasibilityTest | None = None
+@record
+class PhaseHomotopy:
+    """The family of one phase: from straight and level to the planned turn.
+
+    A member is named by its `part` in [0, 1]: the curvature of the planned path (or the rotation between two attitudes)
+    is multiplied by it, and so is the prescribed bank. Part 0 has both gates in line; part 1 is the real phase.
+
+    Attributes:
+        begin: where the phase begins: its waypoint, moved to where the phase before really ended.
+        end: its last waypoint as planned.
+        path: the planned path of a level leg, else None.
+        pace: planning pace at the speed with which the phase begins.
+        counting: see `Plan`.
+    """
+
+    begin: Waypoint
+    end: Waypoint
+    path: DubinsPath | None
+    pace: PlanningModel
+    counting: bool
+
+    @property
+    def first(self) -> float:
+        """The first member; between attitudes at free positions there is no straight flight to begin with."""
+        return 0.0 if self.path is not None else 1.0
+
+    def target(self, part: float) -> Waypoint:
+        """Return where and how the phase ends."""
+        if part == 1.0:
+            return self.end
+        here, there = self.begin.position, self.end.position
+        if self.path is not None:
+            assert here is not None  # a level leg's ends have positions
+            assert there is not None
+            bent = self.path.bent(part)
+            north, east, heading = (float(values[0]) for values in bent.points(np.array([self.path.length])))
+            position, climb = (north, east, here[2] + part * (there[2] - here[2])), 0.0
+            bank = None if self.end.bank is None else part * self.end.bank
+        else:
+            heading, climb, bank = angles(rotation(rotated(self.begin.q, self.end.q, part)))
+            bank, position = (None if self.end.bank is None else bank), there
+            if here is not None and there is not None:
+                north, east, height = (a + part * (b - a) for a, b in zip(self._ahead(here), there, strict=True))
+                position = north, east, height
+        return dataclasses.replace(self.end, position=position, heading=heading, climb=climb, bank=bank, axis=heading)
+
+    def _ahead(self, position: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Return the position to which flight straight on would lead in the time of the whole rotation, m."""
+        reach = self.pace.V * rotation_time(self.begin.q, self.end.q, self.pace)
+        level = reach * math.cos(self.begin.climb)
+        return (
+            position[0] + level * math.cos(self.begin.heading),
+            position[1] + level * math.sin(self.begin.heading),
+            position[2] + reach * math.sin(self.begin.climb),
+        )
+
+    def guess(self, part: float, fractions: Sequence[float]) -> Iterate:
+        """Return the member as planned, on a mesh."""
+        path = None if self.path is None else self.path.bent(part)
+        member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0, self.counting)
+        return guess(member, [tuple(fractions)])
+
+
+def phase_homotopy(plan: Plan, index: int, state: Array | None) -> PhaseHomotopy:
+    """Return the family of one phase.
+
+    Args:
+        plan: of the race.
+        index: of the phase.
+        state: point-mass state in which the phase begins, shape (n_x,); None for the start as planned.
+    """
+    begin, end, pace = plan.waypoints[index], plan.waypoints[index + 1], plan.cruise
+    if state is not None:
+        now = PointMassState[float].split(state)
+        heading, climb, bank = angles(rotation(now.q))
+        begin = dataclasses.replace(
+            begin, position=(now.x, now.y, -now.z), heading=heading, climb=climb, bank=bank, axis=heading
+        )
+        pace = dataclasses.replace(pace, V=now.V_K)
+    # The planned path counts although the phase begins a little beside it: from there the shortest path to the gate
+    # may be another one, with a full circle more.
+    return PhaseHomotopy(begin, end, plan.legs[index].path, pace, plan.counting)
+
+
+def solve_homotopy(
+    flight: StageProblem, session: SolverSession, window_is_infeasible: InfeasibilityTest | None = None
 ) -> StageResult:
-    """Fly all phases one after the other; a phase that cannot be flown is left as planned.
+    """Solve all phases one after the other; a phase for which that fails is left as planned.
 
     Args:
         flight: the point mass.
-        bench: what solves.
-        hopeless: asked about the first phases that cannot be flown; where it says so, all that follows is left as
+        session: what solves.
+        window_is_infeasible: asked about the first phases that fail; where it says so, all that follows is left as
             planned. None to ask nobody.
     """
-    return _Homotopy(flight, session, window_is_infeasible).fly()
+    return _Homotopy(flight, session, window_is_infeasible).solve()
 
 
 class _Homotopy:
-    """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
+    """The pieces so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: Flight, session: SolverSession, window_is_infeasible: InfeasibilityTest | None) -> None:
+    def __init__(
+        self, flight: StageProblem, session: SolverSession, window_is_infeasible: InfeasibilityTest | None
+    ) -> None:
         self.flight = flight
         self.session = session
         self.window_is_infeasible = window_is_infeasible
@@ -72,7 +164,7 @@ class _Homotopy:
         self.planned = guess(flight.plan, self.mesh)
         self.pieces: list[Iterate] = []
 
-    def fly(self) -> StageResult:
+    def solve(self) -> StageResult:
         skipped: list[str] = []
         total = len(self.mesh)
         for group in self._groups():
@@ -87,23 +179,16 @@ class _Homotopy:
             self.flight,
             self.session,
             self.race,
-            joined(self.pieces),
+            concatenate(self.pieces),
             stage=Stage.HOMOTOPY,
             outcome=Status.SOLVED,
             notes=(Note(NoteKind.PLANNED_PHASES, f"left as planned: {', '.join(skipped)}"),) if skipped else (),
         )
 
-    def _so_far(self) -> Iterate:
-        """Return a flight of the pieces, and of what is planned of the rest."""
-        rest = range(len(self.pieces), len(self.mesh))
-        return joined([*self.pieces, *(phase_piece(self.planned, self.race, one) for one in rest)])
-
     def _groups(self) -> list[list[int]]:
-        """Return the phases to be added together.
+        """Return the phases to be added together: each alone, but those that end anywhere with the next fixed one.
 
-        They are added one by one, but those that end anywhere together with the next that ends at a given place.
-
-        The fastest way to a bare attitude is to take it at once, wherever; that tells nothing of a good flight.
+        The fastest way to a bare attitude is to take it at once, wherever; that says nothing of a good flight.
         """
         groups: list[list[int]] = [[]]
         for index in range(len(self.mesh)):
@@ -113,7 +198,7 @@ class _Homotopy:
         return [group for group in groups if group]
 
     def _add_phase(self, index: int, horizon: int) -> bool:
-        """Add a phase; where it cannot be flown from what is kept before it, more of that is opened to change."""
+        """Add a phase; where that fails with the pieces before it, more of them are opened to change."""
         while not self.is_infeasible and not self._follow(index, max(0, index - horizon + 1)):
             self._test_infeasibility(index)
             if horizon > min(index, LONGEST_HORIZON - 1):
@@ -122,15 +207,14 @@ class _Homotopy:
         return not self.is_infeasible
 
     def _test_infeasibility(self, index: int) -> None:
-        """Ask whether a phase that could not be added can be flown at all; once, and of the first such phases only."""
-        if (
-            self.window_is_infeasible is None
-            or index in self.tested_phases
-            or len(self.tested_phases) == INFEASIBILITY_TESTS_MAX
-        ):
+        """Ask whether a phase that could not be added is infeasible; once, and of the first such phases only."""
+        tested = self.tested_phases
+        if self.window_is_infeasible is None or index in tested or len(tested) == INFEASIBILITY_TESTS_MAX:
             return
-        self.tested_phases.add(index)
-        self.is_infeasible = self.window_is_infeasible(self.race, index, [self.planned, self._so_far()])
+        tested.add(index)
+        rest = [phase_piece(self.planned, self.race, one) for one in range(len(self.pieces), len(self.mesh))]
+        guesses = [self.planned, concatenate([*self.pieces, *rest])]
+        self.is_infeasible = self.window_is_infeasible(self.race, index, guesses)
 
     def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; return whether that was reached.
@@ -143,7 +227,7 @@ class _Homotopy:
         reached = self._member(first, index, family, part, family.guess(part, fractions))
         while reached is not None and part < 1.0:
             trial = min(1.0, part + step)
-            shifted = moved(reached[-1], family.guess(part, fractions), family.guess(trial, fractions))
+            shifted = shift(reached[-1], family.guess(part, fractions), family.guess(trial, fractions))
             solved = self._member(first, index, family, trial, shifted, reached[:-1])
             if solved is not None:
                 reached, part, step = solved, trial, 2.0 * step
@@ -163,38 +247,33 @@ class _Homotopy:
         last: Iterate,
         before: Sequence[Iterate] | None = None,
     ) -> list[Iterate] | None:
-        """Solve phases `first ... index`, the last of them at `part`; return the pieces, or None where that fails."""
-        problem = self._problem(first, index, family, part)
-        start = joined([*(self.pieces[first:] if before is None else before), last])
+        """Solve phases `first ... index`, the last of them at `part`; return the pieces, or None where that fails.
+
+        It fails, too, where the solution has left the family: it takes much longer than planned, for a needless loop.
+        """
+        target = piece_boundary(family.target(part), self.flight.observation)
+        end = dataclasses.replace(self.race.phases[index], end=target)
+        # On the way to the real phase its lines and its crowd stand at places that mean nothing yet.
+        phases: list[Phase] = [
+            *self.race.phases[first:index],
+            end if part == 1.0 else dataclasses.replace(end, watches=()),
+        ]
+        begin = self.race.start if first == 0 else fixed_state(self.flight, self.pieces[first].state[:, 0])
+        problem = dataclasses.replace(self.race, start=begin, phases=tuple(phases))
+        start = concatenate([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"
         barrier = InitialBarrier.COLD if before is None else InitialBarrier.PIECES
         options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier)
         solution = self.session.attempt(problem, start, purpose, self.session.settings.solver.primary, options)
-        if solution is None or not solution.success or self._astray(solution.iterate, first, start):
+        if solution is None or not solution.success:
+            return None
+        planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
+        if solution.iterate.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS:
             return None
         return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]
 
-    def _astray(self, found: Iterate, first: int, start: Iterate) -> bool:
-        """Return whether a solution has left the family: it takes much longer than planned, for a needless loop."""
-        planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
-        return bool(found.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS)
 
-    def _problem(self, first: int, index: int, family: PhaseHomotopy, part: float) -> Problem:
-        target = piece_boundary(family.target(part), self.flight.observation)
-        phases: list[Phase] = list(self.race.phases[first:index])
-        last = dataclasses.replace(self.race.phases[index], end=target)
-        # On the way to the real phase its lines and its crowd stand at places that mean nothing yet.
-        phases.append(last if part == 1.0 else dataclasses.replace(last, watches=()))
-        return dataclasses.replace(self.race, start=self._begin(first), phases=tuple(phases))
-
-    def _begin(self, first: int) -> Boundary:
-        """Return the race's own start, or the state in which the last piece that is kept ended."""
-        if first == 0:
-            return self.race.start
-        return held(self.flight, self.pieces[first].state[:, 0])
-
-
-def held(flight: Flight, state: Array) -> Boundary:
+def fixed_state(flight: StageProblem, state: Array) -> Boundary:
     """Return the boundary that is met in exactly one state, shape (n_x,)."""
     names = [quantity.name for quantity in flight.model.system.states]
     return Boundary("", {name: Interval.exactly(float(value)) for name, value in zip(names, state, strict=True)})

@@ -22,14 +22,13 @@ from airrace.optimal_control.refinement import Marks, restrict
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
-from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.models import ensure_matches_model, iterate_of
+from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Attempt, GateSplit, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import Flight, gate_splits, mesh_of, stage_flight, trajectory
+from airrace.procedure.stage_problem import StageProblem, formulate, gate_splits, mesh_of, trajectory_of
 from airrace.procedure.start import InitialBarrier
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
@@ -123,8 +122,8 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
 
 def _again(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
     if fidelity_of(result.stage).guess:
-        flight = stage_flight(Stage.POINT_MASS, race, settings)
-        flown = trajectory(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
+        flight = formulate(Stage.POINT_MASS, race, settings)
+        flown = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
         return replace(result, trajectory=flown, splits=gate_splits(flight, flown), certificate=None)
     found = measured(race, settings, TrustedData.of(result), service)
     stored = result.certificate
@@ -154,7 +153,7 @@ def measured(race: Race, settings: Settings, trusted: TrustedData, service: Solv
         CheckpointError: the multipliers do not belong to a flight of this race.
         SolverCrash: the solver process died.
     """
-    flight = stage_flight(trusted.stage, race, settings, trusted.flown)
+    flight = formulate(trusted.stage, race, settings, trusted.flown)
     problem, iterate = flight.problem(mesh_of(trusted.flown)), iterate_of(trusted.flown)
     layout = Layout(problem)
     if trusted.multipliers.shape != (layout.constraints,):
@@ -176,7 +175,7 @@ def measured(race: Race, settings: Settings, trusted: TrustedData, service: Solv
         kkt_error=error.largest,
         coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
     )
-    flown = trajectory(problem, iterate)
+    flown = trajectory_of(problem, iterate)
     return Measured(
         trajectory=flown,
         splits=gate_splits(flight, flown),
@@ -189,7 +188,7 @@ def measured(race: Race, settings: Settings, trusted: TrustedData, service: Solv
 
 
 def _coarser_race_time(
-    flight: Flight, settings: Settings, trusted: TrustedData, service: SolverService
+    flight: StageProblem, settings: Settings, trusted: TrustedData, service: SolverService
 ) -> float | None:
     """Return the race time of the optimum on the mesh that the result's was divided from, s.
 

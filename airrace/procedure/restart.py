@@ -20,9 +20,9 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.models import iterate_of
-from airrace.procedure.passings import ensure_same_passings
+from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import Note, NoteKind, Stage, StageProvenance, StageResult, Status
 from airrace.procedure.solve_and_refine import (
@@ -34,7 +34,7 @@ from airrace.procedure.solve_and_refine import (
     refine_from,
 )
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.quantities import Quantity
 from airrace.records import record
@@ -198,7 +198,7 @@ def _from_optimum(
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
 
 
-def _multipliers(flight: Flight, optimum: StageResult, start: Start) -> Multipliers | None:
+def _multipliers(flight: StageProblem, optimum: StageResult, start: Start) -> Multipliers | None:
     """Return the stored multipliers, on the mesh of the start; None where they belong to other limits."""
     problem = flight.problem(mesh_of(optimum.trajectory))
     layout = Layout(problem)
@@ -208,7 +208,7 @@ def _multipliers(flight: Flight, optimum: StageResult, start: Start) -> Multipli
     return carry_multipliers(stored, problem, start.problem)
 
 
-def _other_way(flight: Flight, optimum: StageResult) -> str:
+def _other_way(flight: StageProblem, optimum: StageResult) -> str:
     """Return the first gate or pylon that is planned to be crossed, or banked in, unlike in the stored flight.
 
     It is empty if there is none. Conditions at a passing are those of the planned direction, so no solver could lead
@@ -223,7 +223,7 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
     return ""
 
 
-def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
+def _start(flight: StageProblem, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, nodes, finer = mesh_of(optimum.trajectory), optimum.coarser_nodes, None
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
@@ -247,7 +247,7 @@ def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
     )
 
 
-def _in_order_of(flight: Flight, optimum: StageResult) -> Iterate | None:
+def _in_order_of(flight: StageProblem, optimum: StageResult) -> Iterate | None:
     """Return the stored flight with the states and controls of a model, by their names; None where they differ."""
     system, flown, stored = flight.model.system, optimum.trajectory, iterate_of(optimum.trajectory)
     states, controls = _rows(system.states, flown.states), _rows(system.controls, flown.controls)

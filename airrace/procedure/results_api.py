@@ -16,9 +16,7 @@ from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import sample
 from airrace.planning.race import Race
 from airrace.points import at_points
-from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.fidelity import Histories
-from airrace.procedure.models import ensure_matches_model, iterate_of, stage_model
+from airrace.procedure.fidelity import Histories, ensure_matches_model, fidelity_of, iterate_of, stage_model
 from airrace.procedure.result import Stage, StageResult
 from airrace.quantities import Quantity
 from airrace.records import record

@@ -14,8 +14,7 @@ from airrace.native.library import MISSING, is_missing
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
-from airrace.procedure.budget import Budget
-from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, remeasured
@@ -29,7 +28,7 @@ from airrace.procedure.restart import (
 )
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.settings import Settings
-from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES
 from airrace.records import record
 from airrace.system import System
@@ -136,7 +135,7 @@ def _from_another(
     """Start from another run, and look for a faster route beside it."""
     highest, *_ = starting_points(another, stages, race.course)
     session.service.preload(*_flown(ladder, highest.stage))
-    with session.aside(ladder.find_faster_route(highest)) as search:
+    with session.search_in_background(ladder.find_faster_route(highest)) as search:
         result, remark = warm_start_from(another, stages, race.course, ladder, session)
         faster = "" if result is None else search.result()
     if result is None:
@@ -157,7 +156,7 @@ def _climbed(
         stage, *wanted = wanted
         session.progress.stage_started(stage)
         if not remark:
-            session.begin()  # what led nowhere before stays on the record of the stage that was run instead
+            session.reset_log()  # what led nowhere before stays on the record of the stage that was run instead
         for following in wanted[:1]:
             prepare = partial(_prepare, ladder, following, session.service)
             if ladder.explores(stage):  # on every core: nothing would only wait meanwhile

@@ -22,9 +22,8 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.procedure.certification import certify, examine, failures
-from airrace.procedure.conclusion import conclude
-from airrace.procedure.models import iterate_of
+from airrace.procedure.certification import certify, conclude, examine, failures
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -39,7 +38,7 @@ from airrace.procedure.refinement import (
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 
@@ -145,7 +144,7 @@ class Refined:
     """A mesh that was solved on, and the optimum on it; None where there is none."""
 
     session: SolverSession
-    flight: Flight
+    flight: StageProblem
     state: RefinementState
     solution: Solution | None
     optimum: MeshSolution | None
@@ -331,7 +330,7 @@ def _good_mesh(refined: Refined) -> MeshProposal | None:
     return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else draft
 
 
-def check_mesh_convergence(flight: Flight, optimum: StageResult, session: SolverSession) -> StageResult | str:
+def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: SolverSession) -> StageResult | str:
     """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
 
     It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both

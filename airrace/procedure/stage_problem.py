@@ -1,30 +1,31 @@
-"""A race made ready for optimisation: its plan, the equations of the aircraft and the problem on any mesh."""
+"""The problem of a stage: a race's plan and the equations of the aircraft, discretised on any mesh."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import crossing_observation
-from airrace.dynamics.flight_model import FlightModel, RollReset
+from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.frames import angles, rotation
-from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
+from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import Plan
 from airrace.planning.race import Race
+from airrace.planning.waypoints import Waypoint
 from airrace.points import at_points
-from airrace.procedure.boundary_conditions import Ends, course_ends
-from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.fidelity import Fidelity
-from airrace.procedure.formulation import race_problem
-from airrace.procedure.models import stage_model
-from airrace.procedure.path_constraints import leg_watches
-from airrace.procedure.result import GateSplit, Stage
+from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
+from airrace.procedure.formulation import Trim, boundaries, path_constraints
+from airrace.procedure.guess import leg_seconds
+from airrace.procedure.result import GateSplit, Stage, StageResult
 from airrace.procedure.settings import Settings
-from airrace.quantities import Quantity
+from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation
+from airrace.track.course import Course, EndState, Passage
 from airrace.trajectory import Array, Trajectory
 
 RESET_WEIGHT = 1e-7
@@ -32,17 +33,31 @@ RESET_WEIGHT = 1e-7
 
 They matter only where a roll begins; this is enough to make them unique, and too little to be seen in a race time.
 """
+DETOUR, DETOUR_SECONDS = 3.0, 10.0
+"""The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
+SHORTEST_SHARE, SHORTEST_SECONDS = 1.0 / 3.0, 0.1
+"""The shortest duration of a phase: a share of the plan (1), and a time (s) of which no more is asked."""
+TIME_SCALE = 3.0
+"""The scale of the phases' durations, s."""
 
 
 @record
-class Flight:
-    """The model of one stage flying a planned race; `weights` of its squared, scaled controls, by name."""
+class StageProblem:
+    """The model of one stage flying a planned race.
+
+    Attributes:
+        observation: the crossing of a passage, seen from the model's states.
+        trim: the condition on a settled start or finish; None where the course has none.
+        watches: what holds along each leg besides the aircraft's limits.
+        weights: of the squared, scaled controls, by name.
+    """
 
     fidelity: Fidelity
     plan: Plan
     model: FlightModel
+    course: Course
     observation: Observation
-    ends: Ends
+    trim: Trim | None
     watches: tuple[tuple[PathConstraint, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
@@ -59,46 +74,58 @@ class Flight:
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
-        return race_problem(
-            self.plan,
-            mesh,
-            watches=self.watches,
-            model=self.model,
-            observation=self.observation,
-            ends=self.ends,
-            aircraft=self.aircraft,
-            regularised=self.weights,
+        start, *ends = boundaries(self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b)
+        phases = [
+            Phase(
+                name=f"{a.passage.name} -> {b.passage.name}",
+                fractions=fractions,
+                duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
+                end=end,
+                bounds=COUNTING if b.passage.roll is not None else {},
+                watches=watches,
+            )
+            for a, b, fractions, end, watches, seconds in zip(
+                *(self.plan.waypoints, self.plan.waypoints[1:], mesh, ends, self.watches, leg_seconds(self.plan)),
+                strict=False,
+            )
+        ]
+        return Problem(
+            system=self.model.system,
+            parameters=tuple(float(value) for value in self.model.parameter_values),
+            # Intervals end with a unit quaternion; the first one must begin with one, or its length is arbitrary.
+            start=dataclasses.replace(start, bounds={**start.bounds, "attitude_norm": Interval.exactly(1.0)}),
+            phases=tuple(phases),
+            objective=Objective(time=1.0, regularisation=self.weights),
             scheme=self.fidelity.scheme,
+            time_scale=TIME_SCALE,
         )
 
 
-def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory | None = None) -> Flight:
-    """Return the flight of a stage: the race as planned, in the equations of that stage.
+def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | None = None) -> StageProblem:
+    """Return the problem of a stage: the race as planned, in the equations of that stage.
 
     Args:
-        stage: which one.
-        race: what is flown.
-        settings: of the run.
-        flown: a flight whose choices the plan makes, too; without one it is the race's own plan.
+        route: a flight whose decisions the plan makes, too; without one it is the race's own plan.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     course, model = race.course, stage_model(stage, race)
     crossing = crossing_observation(model.system.states)
-    return Flight(
+    return StageProblem(
         fidelity=fidelity_of(stage),
-        plan=race.plan if flown is None else plan_from_solution(course, race.pace, flown),
+        plan=race.plan if route is None else plan_from_solution(course, race.pace, route),
         model=model,
+        course=course,
         observation=crossing,
-        ends=course_ends(course, model, crossing),
-        watches=leg_watches(course, model.system.states),
+        trim=Trim.of(model, crossing) if EndState.SETTLED in (course.start_state, course.finish_state) else None,
+        watches=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
-        weights=regularised(model, settings.regularisation),
+        weights=regularisation_weights(model, settings.regularisation),
     )
 
 
-def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
+def trajectory_of(problem: Problem, iterate: Iterate) -> Trajectory:
     """Return the named histories of an iterate."""
     steps = interval_durations(problem, iterate.durations)
     return Trajectory(
@@ -113,9 +140,9 @@ def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
     )
 
 
-def mesh_of(flown: Trajectory) -> list[tuple[float, ...]]:
+def mesh_of(trajectory: Trajectory) -> list[tuple[float, ...]]:
     """Return the fractions of every phase's intervals of a flight."""
-    return fractions_of(flown.time, flown.first_node.tolist())
+    return fractions_of(trajectory.time, trajectory.first_node.tolist())
 
 
 def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ...]]:
@@ -129,17 +156,17 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
     return [tuple((one / one.sum()).tolist()) for one in steps]
 
 
-def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:
+def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
     """Return one row per passage."""
-    q = [flown.of(name) for name in ("q0", "q1", "q2", "q3")]
-    V_K, z, n_z = flown.of("V_K"), flown.of("z"), history(flight, flown, "n_z")
+    q = [trajectory.of(name) for name in ("q0", "q1", "q2", "q3")]
+    V_K, z, n_z = trajectory.of("V_K"), trajectory.of("z"), history(flight, trajectory, "n_z")
     splits: list[GateSplit] = []
-    for waypoint, node in zip(flight.plan.waypoints, flown.first_node.tolist(), strict=True):
+    for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
         heading, climb, bank = angles(rotation([float(one[node]) for one in q]))
         splits.append(
             GateSplit(
                 name=waypoint.passage.name,
-                time=float(flown.time[node]),
+                time=float(trajectory.time[node]),
                 V_K=float(V_K[node]),
                 height=-float(z[node]),
                 n_z=float(n_z[node]),
@@ -151,7 +178,7 @@ def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:
     return tuple(splits)
 
 
-def history(flight: Flight, flown: Trajectory, name: str) -> Array:
+def history(flight: StageProblem, trajectory: Trajectory, name: str) -> Array:
     """Return a state or a path quantity at the nodes, shape (N + 1,).
 
     The last node has the controls of the last interval.
@@ -159,21 +186,99 @@ def history(flight: Flight, flown: Trajectory, name: str) -> Array:
     system = flight.model.system
     names = [quantity.name for quantity in system.path]
     if name not in names:
-        return flown.of(name)
+        return trajectory.of(name)
     assert system.path_values is not None  # it has path quantities
-    control = np.hstack([flown.control, flown.control[:, -1:]])
-    values = at_points(system.path_values, flown.state, control, flight.model.parameter_values)
+    control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
+    values = at_points(system.path_values, trajectory.state, control, flight.model.parameter_values)
     return values[names.index(name)]
 
 
-def regularised(model: FlightModel, weight: float) -> dict[str, float]:
+def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float]:
     """Return the weights of the squared, scaled controls by name: a rate counts `weight` where it is brisk."""
     controls = model.system.controls
-    weights = {one.name: weight * (one.scale / _brisk(model, one)) ** 2 for one in controls if one.rate_of}
+    half = {one.name: 0.5 * max(-one.lower, one.upper) for one in controls}  # of the fastest, without the model's own
+    brisk = {**half, **model.brisk}
+    weights = {one.name: weight * (one.scale / brisk[one.name]) ** 2 for one in controls if one.rate_of}
     resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
     return weights | resets
 
 
-def _brisk(model: FlightModel, rate: Quantity) -> float:
-    """Return a brisk rate: the model's own measure, else half of the fastest."""
-    return model.brisk.get(rate.name, 0.5 * max(-rate.lower, rate.upper))
+class PerturbedProblem:
+    """The problem of one stage, stated anew for races that differ from the one flown in numbers alone.
+
+    Plan, mesh and the weights of the regularisation stay those of the race that was flown, and so do the functions of
+    its model, for in a race that differs in numbers only parameters and limits differ.
+    """
+
+    def __init__(self, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
+        """Begin with a race as its flight states it on a mesh.
+
+        Args:
+            race: the race that was flown.
+            flight: its flight.
+            mesh: the fractions of each phase.
+        """
+        self.race = race
+        self.flight = flight
+        self._mesh = mesh
+
+    @classmethod
+    def of_result(cls, race: Race, settings: Settings, result: StageResult) -> Self:
+        """Begin with a stage that was solved: with its route, and on its mesh."""
+        flight = formulate(result.stage, race, settings, result.trajectory)
+        return cls(race, flight, mesh_of(result.trajectory))
+
+    def problem(self, race: Race) -> Problem:
+        """Return the problem of a race.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+        """
+        return self.formulation(race).problem(self._mesh)
+
+    def formulation(self, race: Race) -> StageProblem:
+        """Return the flight of a race along the plan of the race that was flown."""
+        flight, course, flown = self.flight, race.course, self.race.course
+        model, watches = flight.model, flight.watches
+        if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
+            built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            system = dataclasses.replace(
+                model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
+            )
+            model = dataclasses.replace(built, system=system)
+        if _watched(course) != _watched(flown):
+            watches = path_constraints(course, model.system.states)
+        return dataclasses.replace(
+            flight,
+            plan=with_passages(flight.plan, course),
+            model=model,
+            course=course,
+            watches=watches,
+            aircraft=race.aircraft,
+        )
+
+
+def _watched(course: Course) -> tuple[object, ...]:
+    """Return all of a course that watches are made of."""
+    own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
+    return course.airspace, course.crowd, own
+
+
+def with_passages(plan: Plan, course: Course) -> Plan:
+    """Return a plan for a course whose passages differ from the planned ones in numbers alone, flown the same way
+    round.
+
+    Axes and prescribed banks turn with their elements; sides, directions and planned durations stay.
+    """
+    waypoints = (_moved(waypoint, passage) for waypoint, passage in zip(plan.waypoints, course.passages, strict=True))
+    return dataclasses.replace(plan, waypoints=tuple(waypoints))
+
+
+def _moved(waypoint: Waypoint, passage: Passage) -> Waypoint:
+    before, after = waypoint.passage.element, passage.element
+    bank = waypoint.bank
+    if bank is not None:
+        bank += (after.prescribed_bank or 0.0) - (before.prescribed_bank or 0.0)
+    return dataclasses.replace(
+        waypoint, passage=passage, axis=waypoint.axis + (after.axis or 0.0) - (before.axis or 0.0), bank=bank
+    )

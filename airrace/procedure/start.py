@@ -3,7 +3,7 @@
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem
 from airrace.records import record
 
 
@@ -42,7 +42,7 @@ class Start:
     limits as far as they are known, None if nothing is.
     """
 
-    flight: Flight
+    flight: StageProblem
     problem: Problem
     guess: Iterate
     barrier: float

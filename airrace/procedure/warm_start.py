@@ -19,7 +19,7 @@ from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import StageProvenance, StageResult
-from airrace.procedure.stage_problem import Flight, fractions_of, history, mesh_of
+from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
@@ -28,7 +28,7 @@ FEWEST = 4
 """The smallest number of intervals of a phase."""
 
 
-def followed(flight: Flight, pilot: TrackingSimulator, source: Flight, optimum: StageResult) -> Start:
+def followed(flight: StageProblem, pilot: TrackingSimulator, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: a stage's model flown along the optimum of another stage.
 
     Where it strays too far, the start is the model at rest in that optimum.
@@ -48,7 +48,7 @@ def followed(flight: Flight, pilot: TrackingSimulator, source: Flight, optimum: 
         tracking_error_time=simulated.tracking_error_time,
         terminal_miss=simulated.end_distance,
     )
-    if not simulated.finished or simulated.tracking_error > flight.fidelity.warm_start.farthest:
+    if not simulated.finished or simulated.tracking_error > flight.fidelity.warm_start.max_tracking_error:
         return dataclasses.replace(settled(flight, source, optimum), provenance=provenance)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     problem = flight.problem(fractions_of(simulated.time, first_node))
@@ -56,7 +56,7 @@ def followed(flight: Flight, pilot: TrackingSimulator, source: Flight, optimum: 
     return Start(flight, problem, guess, InitialBarrier.OTHER_STAGE, provenance, known)
 
 
-def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+def settled(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: a stage's model at rest, node by node, in what the optimum of another stage does there."""
     flown = optimum.trajectory
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
@@ -69,13 +69,13 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     )
 
 
-def known_multipliers(source: Flight, optimum: StageResult, problem: Problem) -> Multipliers:
+def known_multipliers(source: StageProblem, optimum: StageResult, problem: Problem) -> Multipliers:
     """Return the multipliers of an optimum for another stage's problem: those of the limits that both have."""
     known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     return transfer_multipliers(known, Layout(source.problem(mesh_of(optimum.trajectory))), Layout(problem))
 
 
-def _reference(source: Flight, optimum: StageResult) -> Reference:
+def _reference(source: StageProblem, optimum: StageResult) -> Reference:
     return from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
 
 
@@ -97,7 +97,7 @@ def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]
     return np.concatenate([*nodes, times[-1:]]), first_node.tolist()
 
 
-def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+def recorded(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: the flight of a stage, in the states and controls of another one with the same equations."""
     flown = optimum.trajectory
     nodes, first_node = first_nodes(optimum, flight.longest_interval)

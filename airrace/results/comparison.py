@@ -19,7 +19,7 @@ import numpy as np
 
 from airrace.environment.air import Air
 from airrace.errors import UsageError
-from airrace.procedure.passings import passings_of
+from airrace.procedure.formulation import passings_of
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT, Interval
 from airrace.records import record

@@ -15,7 +15,7 @@ from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import read_named
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
-from airrace.procedure.passings import ensure_same_passings, passings_of
+from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck

@@ -14,7 +14,7 @@ import numpy as np
 from airrace.errors import NotCertified
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.procedure import run as procedure
-from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import wanted_stages
 from airrace.procedure.result import GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.settings import Settings

@@ -24,9 +24,9 @@ from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.parameters import Parameter, ParameterGroup
 from airrace.planning.race import Race
-from airrace.procedure.models import iterate_of
-from airrace.procedure.perturbed import PerturbedProblem
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
+from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.sensitivity.sensitivity import Activity, Sensitivity

@@ -30,14 +30,14 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Leg, plan
 from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.planning.race import Race
-from airrace.procedure.attitudes import align_quaternions
+from airrace.procedure.phase_segments import align_quaternions
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight, stage_flight
+from airrace.procedure.stage_problem import StageProblem, formulate
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.trajectory import Array
 
@@ -64,7 +64,7 @@ def is_long(leg: Leg) -> bool:
     return max(abs(sum(turns)), *(abs(turn) for turn in turns)) > LONG
 
 
-def drawn(flight: Flight, race: Race, settings: Settings, name: str) -> tuple[Flight, Problem, Iterate]:
+def drawn(flight: StageProblem, race: Race, settings: Settings, name: str) -> tuple[StageProblem, Problem, Iterate]:
     """A random start: the flight along its own plan, the problem on a coarse mesh, the lifted guess.
 
     Args:
@@ -114,7 +114,7 @@ def best_of(course: str, count: int, refine: int, threads: int) -> float:
     """The least race time (s) of the best of many random starts, refined; infinite where none is certified."""
     inputs = load_inputs(course)
     race, settings = inputs.race, inputs.settings
-    flight = stage_flight(Stage.POINT_MASS, race, settings)
+    flight = formulate(Stage.POINT_MASS, race, settings)
     starts: list[tuple[float, Start]] = []
     with SolverService(threads=threads, stall_seconds=settings.solver.stall_seconds) as service:
         session = SolverSession(service, settings, Silent())

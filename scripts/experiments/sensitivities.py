@@ -21,8 +21,8 @@ from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
-from airrace.procedure.models import iterate_of
-from airrace.procedure.perturbed import PerturbedProblem
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize

@@ -15,7 +15,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.frames import quaternion
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.stage import STAGES, Stage
 from airrace.trajectory import Array
 

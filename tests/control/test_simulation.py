@@ -19,7 +19,7 @@ from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Boundary, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory

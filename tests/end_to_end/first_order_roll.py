@@ -13,8 +13,7 @@ from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_
 from airrace.environment.air import Air
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
-from airrace.procedure.fidelities import register
-from airrace.procedure.fidelity import Fidelity
+from airrace.procedure.fidelity import Fidelity, register
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules

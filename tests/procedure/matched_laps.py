@@ -13,12 +13,12 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
-from airrace.procedure.homotopy import held
-from airrace.procedure.models import iterate_of
-from airrace.procedure.phase_segments import joined, phase_piece
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.homotopy import fixed_state
+from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import mesh_of, trajectory
+from airrace.procedure.stage_problem import mesh_of, trajectory_of
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory
@@ -53,10 +53,10 @@ def matched_laps(count: int) -> Trajectory:
         source, race, used = laps(1), matched_laps(1), [0, 1] * count
     mesh = mesh_of(race)
     whole = prepared(source).problem(mesh)
-    start = joined([phase_piece(iterate_of(race), whole, phase) for phase in used])
+    start = concatenate([phase_piece(iterate_of(race), whole, phase) for phase in used])
     free = flight.problem([mesh[phase] for phase in used])
-    last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
-    problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
+    last = dataclasses.replace(free.phases[-1], end=matched(fixed_state(flight, state), start.state[:, -1], state))
+    problem = dataclasses.replace(free, start=fixed_state(flight, state), phases=(*free.phases[:-1], last))
     with SolverService(threads=1, stall_seconds=PLAN.solver.stall_seconds) as service:
         solution = SolverSession(service, PLAN, Silent()).solve(
             problem, start, "matched laps", barrier=InitialBarrier.PIECES
@@ -64,7 +64,7 @@ def matched_laps(count: int) -> Trajectory:
     assert solution is not None
     assert solution.kkt.largest < PLAN.certificate.kkt_error
     assert not violations_of(problem, solution)
-    return trajectory(problem, solution.iterate)
+    return trajectory_of(problem, solution.iterate)
 
 
 def passing() -> Array:

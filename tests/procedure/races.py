@@ -17,12 +17,12 @@ from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
 from airrace.planning.plan import Plan, plan
 from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
-from airrace.procedure.models import iterate_of
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
-from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
@@ -101,9 +101,9 @@ def planned(race: Race) -> Plan:
     return plan(race.course, cruise(race.aircraft, race.course.rules))
 
 
-def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
+def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> StageProblem:
     """A race made ready for optimisation with the default settings."""
-    return stage_flight(stage, race, Settings())
+    return formulate(stage, race, Settings())
 
 
 def settings(guess: GuessKind, *, search: SearchEffort = SearchEffort.OFF) -> Settings:

@@ -33,7 +33,7 @@ from airrace.planning.waypoints import candidates
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
-from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight, trajectory
+from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory
@@ -136,11 +136,11 @@ def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
 # choices as flown
 
 
-def guessed(race: Race) -> tuple[Flight, Trajectory]:
+def guessed(race: Race) -> tuple[StageProblem, Trajectory]:
     """The guess from a race's plan."""
     flight = prepared(race)
     mesh = first_mesh(flight.plan, MeshSettings())
-    return flight, trajectory(flight.problem(mesh), guess(flight.plan, mesh))
+    return flight, trajectory_of(flight.problem(mesh), guess(flight.plan, mesh))
 
 
 def assert_same_choices(race: Race, one: Plan, other: Plan) -> None:
@@ -190,8 +190,8 @@ def test_plan_of_an_optimum_makes_the_choices_that_it_was_planned_with(name: str
 def test_model_planned_as_flown_has_a_problem_of_the_same_size_that_the_flight_solves(stage: Stage) -> None:
     flown = optimum_of(SMALL).trajectory
     mesh = mesh_of(flown)
-    own = stage_flight(stage, SMALL, Settings()).problem(mesh)
-    again = stage_flight(stage, SMALL, Settings(), flown).problem(mesh)
+    own = formulate(stage, SMALL, Settings()).problem(mesh)
+    again = formulate(stage, SMALL, Settings(), flown).problem(mesh)
     assert [phase.name for phase in again.phases] == [phase.name for phase in own.phases]
     for a, b in zip(
         (own.start, *(one.end for one in own.phases)), (again.start, *(one.end for one in again.phases)), strict=True

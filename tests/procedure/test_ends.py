@@ -13,10 +13,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.homotopy import held
+from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
-from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.stage_problem import mesh_of
@@ -78,7 +78,7 @@ def test_all_limits_along_the_path_hold_at_the_finish(stage: Stage) -> None:
 
 def test_piece_of_a_homotopy_that_begins_in_mid_race_is_not_settled() -> None:
     flight = prepared(SMALL)
-    assert asked(held(flight, np.ones(len(flight.model.system.states))), problem_of(SMALL)) == set()
+    assert asked(fixed_state(flight, np.ones(len(flight.model.system.states))), problem_of(SMALL)) == set()
 
 
 @every_stage

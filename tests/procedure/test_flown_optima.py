@@ -14,8 +14,8 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.errors import CheckpointError
 from airrace.optimal_control.replay import interval_durations, replay
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.models import iterate_of
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings

@@ -19,10 +19,9 @@ from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
 from airrace.planning.race import Race
-from airrace.procedure.attitudes import ROWS, align_quaternions, turned
-from airrace.procedure.formulation import piece_boundary
+from airrace.procedure.formulation import path_constraints, piece_boundary
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.path_constraints import leg_watches
+from airrace.procedure.phase_segments import QUATERNION, align_quaternions, rotate
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine
@@ -312,7 +311,7 @@ STAND = Crowd("stand", CrowdShape.LINE, (Point(0.0, -400.0), Point(300.0, -420.0
 
 
 def watches(**changes: object) -> tuple[tuple[PathConstraint, ...], ...]:
-    return leg_watches(dataclasses.replace(SMALL.course, **changes), STATES)
+    return path_constraints(dataclasses.replace(SMALL.course, **changes), STATES)
 
 
 def with_passage(index: int, **changes: object) -> Course:
@@ -328,7 +327,7 @@ def seen(watch: PathConstraint, north: float, east: float) -> float:
 
 def test_safety_line_and_roll_are_watched_on_their_leg_alone() -> None:
     assert watches() == ((), (), ())
-    first, second, third = leg_watches(with_passage(2, safety_lines=(BEACH,)), STATES)
+    first, second, third = path_constraints(with_passage(2, safety_lines=(BEACH,)), STATES)
     assert (first, third) == ((), ())
     (line,) = second
     assert line.name == "safety line beach"
@@ -336,7 +335,7 @@ def test_safety_line_and_roll_are_watched_on_their_leg_alone() -> None:
     assert seen(line, 100.0, 480.0) == pytest.approx(20.0)
     assert seen(line, 100.0, 520.0) == pytest.approx(-20.0)
     allowed = Interval(1.3, 1.6)
-    first, second, third = leg_watches(with_passage(1, roll=Roll(5.0, allowed)), STATES)
+    first, second, third = path_constraints(with_passage(1, roll=Roll(5.0, allowed)), STATES)
     assert (second, third) == ((), ())
     assert [watch.bounds for watch in first] == [{"climb": allowed}]
 
@@ -370,7 +369,7 @@ signs = arrays(np.float64, (NODES,), elements=st.sampled_from([-1.0, 1.0]))
 def history(angles: list[tuple[float, float, float]]) -> Array:
     """A state history with these courses, climbs and banks; the other rows hold their own numbers."""
     state = np.arange(PointMassState.size(), dtype=float)[:, None] + np.arange(len(angles), dtype=float)
-    state[ROWS] = np.array([quaternion(*one) for one in angles]).T
+    state[QUATERNION] = np.array([quaternion(*one) for one in angles]).T
     return state
 
 
@@ -379,7 +378,7 @@ histories = st.builds(history, st.lists(st.tuples(angle, angle, angle), min_size
 
 def matrices(state: Array) -> Array:
     """`R_OKbar` at every node, shape (3, 3, N)."""
-    return np.array(rotation(list(state[ROWS])))
+    return np.array(rotation(list(state[QUATERNION])))
 
 
 @settings(max_examples=30)
@@ -387,15 +386,15 @@ def matrices(state: Array) -> Array:
 def test_aligning_keeps_attitudes_and_other_rows_and_puts_neighbours_on_the_side_of_the_first(
     state: Array, sign: Array
 ) -> None:
-    assert [PointMassState.names()[row] for row in ROWS] == ["q0", "q1", "q2", "q3"]
-    state[ROWS] *= sign
+    assert [PointMassState.names()[row] for row in QUATERNION] == ["q0", "q1", "q2", "q3"]
+    state[QUATERNION] *= sign
     aligned = state.copy()
     align_quaternions(aligned)
     assert np.allclose(matrices(aligned), matrices(state), atol=1e-12)
-    others = [row for row in range(len(state)) if row not in ROWS]
+    others = [row for row in range(len(state)) if row not in QUATERNION]
     assert (aligned[others] == state[others]).all()
     assert (aligned[:, 0] == state[:, 0]).all()
-    q = aligned[ROWS]
+    q = aligned[QUATERNION]
     assert ((q[:, 1:] * q[:, :-1]).sum(axis=0) >= 0.0).all()
     again = aligned.copy()
     align_quaternions(again)
@@ -406,12 +405,12 @@ def test_aligning_keeps_attitudes_and_other_rows_and_puts_neighbours_on_the_side
 @given(histories, histories, histories)
 def test_directions_turn_with_the_reference(state: Array, before: Array, after: Array) -> None:
     """What `before` is turned by, in O, is what `state` is turned by: R_new R_old^T is the same for both."""
-    assert np.allclose(turned(state, before, before), state[ROWS], atol=1e-12)
-    assert np.allclose(turned(before, before, after), after[ROWS], atol=1e-12)
+    assert np.allclose(rotate(state, before, before), state[QUATERNION], atol=1e-12)
+    assert np.allclose(rotate(before, before, after), after[QUATERNION], atol=1e-12)
     there = state.copy()
-    there[ROWS] = turned(state, before, after)
-    assert np.allclose((there[ROWS] ** 2).sum(axis=0), 1.0, atol=1e-12)
-    assert np.allclose(turned(there, after, before), state[ROWS], atol=1e-12)
+    there[QUATERNION] = rotate(state, before, after)
+    assert np.allclose((there[QUATERNION] ** 2).sum(axis=0), 1.0, atol=1e-12)
+    assert np.allclose(rotate(there, after, before), state[QUATERNION], atol=1e-12)
     for node in range(NODES):
         turn = matrices(after)[:, :, node] @ matrices(before)[:, :, node].T
         assert np.allclose(matrices(there)[:, :, node], turn @ matrices(state)[:, :, node], atol=1e-9)

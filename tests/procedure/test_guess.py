@@ -16,10 +16,9 @@ from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import fidelity_continuation as module
-from airrace.procedure.attitudes import ROWS
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import COUNT_STEP, LONG_RACE, STRETCHED, counts_of, first_mesh, guess, leg_seconds
-from airrace.procedure.phase_segments import SHORTEST_SHARE, joined, moved, phase_piece
+from airrace.procedure.phase_segments import QUATERNION, SHORTEST_SHARE, concatenate, phase_piece, shift
 from airrace.procedure.settings import GuessKind, MeshSettings
 from airrace.procedure.stage import Stage
 from airrace.trajectory import Array
@@ -204,7 +203,7 @@ def pieces_of(problem: Problem, whole: Iterate) -> list[Iterate]:
 def test_pieces_share_the_node_at_their_gate_join_again_and_move_from_plan_to_plan(name: str) -> None:
     problem, whole = flight(name)
     pieces = pieces_of(problem, whole)
-    again = joined(pieces)
+    again = concatenate(pieces)
     assert (again.durations == whole.durations).all()
     assert (again.control == whole.control).all()
     assert (again.state == whole.state).all()
@@ -214,8 +213,8 @@ def test_pieces_share_the_node_at_their_gate_join_again_and_move_from_plan_to_pl
         assert (one.state[:, -1] == next_one.state[:, 0]).all()
     before = pieces[0]
     after = Iterate(before.durations + 0.3, before.state + 2.0, before.control - 0.1)
-    after.state[ROWS] = before.state[ROWS][:, ::-1]
-    shifted = moved(before, before, after)
+    after.state[QUATERNION] = before.state[QUATERNION][:, ::-1]
+    shifted = shift(before, before, after)
     assert np.allclose(shifted.state, after.state, atol=1e-9)
     assert np.allclose(shifted.control, after.control)
     assert np.allclose(shifted.durations, after.durations)
@@ -224,21 +223,21 @@ def test_pieces_share_the_node_at_their_gate_join_again_and_move_from_plan_to_pl
 def test_joining_keeps_the_later_of_two_states_at_a_gate_and_aligns_the_signs_of_attitudes() -> None:
     problem, whole = flight("four_gates")
     first, second, third = pieces_of(problem, whole)
-    later = joined([first, Iterate(second.durations, second.state + 5.0, second.control), third])
+    later = concatenate([first, Iterate(second.durations, second.state + 5.0, second.control), third])
     node = problem.first_node[1]
     assert later.state[0, node] == whole.state[0, node] + 5.0
     assert later.state[0, node - 1] == whole.state[0, node - 1]
     flipped = second.state.copy()
-    flipped[ROWS] *= -1.0
-    again = joined([first, Iterate(second.durations, flipped, second.control), third])
+    flipped[QUATERNION] *= -1.0
+    again = concatenate([first, Iterate(second.durations, flipped, second.control), third])
     assert np.allclose(again.state, whole.state, atol=1e-12)
 
 
 def test_moving_by_no_difference_changes_nothing_and_keeps_a_positive_duration() -> None:
     problem, whole = flight("four_gates")
     piece, reference = phase_piece(whole, problem, 0), phase_piece(whole, problem, 0)
-    shifted = moved(piece, reference, reference)
+    shifted = shift(piece, reference, reference)
     assert np.allclose(shifted.state, piece.state, atol=1e-12)
     assert (shifted.durations == piece.durations).all()
     long = Iterate(piece.durations * 10.0, piece.state, piece.control)
-    assert moved(piece, long, piece).durations == pytest.approx(SHORTEST_SHARE * piece.durations)
+    assert shift(piece, long, piece).durations == pytest.approx(SHORTEST_SHARE * piece.durations)

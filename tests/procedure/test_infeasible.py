@@ -22,7 +22,7 @@ from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.race import Race
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, fly_homotopy
+from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import (
     AIRCRAFT as AIRCRAFT_KIND,
 )
@@ -261,7 +261,7 @@ def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_h
         assert all(one.state.shape == (len(race.system.states), race.intervals + 1) for one in guesses)
         return answer
 
-    result = fly_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
+    result = solve_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
     assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert result.remarks == f"left as planned: {', '.join(result.trajectory.phases)}"
@@ -287,7 +287,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
         assert ladder.climb(Stage.HOMOTOPY, used).outcome is Status.SOLVED
-        used.begin()
+        used.reset_log()
     result = ladder.climb(Stage.POINT_MASS, used)
     assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS

@@ -31,8 +31,7 @@ from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.state_space import Surrounding
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.fidelities import fidelity_of, register
-from airrace.procedure.fidelity import Fidelity
+from airrace.procedure.fidelity import Fidelity, fidelity_of, register
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.results_api import derived_quantities

@@ -18,7 +18,7 @@ from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.certification import Evidence, certify
-from airrace.procedure.models import iterate_of
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.refinement import (
     SETTINGS,

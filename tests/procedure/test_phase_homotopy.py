@@ -10,7 +10,7 @@ from races import RACES, planned
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import angle_between, quaternion
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
+from airrace.procedure.homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 

@@ -10,7 +10,7 @@ from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.procedure import restart, solver_session
-from airrace.procedure.passings import ensure_same_passings, passings_of
+from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize

@@ -15,18 +15,24 @@ from airrace.optimal_control.solvers.interface import Ending, Multipliers, Solve
 from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.procedure import budget
-from airrace.procedure.budget import FEWEST_INTERVALS, PER_INTERVAL, Budget
+from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
-from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
 from airrace.procedure.phase_segments import phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
-from airrace.procedure.solver_session import KNOWN_ITERATIONS_MAX, MEASURED, SolverSession
+from airrace.procedure.solver_session import (
+    FEWEST_INTERVALS,
+    KNOWN_ITERATIONS_MAX,
+    MEASURED,
+    PER_INTERVAL,
+    Budget,
+    SolverPool,
+    SolverSession,
+)
 from airrace.procedure.start import InitialBarrier, Start
 
 STALLED = "stalled"
@@ -182,7 +188,7 @@ def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
         assert going_on.wait(10.0)
         return "found"
 
-    with told.aside(search) as beside:
+    with told.search_in_background(search) as beside:
         assert searching.wait(10.0)
         told.solve(problem, start, "joint", barrier=0.1)
         going_on.set()
@@ -208,7 +214,7 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
     used.solve(problem, made, "all phases", barrier=0.1)
     timings = used.timings()
     assert (timings.solve, timings.derivatives) == (1.0, 0.5)
-    used.begin()
+    used.reset_log()
     assert used.attempts == []
     assert used.timings().solve == used.timings().derivatives == 0.0
 
@@ -219,7 +225,7 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
 @pytest.mark.parametrize("name", RACES)
 def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
     flight, used = prepared(RACES[name]), session("stuck")
-    result = fly_homotopy(flight, used)
+    result = solve_homotopy(flight, used)
     made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
@@ -230,7 +236,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
 
 def test_homotopy_tries_the_whole_way_first() -> None:
     flight, used = prepared(SMALL), session("solved")
-    result = fly_homotopy(flight, used)
+    result = solve_homotopy(flight, used)
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
     assert result.remarks == ""
@@ -239,7 +245,7 @@ def test_homotopy_tries_the_whole_way_first() -> None:
 def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
     flight = prepared(SMALL)
     used = session("solved", *["stuck"] * 5, "solved")
-    result = fly_homotopy(flight, used)
+    result = solve_homotopy(flight, used)
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
     assert parts[:6] == [0.0, 1.0, 0.5, 0.25, 0.125, 0.0625]
@@ -249,7 +255,7 @@ def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
 def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
     flight = prepared(SMALL)
     used = session("solved", "stuck", "stuck", "solved")
-    result = fly_homotopy(flight, used)
+    result = solve_homotopy(flight, used)
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
     assert parts == [0.0, 1.0, 0.5, 0.25, 0.75, 1.0]
@@ -258,7 +264,7 @@ def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
 
 def test_short_horizon_of_phases_is_solved_together() -> None:
     flight, used = prepared(RACES["rovinj_2014"]), session("solved")
-    fly_homotopy(flight, used)
+    solve_homotopy(flight, used)
     counts = [len(problem.phases) for _, _, problem in asked(used)]
     assert counts == [1, 1, *[2] * (len(counts) - 2)]
 
@@ -266,7 +272,7 @@ def test_short_horizon_of_phases_is_solved_together() -> None:
 def test_piece_begins_exactly_where_the_one_before_ended() -> None:
     problem, made = small()
     state = phase_piece(made, problem, 1).state[:, 0]
-    start = held(prepared(SMALL), state)
+    start = fixed_state(prepared(SMALL), state)
     assert [bounds.lower for bounds in start.bounds.values()] == state.tolist()
     assert all(bounds.lower == bounds.upper for bounds in start.bounds.values())
     assert list(start.bounds) == [quantity.name for quantity in problem.system.states]
@@ -295,7 +301,7 @@ def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
     assert used.budget.spent == 0
     used.solve(problem, made, "all phases", barrier=0.1)  # by fatrop, then by IPOPT, whose iterations count twice
     assert used.budget.spent == 3 * problem.intervals + 2 * 3 * problem.intervals
-    used.begin()
+    used.reset_log()
     assert used.budget.spent == 0
 
 
@@ -331,7 +337,7 @@ def flown(threads: int) -> StageResult:
 
 
 def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budget, "PER_INTERVAL", 5)
+    monkeypatch.setattr(solver_session, "PER_INTERVAL", 5)
     one, two = flown(1), flown(2)
     assert one.outcome is Status.NOT_CONVERGED
     assert Ending.BUDGET_EXHAUSTED.value in one.message
@@ -342,6 +348,6 @@ def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monk
 
 def test_a_sound_run_is_the_same_with_a_hundredth_of_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = flown(1)
-    monkeypatch.setattr(budget, "PER_INTERVAL", PER_INTERVAL // 100)
+    monkeypatch.setattr(solver_session, "PER_INTERVAL", PER_INTERVAL // 100)
     assert (flown(1).trajectory.state == whole.trajectory.state).all()
     assert whole.certified

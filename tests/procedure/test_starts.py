@@ -11,8 +11,8 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, I
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import MeshSettings

@@ -20,10 +20,9 @@ from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
-from airrace.procedure.perturbed import with_passages
 from airrace.procedure.result import StageResult
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem, with_passages
 from airrace.records import record
 
 
@@ -139,7 +138,7 @@ class RelaxedRoutes:
     Each is solved for when it is first asked for.
     """
 
-    def __init__(self, race: Race, flight: Flight, session: SolverSession) -> None:
+    def __init__(self, race: Race, flight: StageProblem, session: SolverSession) -> None:
         self._found: list[Relaxation | None] = []
         self._coming = (relax(race, solver, start) for solver, start in _routes(race, flight, session))
 
@@ -150,7 +149,7 @@ class RelaxedRoutes:
             yield relaxation
 
 
-def _routes(race: Race, flight: Flight, session: SolverSession) -> Iterator[tuple[ElasticSolver, Iterate]]:
+def _routes(race: Race, flight: StageProblem, session: SolverSession) -> Iterator[tuple[ElasticSolver, Iterate]]:
     milder = race
     for parameter in relaxable_parameters(race):
         milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))

@@ -10,18 +10,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from airrace.errors import InputError
 from airrace.planning.race import Race
-from airrace.procedure.budget import FEWEST_INTERVALS, Budget
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.conflicts import KINDS, MARGINS, ConflictSearch, RelaxedRoutes, Repair, RepairKind
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
-from airrace.procedure.models import iterate_of
 from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
-from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.solver_session import FEWEST_INTERVALS, Budget, SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 
@@ -42,7 +41,7 @@ ROUTES_HINT = "other routes were not tried (--search quick tries them)"
 
 
 def diagnose_infeasibility(
-    result: StageResult, race: Race, flight: Flight, session: SolverSession, routes: RelaxedRoutes | None = None
+    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes | None = None
 ) -> StageResult:
     """Return a stage without a flight with what stands in the way; or the flight, if there is one after all.
 
@@ -149,7 +148,7 @@ class _Trials:
         first = self._fly(self._start(race, solver, near))
         if first.race_time is not None:
             return first
-        flight = stage_flight(self.stage, race, self.session.settings)
+        flight = formulate(self.stage, race, self.session.settings)
         mesh = first_mesh(flight.plan, self.session.settings.mesh)
         planned = self._fly(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD))
         return dataclasses.replace(planned, work=first.work + planned.work)

@@ -30,9 +30,8 @@ from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.parameters import Parameter
 from airrace.planning.race import Race
-from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -100,14 +99,16 @@ class Relaxed:
 class ElasticSolver:
     """A solver of elastic problems of one race, along one plan, on one mesh."""
 
-    def __init__(self, session: SolverSession, race: Race, flight: Flight, mesh: Sequence[tuple[float, ...]]) -> None:
+    def __init__(
+        self, session: SolverSession, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]
+    ) -> None:
         self._session = session
         self.mesh = mesh
         self._perturbed = PerturbedProblem(race, flight, mesh)
 
-    def flight(self, race: Race) -> Flight:
+    def flight(self, race: Race) -> StageProblem:
         """Return the flight of a race that differs in numbers, along the same plan."""
-        return self._perturbed.varied(race)
+        return self._perturbed.formulation(race)
 
     def solve_all(self, race: Race, parameters: Sequence[Parameter[Race]], start: Iterate) -> Relaxed | None:
         """Return the least relaxation of all parameters at once, each by as many steps; None if none is found."""

@@ -13,8 +13,8 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.procedure.boundary_conditions import unsettled
-from airrace.procedure.phase_segments import joined, phase_piece
+from airrace.procedure.formulation import without_trim
+from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -116,7 +116,7 @@ def window_around(problem: Problem, phase: int, guess: Iterate) -> tuple[Problem
         before = problem.phases[first - 1].end
         start = dataclasses.replace(before, bounds={**before.bounds, "attitude_norm": Interval.exactly(1.0)})
     window = dataclasses.replace(problem, start=start, phases=problem.phases[first:last])
-    return window, joined([phase_piece(guess, problem, index) for index in range(first, last)]), first
+    return window, concatenate([phase_piece(guess, problem, index) for index in range(first, last)]), first
 
 
 def _is_feasible(session: SolverSession, problem: Problem, guess: Iterate, purpose: str) -> bool:
@@ -138,10 +138,10 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
                 lower, upper = sorted((factor * quantity.lower, factor * quantity.upper))
                 allowed = f"{lower:.4g} to {upper:.4g}" if math.isfinite(upper) else f"at least {lower:.4g}"
                 yield f"{text} ({f'{allowed} {unit}'.rstrip()})", _without_path_limit(problem, name)
-    start, last = unsettled(problem.start), problem.phases[-1]
+    start, last = without_trim(problem.start), problem.phases[-1]
     if start.bounds != problem.start.bounds:
         yield "a settled start", dataclasses.replace(problem, start=start)
-    finish = unsettled(last.end)
+    finish = without_trim(last.end)
     if finish.bounds != last.end.bounds:
         phases = (*problem.phases[:-1], dataclasses.replace(last, end=finish))
         yield "a settled finish", dataclasses.replace(problem, phases=phases)

@@ -23,7 +23,7 @@ from airrace.optimal_control.solvers.process.service import SolverEnded, SolverS
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier
 from airrace.records import record
 from airrace.trajectory import Array
@@ -79,7 +79,7 @@ class InitialGuess:
             and, as its mesh is a finer one, is solved again from the optimum on that.
     """
 
-    flight: Flight
+    flight: StageProblem
     mesh: Sequence[tuple[float, ...]]
     guess: Iterate
     barrier: float
@@ -98,7 +98,7 @@ class CoarseSolution:
         errors: what each phase is too fast for its mesh alone, s; shape (n,).
     """
 
-    flight: Flight
+    flight: StageProblem
     problem: Problem
     iterate: Iterate
     multipliers: Array
@@ -120,7 +120,7 @@ class CoarseSolution:
         return costates(Layout(self.problem), self.multipliers)
 
 
-def planned_guess(flight: Flight, plan: Plan, barrier: float) -> InitialGuess:
+def planned_guess(flight: StageProblem, plan: Plan, barrier: float) -> InitialGuess:
     """Return a flight straight from a plan; one that is planned to be slow has no more intervals for that."""
     share = plan.cruise.V / flight.plan.cruise.V
     mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]

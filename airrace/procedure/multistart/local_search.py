@@ -7,16 +7,16 @@ import numpy as np
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resample
+from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.points import at_points
 from airrace.procedure.multistart.coarse_solution import InitialGuess, intervals, solve_coarse
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import segment_name, shape_of
-from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.multistart.window import evaluate
 from airrace.procedure.result import StageResult
-from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier
 from airrace.track.course import Course
 from airrace.trajectory import Array
@@ -34,7 +34,7 @@ Routes whose plan takes even longer were never the faster ones after a change of
 
 
 def find_faster_route(
-    point_mass: Flight, source: Flight, optimum: StageResult, course: Course, pool: SolverPool
+    point_mass: StageProblem, source: StageProblem, optimum: StageResult, course: Course, pool: SolverPool
 ) -> str:
     """Return another route through a segment of an optimum that the point mass flies faster, in words.
 
@@ -67,7 +67,7 @@ def find_faster_route(
     return f"{segment_name(course, segment)} {route} saves about {best.saved:.2f} s"
 
 
-def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> Iterate:
+def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:
     """Return the states and controls of the point mass that flies as an optimum does."""
     flown, system = optimum.trajectory, source.model.system
     control = np.hstack([flown.control, flown.control[:, -1:]])

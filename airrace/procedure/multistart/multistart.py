@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.refinement import resample
+from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
@@ -26,10 +27,9 @@ from airrace.procedure.multistart.segments import (
     segments_of,
     shape_of,
 )
-from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Route, SearchReport
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
@@ -72,7 +72,7 @@ class FoundRoutes:
 
 
 def search_routes(
-    flight: Flight,
+    flight: StageProblem,
     course: Course,
     session: SolverSession,
     budget: SearchBudget,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment.atmosphere import g0
+from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import decisions_from_solution
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
@@ -20,10 +21,9 @@ from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, segments_of
-from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.settings import SearchEffort
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier
 from airrace.records import record
 from airrace.track.course import Course
@@ -136,7 +136,12 @@ class Search:
     """
 
     def __init__(
-        self, flight: Flight, course: Course, budget: SearchBudget, pool: SolverPool, report: Callable[[str], None]
+        self,
+        flight: StageProblem,
+        course: Course,
+        budget: SearchBudget,
+        pool: SolverPool,
+        report: Callable[[str], None],
     ) -> None:
         self._flight, self._course, self._pace = flight, course, flight.plan.cruise
         self._budget, self._pool, self._report = budget, pool, report
@@ -250,7 +255,7 @@ class Search:
                 found.append(coarse)
         return min(found, key=lambda one: one.race_time, default=None)
 
-    def _with_moves(self, base: CoarseSolution, group: Sequence[EvaluatedMove]) -> Flight:
+    def _with_moves(self, base: CoarseSolution, group: Sequence[EvaluatedMove]) -> StageProblem:
         """Return the model with the plan of a flight in which some moves are made."""
         problem = base.problem
         decisions = decisions_from_solution(self._course, problem.system.states, base.iterate.state, problem.first_node)

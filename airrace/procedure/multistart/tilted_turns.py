@@ -9,7 +9,7 @@ from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import quaternion
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.attitudes import align_quaternions
+from airrace.procedure.phase_segments import align_quaternions
 from airrace.trajectory import Array
 
 ROLL_RATE = 2.0

@@ -12,8 +12,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.procedure.attitudes import ROWS as ATTITUDE
-from airrace.procedure.homotopy import held
+from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
     InitialGuess,
@@ -22,8 +21,8 @@ from airrace.procedure.multistart.coarse_solution import (
     try_solve,
 )
 from airrace.procedure.multistart.segments import Segment
-from airrace.procedure.phase_segments import joined, phase_piece
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.phase_segments import QUATERNION, concatenate, phase_piece
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 
@@ -55,7 +54,7 @@ class Move:
     base: CoarseSolution
     first: int
     last: int
-    flight: Flight
+    flight: StageProblem
     pieces: Sequence[Iterate]
     segment: Segment
     kind: str
@@ -110,7 +109,7 @@ def evaluate(service: SolverService, move: Move, barrier: float = InitialBarrier
 
 
 def apply_moves(
-    service: SolverService, flight: Flight, base: CoarseSolution, moves: Sequence[EvaluatedMove]
+    service: SolverService, flight: StageProblem, base: CoarseSolution, moves: Sequence[EvaluatedMove]
 ) -> CoarseSolution | None:
     """Optimise the whole flight jointly, with some moves made that do not overlap.
 
@@ -126,7 +125,7 @@ def apply_moves(
         for place, index in enumerate(one.move.phases):
             pieces[index] = phase_piece(one.iterate, one.problem, place)
             mesh[index] = one.problem.phases[place].fractions
-    return solve_coarse(service, InitialGuess(flight, mesh, joined(pieces), InitialBarrier.COARSE))
+    return solve_coarse(service, InitialGuess(flight, mesh, concatenate(pieces), InitialBarrier.COARSE))
 
 
 def _problem(move: Move) -> tuple[Problem, Iterate, float]:
@@ -137,8 +136,8 @@ def _problem(move: Move) -> tuple[Problem, Iterate, float]:
         count = piece.control.shape[1]
         mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
     whole = move.flight.problem(mesh)
-    start = joined(move.pieces)
-    begin = whole.start if first == 0 else held(move.flight, base.iterate.state[:, nodes[first]])
+    start = concatenate(move.pieces)
+    begin = whole.start if first == 0 else fixed_state(move.flight, base.iterate.state[:, nodes[first]])
     phases = whole.phases[first:last]
     if last == len(whole.phases):
         return replace(whole, start=begin, phases=phases), start, 0.0
@@ -157,9 +156,9 @@ def _continuation(names: Sequence[str], state: np.ndarray, start: Iterate) -> Bo
     fixed as well it would be one condition too many.
     """
     state = state.copy()
-    if state[ATTITUDE] @ start.state[ATTITUDE, -1] < 0.0:
-        state[ATTITUDE] *= -1.0
-    largest = ATTITUDE[int(np.abs(state[ATTITUDE]).argmax())]
+    if state[QUATERNION] @ start.state[QUATERNION, -1] < 0.0:
+        state[QUATERNION] *= -1.0
+    largest = QUATERNION[int(np.abs(state[QUATERNION]).argmax())]
     bounds: dict[str, Interval] = {}
     for row, (name, value) in enumerate(zip(names, state.tolist(), strict=True)):
         if row == largest:

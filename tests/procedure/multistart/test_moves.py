@@ -44,7 +44,7 @@ from airrace.procedure.multistart.segments import (
 )
 from airrace.procedure.multistart.tilted_turns import tilt_turn
 from airrace.procedure.multistart.window import END_SPEED_TRUST, EvaluatedMove, Move, apply_moves, evaluate
-from airrace.procedure.phase_segments import joined, phase_piece
+from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 
@@ -406,11 +406,11 @@ def level_turn() -> CoarseSolution:
 def test_tilted_turn_keeps_its_ends_durations_and_mesh_and_leads_the_higher_the_steeper_it_is() -> None:
     planned = level_turn()
     pieces = [phase_piece(planned.iterate, planned.problem, index) for index in (1, 2)]
-    own = joined(pieces)
-    assert joined(tilt_turn(pieces, 0.0)).state[:3] == pytest.approx(own.state[:3], abs=1e-9)
+    own = concatenate(pieces)
+    assert concatenate(tilt_turn(pieces, 0.0)).state[:3] == pytest.approx(own.state[:3], abs=1e-9)
     tops = [-own.state[2].min()]
     for angle in (20.0, 50.0, 85.0):
-        other = joined(tilt_turn(pieces, angle * DEGREE))
+        other = concatenate(tilt_turn(pieces, angle * DEGREE))
         assert (other.state.shape, other.control.shape) == (own.state.shape, own.control.shape)
         assert other.durations.tolist() == own.durations.tolist()
         assert other.state[:3, [0, -1]] == pytest.approx(own.state[:3, [0, -1]], abs=1e-9)

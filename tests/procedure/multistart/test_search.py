@@ -25,6 +25,7 @@ from transformations import mirrored
 from waiting import PATIENCE
 
 from airrace.errors import SolverCrash
+from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
@@ -35,12 +36,11 @@ from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
-from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Route, Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort, Settings
-from airrace.procedure.stage_problem import stage_flight
+from airrace.procedure.stage_problem import formulate
 from airrace.procedure.start import InitialBarrier
 from airrace.trajectory import Trajectory
 
@@ -231,7 +231,7 @@ WINDY = blown(SLALOM, 200.0, 2.0)
 
 
 def found_around(optimum: StageResult) -> str:
-    source = stage_flight(optimum.stage, SLALOM, QUICK, optimum.trajectory)
+    source = formulate(optimum.stage, SLALOM, QUICK, optimum.trajectory)
     with open_session() as session, session.pool() as pool:
         return find_faster_route(prepared(SLALOM), source, optimum, SLALOM.course, pool)
 

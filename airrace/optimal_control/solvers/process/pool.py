@@ -13,7 +13,7 @@ Done = TypeVar("Done")
 
 
 class SolverPool:
-    """A group of solver processes that share a list of jobs.
+    """Solver processes side by side, for jobs that do not depend on one another.
 
     It is a context manager that ends those processes that it has started, and all of them after an error. The result of
     a job does not depend on who does it, nor on how many there are.
@@ -55,16 +55,14 @@ class SolverPool:
             service.end()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
-        """Do all jobs and return their results in the order of the jobs.
+        """Do all jobs and return their results in order; an error is that of the first job that has one."""
 
-        An error is that of the first job that has one.
-        """
-        futures = [self._pool.submit(self._one, job, do) for job in jobs]
+        def one(job: Job) -> Done:
+            service = self._free.get()
+            try:
+                return do(service, job)
+            finally:
+                self._free.put(service)
+
+        futures = [self._pool.submit(one, job) for job in jobs]
         return [future.result() for future in futures]
-
-    def _one(self, job: Job, do: Callable[[SolverService, Job], Done]) -> Done:
-        service = self._free.get()
-        try:
-            return do(service, job)
-        finally:
-            self._free.put(service)
