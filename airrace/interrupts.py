@@ -34,21 +34,15 @@ def listen() -> None:
     """Take Ctrl-C and SIGTERM for the same request from now on; neither is ignored in the background."""
     _Request.listening, _Request.made, _Request.heard = True, False, False
     for number in SIGNALS:
-        signal.signal(number, _ask)
+        signal.signal(number, _request)
     if hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _ask)
-    sys.unraisablehook = _unraised
-
-
-def let_through() -> None:
-    """Receive requests that were held back until somebody listens."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        signal.signal(signal.SIGALRM, _request)
+    sys.unraisablehook = _report_unraisable
 
 
 def listening() -> bool:
     """Tell whether requests are repeated until they are heard."""
-    return _Request.listening and signal.getsignal(signal.SIGINT) is _ask
+    return _Request.listening and signal.getsignal(signal.SIGINT) is _request
 
 
 def caused(error: BaseException) -> bool:
@@ -77,17 +71,16 @@ def close() -> None:
         _remind_in(0.0)
 
 
-def _ask(number: int, frame: FrameType | None) -> None:
+def _request(number: int, frame: FrameType | None) -> None:
     """Raise the request, unless it is heard already or on its way."""
-    if _Request.heard:
-        return
-    _Request.made = True
-    _remind_in(REMINDER)
-    if not _is_interrupt(sys.exc_info()[1]):
-        raise KeyboardInterrupt
+    if not _Request.heard:
+        _Request.made = True
+        _remind_in(REMINDER)
+        if not _is_interrupt(sys.exc_info()[1]):
+            raise KeyboardInterrupt
 
 
-def _unraised(ended: "sys.UnraisableHookArgs") -> None:
+def _report_unraisable(ended: "sys.UnraisableHookArgs") -> None:
     """Say nothing of a request that was raised where Python cannot hand it on, as in a finalizer: it is repeated."""
     if not (_Request.made and _is_interrupt(ended.exc_value)):
         sys.__unraisablehook__(ended)
@@ -101,6 +94,6 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _remind_in(seconds: float) -> None:
-    """Set the alarm clock of the process, which `_ask` answers; 0 for never."""
+    """Set the alarm clock of the process, which `_request` answers; 0 for never."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -1,18 +1,26 @@
-"""The settings of a process of airrace, made before it loads a library, and how it starts others and ends with them.
+"""The settings of a process of airrace, its memory, and how it starts others and ends with them.
 
-A process that only works for another one reads what it is asked from its standard input and answers on its standard
-output: every system has these two, and their end tells each side that the other one is gone.
+A process that only works for another one is started as `python -m airrace.process MODULE`. It reads what it is asked
+from its standard input and answers on its standard output: every system has these two, and their end tells each side
+that the other one is gone.
+
+Lack of memory is told in one sentence, with one exit code. A limit of the address space (`ulimit -v`) is met wherever a
+library is loaded, in threads and in other processes as well, each of which would print a traceback. With hardly any
+address space OpenBLAS asks the system for memory again and again, without an end: then nothing is loaded at all.
 """
 
+import contextlib
 import gc
 import os
 import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import IO, TYPE_CHECKING
 
-TYPE_CHECKING = False  # as type checkers take it: nothing is loaded here that a command might not need
+from airrace.errors import is_lack_of_memory
+
 if TYPE_CHECKING:
     import subprocess
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from typing import IO
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -22,22 +30,77 @@ ONE_THREAD = dict.fromkeys(
 What is computed with them here is small. Threads of theirs would wait for work on the cores that the solvers need,
 and the last bits of results would depend on their number.
 """
-_PR_SET_PDEATHSIG = 1  # of Linux's prctl
-CREATED = 200_000
+COLLECTION_THRESHOLD = 200_000
 """The number of new objects after which Python looks for cycles among them that nobody refers to any more.
 
 With its own value of 700 it does so nearly two hundred times while the libraries are loaded, and finds next to nothing.
 """
+MEMORY_MIN = 256 * 2**20
+"""The smallest address space with which anything is begun, bytes; to check a course takes 200 MiB."""
+SYSTEM_ERROR = 8
+"""The exit code of a process that lacks memory, as `ExitCode.SYSTEM` has it, which takes too long to import."""
+ALLOCATOR_OPTIONS = {-1: 256 * 2**20, -3: 32 * 2**20}
+"""Numbers of glibc's `mallopt`: M_TRIM_THRESHOLD, M_MMAP_THRESHOLD (the largest that it allows), bytes."""
+NOT_ON_THIS_SYSTEM = (AttributeError, OSError, TypeError)
+"""Errors of a function that another C library lacks, or of a system (Windows) that has no one library."""
 
 
-def settle() -> None:
+def configure() -> None:
     """Keep linear algebra to one thread, in processes that are started from this one too, and look for garbage rarely.
 
     What the user has set stays.
     """
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
-    gc.set_threshold(CREATED)
+    gc.set_threshold(COLLECTION_THRESHOLD)
+
+
+def ensure_memory() -> None:
+    """Refuse to begin in an address space in which the libraries cannot be loaded.
+
+    Raises:
+        MemoryError: it is limited to less than `MEMORY_MIN`.
+    """
+    try:
+        import resource
+    except ModuleNotFoundError:  # a system without such limits
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < MEMORY_MIN:
+        raise MemoryError
+
+
+def keep_freed_memory() -> None:
+    """Let the allocator keep what is freed for what is to come, where it can.
+
+    glibc returns arrays of more than 128 kB to the system each time, and fetches them again page by page: of a run, a
+    fifth of the time that the system itself takes.
+    """
+    import ctypes
+
+    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+        allocator = ctypes.CDLL(None)
+        for option, value in ALLOCATOR_OPTIONS.items():
+            allocator.mallopt(option, value)
+
+
+def return_freed_memory() -> None:
+    """Give memory back to the system that this process has used and does not need now, where the allocator can."""
+    import ctypes
+
+    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def omit_memory_tracebacks() -> None:
+    """Keep threads that end for lack of memory from printing tracebacks; whoever needs their work finds that out."""
+    before = threading.excepthook
+
+    def hook(ended: threading.ExceptHookArgs) -> None:
+        if ended.exc_value is None or not is_lack_of_memory(ended.exc_value):
+            before(ended)
+
+    threading.excepthook = hook
 
 
 def python_command(module: str, *arguments: str) -> tuple[str, ...]:
@@ -48,8 +111,8 @@ def python_command(module: str, *arguments: str) -> tuple[str, ...]:
     return (sys.executable, "-P", "-m", module, *arguments)
 
 
-def started_apart(
-    command: "Sequence[str]", stderr: "IO[bytes] | None" = None, environment: "Mapping[str, str] | None" = None
+def start_apart(
+    command: Sequence[str], stderr: IO[bytes] | None = None, environment: Mapping[str, str] | None = None
 ) -> "subprocess.Popen[bytes]":
     """Start a process to talk with, which a terminal's Ctrl-C does not reach: whoever has started it stops it."""
     import subprocess
@@ -65,7 +128,7 @@ def started_apart(
     )
 
 
-def taken_streams() -> "tuple[IO[bytes], IO[bytes]]":
+def take_streams() -> tuple[IO[bytes], IO[bytes]]:
     """Take standard input and output for what the starter asks and is answered.
 
     Whatever else this process reads is empty from now on, and whatever else it prints goes to stderr.
@@ -83,12 +146,11 @@ def die_with_starter() -> None:
 
     Elsewhere, and if that thread has ended already, the end of standard input says so.
     """
-    import contextlib
     import ctypes
     import signal
 
-    with contextlib.suppress(AttributeError, OSError, TypeError):  # Linux alone has it
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
 def available_cores(membership: str = "/proc/self/cgroup", groups: str = "/sys/fs/cgroup") -> int:
@@ -104,7 +166,7 @@ def _bound_cores() -> int | None:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
-def _quotas(membership: str, groups: str) -> "Iterator[int]":
+def _quotas(membership: str, groups: str) -> Iterator[int]:
     """Yield the quotas of the control groups to which this process belongs, version 1 or 2, in whole cores."""
     for _, controllers, path in (line.split(":", 2) for line in _text(membership).splitlines()):
         if controllers and "cpu" not in controllers.split(","):
@@ -125,3 +187,23 @@ def _text(*path: str) -> str:
             return file.read().strip()
     except OSError:
         return ""
+
+
+def main() -> None:
+    """Run the module that is named by the first argument, with the others."""
+    import runpy
+
+    omit_memory_tracebacks()
+    configure()
+    name = sys.argv.pop(1)
+    try:
+        ensure_memory()
+        runpy.run_module(name, run_name="__main__", alter_sys=True)
+    except Exception as error:
+        if not is_lack_of_memory(error):
+            raise
+        sys.exit(SYSTEM_ERROR)
+
+
+if __name__ == "__main__":
+    main()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from waiting import PATIENCE
 
-from airrace.process import CREATED, ONE_THREAD, available_cores
+from airrace.process import COLLECTION_THRESHOLD, ONE_THREAD, available_cores
 
 SETTLED = "import gc, os; print(gc.get_threshold()[0], *(os.environ[name] for name in {names}))"
 COUNTED = "import numpy, os; numpy.ones((300, 300)) @ numpy.ones((300, 300)); print(len(os.listdir('/proc/self/task')))"
@@ -27,17 +27,17 @@ def said(program: str, **variables: str) -> str:
     ids=["set", "left to the user"],
 )
 def test_what_nobody_has_set_is_settled(names: tuple[str, ...], variables: dict[str, str], expected: str) -> None:
-    program = f"from airrace import process; process.settle(); {SETTLED.format(names=names)}"
-    assert said(program, **variables) == f"{CREATED} {expected}"
+    program = f"from airrace import process; process.configure(); {SETTLED.format(names=names)}"
+    assert said(program, **variables) == f"{COLLECTION_THRESHOLD} {expected}"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted as Linux tells them")
-@pytest.mark.parametrize("entry", ["__main__", "memory"])
+@pytest.mark.parametrize("entry", ["__main__", "process"])
 def test_processes_settle_before_they_load_numpy(entry: str) -> None:
     # What a process imports in its first line, its `main` would settle too late.
     loaded = said(f"import sys, airrace.{entry}; print('numpy' in sys.modules)")
     assert loaded == "False"
-    assert said(f"from airrace import process; process.settle(); {COUNTED}") == "1"
+    assert said(f"from airrace import process; process.configure(); {COUNTED}") == "1"
 
 
 @pytest.mark.parametrize(
@@ -150,20 +150,3 @@ def test_nobody_listens_who_has_not_asked() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "False default_int_handler\n"
-
-
-@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be held back here")
-def test_what_comes_before_anybody_listens_is_heard_later() -> None:
-    """The request is made while the module is loaded whose `main` listens."""
-    program = """
-import signal, sys
-class Late:
-    def find_spec(self, name, path=None, target=None):
-        if name == "airrace.interrupts":
-            signal.raise_signal(signal.SIGINT)
-sys.meta_path.insert(0, Late())
-import airrace.__main__
-airrace.__main__.main()
-"""
-    ran = subprocess.run([sys.executable, "-c", program, "tracks"], capture_output=True, text=True, timeout=PATIENCE)
-    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "airrace: interrupted\n")

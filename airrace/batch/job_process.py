@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from airrace import interrupts, memory, process
+from airrace import interrupts, process
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
@@ -56,9 +56,9 @@ class JsonProgress(Progress):
 def main() -> None:
     """Run the job; whatever happens in it becomes its answer."""
     interrupts.listen()
-    memory.tell_no_traceback()
+    process.omit_memory_tracebacks()
     process.die_with_starter()
-    asked, answers = process.taken_streams()
+    asked, answers = process.take_streams()
     order = json.loads(asked.readline())
     threading.Thread(target=_end_after, args=(asked,), daemon=True).start()
     start_early()

@@ -34,7 +34,7 @@ from airrace.batch.supervision import (
     Started,
 )
 from airrace.errors import Finding
-from airrace.process import ONE_THREAD, python_command, started_apart
+from airrace.process import ONE_THREAD, python_command, start_apart
 from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
@@ -120,7 +120,7 @@ class _JobProcess:
         self._timers: list[threading.Timer] = []
         self._output: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
         try:
-            self._process = started_apart(command, self._output, {**os.environ, **ONE_THREAD})
+            self._process = start_apart(command, self._output, {**os.environ, **ONE_THREAD})
         except BaseException:
             self._output.close()
             raise
@@ -161,7 +161,7 @@ class _JobProcess:
         """Hand the order over, take in lines until there are no more, and report the end."""
         order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
         asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None  # `started_apart` was told so
+        assert asked is not None  # `start_apart` was told so
         assert answers is not None
         with contextlib.suppress(OSError):  # it reads no more
             asked.write(json.dumps(order).encode("utf-8") + b"\n")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from airrace import errors, interrupts
-from airrace.__main__ import _ended_by
+from airrace import errors
+from airrace.__main__ import exit_code
 from airrace.errors import OutOfTime, is_lack_of_memory
 from airrace.runs.command_result import PRECEDENCE, CommandResult, ExitCode, of_error, record_failure, worst
 
@@ -49,8 +49,6 @@ def test_nothing_wrong_is_done() -> None:
     assert worst([]) is ExitCode.DONE
 
 
-interrupts.let_through()  # the command's module holds them back while it loads
-
 ROOT = Path(__file__).parents[2]
 UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared object"
 
@@ -79,7 +77,7 @@ def test_other_errors_of_libraries_and_files_are_no_lack_of_memory(error: OSErro
 
 
 def test_lack_of_memory_outside_of_a_command_is_told_likewise(capsys: pytest.CaptureFixture[str]) -> None:
-    assert _ended_by(OSError("libfatrop.so: failed to map segment from shared object")) == ExitCode.SYSTEM
+    assert exit_code(OSError("libfatrop.so: failed to map segment from shared object")) == ExitCode.SYSTEM
     assert capsys.readouterr().err == "airrace: out of memory\n"
 
 

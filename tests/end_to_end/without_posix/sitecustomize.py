@@ -25,7 +25,6 @@ NAMES = {
     """,
     "time": "clock_gettime pthread_getcpuclockid tzset",
 }
-NAMES["_signal"] = NAMES["signal"]
 
 
 class StandIn(ModuleType):

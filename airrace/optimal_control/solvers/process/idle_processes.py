@@ -14,8 +14,8 @@ _idle: list[subprocess.Popen[bytes]] = []
 
 def start() -> "subprocess.Popen[bytes]":
     """Start a solver process: requests go to its standard input, its replies come from its standard output."""
-    command = process.python_command("airrace.memory", "airrace.optimal_control.solvers.process.worker")
-    return process.started_apart(command)
+    command = process.python_command("airrace.process", "airrace.optimal_control.solvers.process.worker")
+    return process.start_apart(command)
 
 
 def start_early(count: int = 1) -> None:

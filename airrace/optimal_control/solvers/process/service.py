@@ -16,7 +16,6 @@ from functools import partial
 from types import TracebackType
 from typing import Self
 
-from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
@@ -25,6 +24,7 @@ from airrace.optimal_control.solvers.process import messages
 from airrace.optimal_control.solvers.process.idle_processes import acquire
 from airrace.optimal_control.solvers.process.messages import IterationReport, Reply
 from airrace.optimal_control.solvers.solver import Solution
+from airrace.process import SYSTEM_ERROR
 from airrace.system import System
 
 STALL_SECONDS = 120.0
@@ -183,7 +183,7 @@ class SolverService:
                 status = process.wait()
             if self._ended:
                 raise SolverEnded from error
-            if status == memory.CODE:
+            if status == SYSTEM_ERROR:
                 raise MemoryError from error
             raise SolverCrash(f"the solver process died (status {status})", status) from error
 

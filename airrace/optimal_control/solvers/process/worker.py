@@ -1,7 +1,7 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-`idle_processes.py` starts it through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
-to Python's `sys.stdout` only; here it is read line by line and turned into reports.
+`idle_processes.py` starts it through `airrace.process`, as `python -m` starts a module. The solvers print their
+progress to Python's `sys.stdout` only; here it is read line by line and turned into reports.
 """
 
 import contextlib
@@ -14,7 +14,7 @@ import traceback
 from dataclasses import replace
 from functools import partial
 
-from airrace import memory, process
+from airrace import process
 from airrace.errors import SolverCrash, is_lack_of_memory
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
@@ -110,7 +110,7 @@ class SolveServer:
         while self._prepared and intervals + sum(size for _, size in self._prepared.values()) > PREPARED_INTERVALS:
             del self._prepared[next(iter(self._prepared))]
         if largest > LARGE:
-            memory.give_back()
+            process.return_freed_memory()
 
     def _number(self, shared: Shared) -> int:
         """Return the number of a system or observation; equal ones are one object here, see `Receiver`."""
@@ -144,8 +144,8 @@ class SolveServer:
 def main() -> None:
     """Serve requests until there is nobody left who could ask for anything."""
     process.die_with_starter()
-    memory.keep()
-    asked, answers = process.taken_streams()
+    process.keep_freed_memory()
+    asked, answers = process.take_streams()
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = ProgressReader(replies)
