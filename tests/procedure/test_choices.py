@@ -72,25 +72,15 @@ def choices_of(made: Plan, race: Race) -> RouteDecisions:
 
 
 @every_race
-def test_plan_that_is_left_all_choices_is_the_plan_without_any(name: str) -> None:
-    assert planned(RACES[name], ANY) == plan_of(RACES[name])
-
-
-@every_race
-def test_plan_that_is_told_its_own_choices_is_the_same_plan(name: str) -> None:
-    own = plan_of(RACES[name])
-    assert planned(RACES[name], choices_of(own, RACES[name])) == own
-
-
-@every_race
-def test_plan_crosses_every_passage_along_the_axis_that_is_left_of_it(name: str) -> None:
-    race = RACES[name]
+def test_plan_keeps_its_own_choices_and_any_way_that_is_left_of_a_passage(name: str) -> None:
+    race, own = RACES[name], plan_of(RACES[name])
+    assert planned(race, ANY) == planned(race, choices_of(own, race)) == own
     for index in stops_of(race.course):
         for way in candidates(race.course, index)[::13]:
             made = planned(race, RouteDecisions(ways={index: (way,)}))
             assert made.waypoints[index].axis == way.axis
             assert made.waypoints[index].heading == way.heading
-            assert made.seconds >= plan_of(race).seconds - 1e-9
+            assert made.seconds >= own.seconds - 1e-9
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -106,22 +96,16 @@ def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
         assert made.seconds >= plan_of(race).seconds - 1e-9
 
 
-@pytest.mark.parametrize("edge", [1, -1])
-def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
-    race = race_of(
-        level("a", 0, 0, 0), knife_edge("edge", 350, 160, 70, right=True, either=True), level("c", 200, 500, 160)
-    )
-    made = planned(race, RouteDecisions(edges={1: edge}))
-    assert made.waypoints[1].bank == edge * math.pi / 2
-    assert made.seconds == plan_of(race).seconds
-
-
 @pytest.mark.parametrize("side", [1, -1])
-def test_plan_rolls_to_the_side_that_it_is_told(side: int) -> None:
+def test_plan_flies_a_knife_edge_on_the_wing_and_rolls_to_the_side_that_it_is_told(side: int) -> None:
+    edge = knife_edge("edge", 350, 160, 70, right=True, either=True)
+    race = race_of(level("a", 0, 0, 0), edge, level("c", 200, 500, 160))
+    made = planned(race, RouteDecisions(edges={1: side}))
+    assert made.waypoints[1].bank == side * math.pi / 2
+    assert made.seconds == plan_of(race).seconds
     race = load_inputs(ROOT / "tracks" / "air_race_x_2024.yaml").race
     (index,) = [number for number, passage in enumerate(race.course.passages) if passage.roll is not None]
-    made = planned(race, RouteDecisions(rolls={index: side}))
-    assert side * made.waypoints[index].rolled > 0.0
+    assert side * planned(race, RouteDecisions(rolls={index: side})).waypoints[index].rolled > 0.0
 
 
 def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
@@ -159,17 +143,11 @@ def assert_same_choices(race: Race, one: Plan, other: Plan) -> None:
 
 
 @every_race
-def test_plan_of_a_guess_makes_the_choices_of_the_plan_that_it_is_made_from(name: str) -> None:
-    race = RACES[name]
-    flight, flown = guessed(race)
-    assert_same_choices(race, flight.plan, plan_from_solution(race.course, flight.plan.cruise, flown))
-
-
-@every_race
-def test_plan_of_a_guess_takes_as_long_as_the_plan_that_it_is_made_from(name: str) -> None:
+def test_plan_of_a_guess_makes_the_choices_of_the_plan_that_it_is_made_from_and_takes_as_long(name: str) -> None:
     race = RACES[name]
     flight, flown = guessed(race)
     again = plan_from_solution(race.course, flight.plan.cruise, flown)
+    assert_same_choices(race, flight.plan, again)
     assert again.seconds == pytest.approx(flight.plan.seconds, rel=0.02)
 
 

@@ -136,7 +136,7 @@ def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passin
     assert [one.purpose for one in used.attempts] == ["all phases", "all phases, closer"][: 1 if passing else 2]
 
 
-def test_last_answer_is_returned_where_nobody_succeeds() -> None:
+def test_last_answer_is_returned_where_nobody_succeeds_and_none_where_no_solver_comes_back() -> None:
     problem, made = small()
     solution = session("stuck", "infeasible").solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
@@ -144,11 +144,7 @@ def test_last_answer_is_returned_where_nobody_succeeds() -> None:
     alone = session("stuck", STALLED).solve(problem, made, "all phases", barrier=0.1)
     assert alone is not None
     assert alone.solver == "fatrop"
-
-
-def test_solvers_that_never_come_back_leave_no_solution_but_a_record() -> None:
     used = session(STALLED)
-    problem, made = small()
     assert used.solve(problem, made, "all phases", barrier=0.1) is None
     assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
 
@@ -157,26 +153,19 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     problem, start = small()
     layout = Layout(problem)
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
-    told = session("infeasible", "solved")
-    solution = told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    used = session("infeasible", "solved")
+    solution = used.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
     assert solution is not None
     assert solution.success
-    assert isinstance(told.service, Canned)
-    assert [one is known for one in told.service.known] == [True, False]
-    assert told.service.known[1] is None
-    assert [options.iterations_max for _, options, _ in asked(told)] == [KNOWN_ITERATIONS_MAX, 500]
-    assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop"]  # before the fallback is asked
-
-
-def test_a_solver_that_begins_without_multipliers_is_asked_once() -> None:
-    problem, start = small()
-    layout = Layout(problem)
-    known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
-    told = session("infeasible")
-    told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
-    assert isinstance(told.service, Canned)
-    assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop", "ipopt"]
-    assert [one is known for one in told.service.known] == [True, False, False]
+    assert isinstance(used.service, Canned)
+    assert used.service.known == [known, None]
+    assert [options.iterations_max for _, options, _ in asked(used)] == [KNOWN_ITERATIONS_MAX, 500]
+    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]  # before the fallback is asked
+    failing = session("infeasible")
+    failing.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    assert isinstance(failing.service, Canned)
+    assert [solver for solver, _, _ in asked(failing)] == ["fatrop", "fatrop", "ipopt"]
+    assert failing.service.known == [known, None, None]  # a solver that begins without multipliers is asked once
 
 
 def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
@@ -242,24 +231,23 @@ def test_homotopy_tries_the_whole_way_first() -> None:
     assert result.remarks == ""
 
 
-def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
-    flight = prepared(SMALL)
-    used = session("solved", *["stuck"] * 5, "solved")
-    result = solve_homotopy(flight, used)
+@pytest.mark.parametrize(
+    ("verdicts", "parts", "remarks"),
+    [
+        (["solved", "stuck", "stuck", "solved"], [0.0, 1.0, 0.5, 0.25, 0.75, 1.0], True),
+        (["solved", *["stuck"] * 5, "solved"], [0.0, 1.0, 0.5, 0.25, 0.125, 0.0625], False),
+    ],
+    ids=["grows again", "too small"],
+)
+def test_step_that_fails_is_halved_until_it_leads_to_the_real_gate_or_is_too_small(
+    verdicts: list[str], parts: list[float], remarks: bool
+) -> None:
+    result = solve_homotopy(prepared(SMALL), session(*verdicts))
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
-    parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
-    assert parts[:6] == [0.0, 1.0, 0.5, 0.25, 0.125, 0.0625]
-    assert min(part for part in parts if part) >= SMALLEST_STEP
-
-
-def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
-    flight = prepared(SMALL)
-    used = session("solved", "stuck", "stuck", "solved")
-    result = solve_homotopy(flight, used)
-    first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
-    parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
-    assert parts == [0.0, 1.0, 0.5, 0.25, 0.75, 1.0]
-    assert result.remarks == ""
+    made = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
+    assert made[:6] == parts
+    assert min(part for part in made if part) >= SMALLEST_STEP
+    assert not remarks or (len(made) == 6 and result.remarks == "")
 
 
 def test_short_horizon_of_phases_is_solved_together() -> None:
