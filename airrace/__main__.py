@@ -23,7 +23,7 @@ def main() -> None:
         process.omit_memory_tracebacks()
         process.configure()
         process.ensure_memory()
-        from airrace.views.streams import secure
+        from airrace.views.plain_text import secure
 
         secure()
         from airrace.cli.main import run

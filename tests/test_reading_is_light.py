@@ -11,8 +11,7 @@ READERS = (
     "airrace.runs.json_objects",
     "airrace.cli.flight_tables",
     "airrace.runs.flight_sources",
-    "airrace.views.flight_figure",
-    "airrace.views.comparison_figure",
+    "airrace.views.flight_figures",
 )
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (

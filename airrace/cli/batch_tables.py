@@ -21,8 +21,8 @@ from airrace.batch.supervision import StageFinished, Watcher
 from airrace.cli.tables import full_columns
 from airrace.records import record
 from airrace.views.plain_console import PlainConsole
+from airrace.views.plain_text import SafeStream
 from airrace.views.progress_view import commands_cursor
-from airrace.views.streams import SafeStream
 from airrace.views.tables import Column, Table
 
 MESSAGE_MAX = 90

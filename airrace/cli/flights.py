@@ -113,7 +113,7 @@ def compare(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
         from airrace.runs.output import ensure_free
-        from airrace.views.drawing import ensure_drawable
+        from airrace.views.drawing import ensure_drawable, save_figure
 
         if len(names) < 2:
             raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
@@ -130,9 +130,9 @@ def compare(
         comparisons = [compare_flights(reference, other) for other in others]
         answer.fields.update(comparison_object(reference, comparisons))
         if plot is not None:
-            from airrace.views.comparison_figure import draw_comparison
+            from airrace.views.flight_figures import comparison_figure
 
-            draw_comparison(comparisons, plot)
+            save_figure(comparison_figure(comparisons), plot)
         if not as_json and plot != STANDARD:
             answer.texts += [text for one in comparisons for text in comparison_texts(one, every=every)]
 
@@ -158,21 +158,16 @@ def plot(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.flight_sources import open_flight
         from airrace.runs.output import default_output_path, ensure_free
-        from airrace.views.drawing import ensure_drawable
+        from airrace.views.drawing import ensure_drawable, save_figure
 
         path = output or default_output_path(name, "kneeboard.png" if kneeboard else "png")
         ensure_room(path, as_json=as_json)
         ensure_drawable(path)
         ensure_free(path, force=force, sources=[name])
         flight = open_flight(name, stage=stage)
-        if kneeboard:
-            from airrace.views.kneeboard import draw_kneeboard
+        from airrace.views.flight_figures import flight_figure, kneeboard_figure
 
-            draw_kneeboard(flight, path)
-        else:
-            from airrace.views.flight_figure import draw_flight
-
-            draw_flight(flight, path)
+        save_figure(kneeboard_figure(flight) if kneeboard else flight_figure(flight), path)
         answer_written(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])
 
 
@@ -259,7 +254,7 @@ def csv_table(
         from airrace.runs.log_view import LogView
         from airrace.runs.output import FlightName, ensure_free
         from airrace.runs.stage_view import Splits
-        from airrace.views.streams import PlainStream
+        from airrace.views.plain_text import PlainStream
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")

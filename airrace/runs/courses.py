@@ -22,9 +22,9 @@ from airrace.results.planned import planned_flight
 from airrace.runs.json_objects import planned_object
 from airrace.runs.output import ensure_free, write_text
 from airrace.standard_streams import STANDARD, name_of
-from airrace.views.course_figure import draw_course
+from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_object, course_page
-from airrace.views.drawing import ensure_drawable
+from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.map_model import MapModel, map_model
 
 
@@ -222,7 +222,7 @@ class CourseCheck:
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
-        draw_course(self.map_model, Path(path))
+        save_figure(course_figure(self.map_model), Path(path))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:

@@ -1,8 +1,7 @@
 """A course as a drawing in a file. It needs matplotlib, which comes with the extra `plot`."""
 
 import math
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,20 +12,8 @@ from airrace.quantities import KNOT
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import Drawing
 from airrace.trajectory import Array
-from airrace.views.drawing import (
-    AMBER,
-    BLACK,
-    BLUE,
-    COLOURS,
-    GREY,
-    RED,
-    Axes,
-    Figure,
-    names_as_they_are,
-    new_figure,
-    save_figure,
-)
-from airrace.views.labels import Box, placed
+from airrace.views.drawing import AMBER, BLACK, BLUE, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas
+from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapLine, MapModel, Mark, coordinates
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
@@ -65,7 +52,7 @@ def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) ->
         axes.plot(east, north, color=BLUE, linewidth=1.2, linestyle=(0, (8, 3, 2, 3)), label="airspace", zorder=2)
     if tracks:
         _draw_ways(axes, map_)
-    _draw_elements(axes, map_, ARROW * max(frame.width, frame.height))
+    _draw_elements(axes, map_, frame)
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
@@ -100,17 +87,18 @@ def _draw_safety_line(axes: Axes, line: MapLine, frame: Box) -> None:
         axes.plot(*margin, color=AMBER, linewidth=0.9, linestyle="dashed", zorder=2)
 
 
-def _joined(lines: Iterable[Array]) -> Array:
+def _joint(lines: Iterable[Array]) -> Array:
     """Return north and east of some lines as one with gaps between, shape (2, n)."""
     gap = np.full((1, 2), np.nan)
     return np.concatenate([piece for line in lines for piece in (line, gap)]).T
 
 
-def _draw_elements(axes: Axes, map_: MapModel, arrow: float) -> None:
+def _draw_elements(axes: Axes, map_: MapModel, frame: Box) -> None:
     """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places.
 
     Elements that look alike share an entry of the legend.
     """
+    arrow = ARROW * max(frame.width, frame.height)
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in map_.marks:
         drawing = mark.element.drawing()
@@ -124,12 +112,15 @@ def _draw_elements(axes: Axes, map_: MapModel, arrow: float) -> None:
         marker = "o" if posts else "none"
         entry: dict[str, Any] = {"color": BLACK, "marker": marker, "markersize": size, "linestyle": "none"}
         if windows:
-            _draw_courses(axes, [mark for mark, _ in group], arrow)
-            north, east = _joined(windows)
+            courses = [(mark.east, mark.north, heading) for mark, _ in group for heading in mark.headings]
+            east, north, heading = np.array(courses).reshape(-1, 3).T
+            style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.0025, "headwidth": 5}
+            axes.quiver(east, north, arrow * np.sin(heading), arrow * np.cos(heading), color=BLACK, zorder=5, **style)
+            north, east = _joint(windows)
             axes.plot(east, north, color=BLACK, linewidth=2.0, zorder=5, solid_capstyle="butt")
             entry |= {"linewidth": 2.0, "linestyle": "solid"}
         if reaches:
-            north, east = _joined(reaches)
+            north, east = _joint(reaches)
             axes.plot(east, north, color=GREY, linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=4)
             entry |= {"color": GREY, "mec": BLACK, "mfc": BLACK, "linestyle": ":"}
         if posts:
@@ -142,44 +133,34 @@ def _draw_elements(axes: Axes, map_: MapModel, arrow: float) -> None:
         axes.plot([], [], label=legend, **entry)
 
 
-def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
-    """Draw an arrow for every course flown through an element."""
-    arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
-    east, north, heading = arrows.T
-    style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.0025, "headwidth": 5.0}
-    axes.quiver(east, north, length * np.sin(heading), length * np.cos(heading), color=BLACK, zorder=5, **style)
-
-
 def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None:
     """Write names with the numbers of their passings, and names of crowds, where they hide least; none if too many."""
     if len(map_.marks) > LABELS_MAX:
         return
-    named = [
+    labels = [
         (f"{mark.label}  {_numbers(mark, map_)}", (mark.east, mark.north), BLACK) for mark in map_.marks if mark.label
     ]
     for crowd in map_.crowd:
         north, east = coordinates(crowd.corners).mean(axis=0).tolist()
-        named.append((f"{crowd.name}, {crowd.distance:g} m", (east, north), RED))
+        labels.append((f"{crowd.name}, {crowd.distance:g} m", (east, north), RED))
     pixel = figure.dpi / 72.0
-    to_pixels = axes.transData.transform
-    lines = [
-        *(way.line for way in map_.ways),
-        *(_span(mark, ARROW * max(frame.width, frame.height)) for mark in map_.marks),
-    ]
+    to_pixels, from_pixels = axes.transData.transform, axes.transData.inverted().transform
+    arrow = ARROW * max(frame.width, frame.height)
+    lines = [*(way.line for way in map_.ways), *(_points(mark, arrow) for mark in map_.marks)]
     window = axes.get_window_extent()
-    boxes = placed(
-        [(float(across), float(up)) for across, up in (to_pixels(place) for _, place, _ in named)],
-        [(5.4 * pixel * len(text), 12.0 * pixel) for text, _, _ in named],
+    boxes = place_labels(
+        [(float(across), float(up)) for across, up in (to_pixels(place) for _, place, _ in labels)],
+        [(5.4 * pixel * len(text), 12.0 * pixel) for text, _, _ in labels],
         np.asarray(to_pixels(np.concatenate(lines)[:, ::-1])),
         Box(window.x0, window.y0, window.width, window.height),
         gap=7.0 * pixel,
     )
-    for (text, _, colour), box in zip(named, boxes, strict=True):
-        east, north = axes.transData.inverted().transform((box.left + 0.5 * box.width, box.bottom + 0.5 * box.height))
+    for (text, _, colour), box in zip(labels, boxes, strict=True):
+        east, north = from_pixels((box.left + 0.5 * box.width, box.bottom + 0.5 * box.height))
         axes.text(east, north, text, fontsize=9, ha="center", va="center", color=colour, zorder=9, bbox=LEGIBLE)
 
 
-def _span(mark: Mark, arrow: float) -> Array:
+def _points(mark: Mark, arrow: float) -> Array:
     """Return points of what is drawn of a mark, north and east, shape (n, 2), m."""
     centre, reach = np.array([mark.north, mark.east]), mark.element.drawing().reach
     tips = [arrow * np.array([math.cos(heading), math.sin(heading)]) for heading in mark.headings]
@@ -196,18 +177,9 @@ def _numbers(mark: Mark, map_: MapModel) -> str:
     return ", ".join(str(number) for number in sorted(number for one in marks for number, _ in one.passings))
 
 
-def draw_course(map_: MapModel, path: Path) -> None:
-    """Draw a race from above into a file, replacing it as a whole.
-
-    Raises:
-        StorageError: the system refused.
-    """
-    save_figure(course_figure(map_), path)
-
-
-@names_as_they_are
+@without_formulas
 def course_figure(map_: MapModel) -> Figure:
-    """Return the drawing: equal axes in metres, north up."""
+    """Return the drawing of a race from above: equal axes in metres, north up."""
     race, frame = map_.race, frame_of(map_)
     scale = LONGER_EDGE / max(frame.width, frame.height)
     size = (max(scale * frame.width, SHORTER_EDGE_MIN), max(scale * frame.height, SHORTER_EDGE_MIN))
@@ -215,8 +187,8 @@ def course_figure(map_: MapModel) -> Figure:
     axes = figure.add_subplot()
     figure.suptitle(map_.name, x=0.02, ha="left", fontweight="bold", fontsize=14)
     n_z = min(race.course.rules.n_z.upper, race.aircraft.envelope.n_z.upper)
-    told = f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
-    axes.set_title(told, loc="left", fontsize=9, color=GREY)
+    subtitle = f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
+    axes.set_title(subtitle, loc="left", fontsize=9, color=GREY)
     draw_map(axes, map_, frame, tracks=True)
     axes.set(xlabel="east, m", ylabel="north, m")
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
@@ -242,7 +214,7 @@ def _draw_ways(axes: Axes, map_: MapModel) -> None:
         for planned, style in ((True, "solid"), (False, (0, (2, 2)))):
             lines = [way.line for way in ways if way.planned is planned]
             if lines:
-                north, east = _joined(lines)
+                north, east = _joint(lines)
                 axes.plot(east, north, color=colour, linewidth=width, linestyle=style, alpha=0.85, zorder=3)
         if number < LAPS_MAX:
             axes.plot([], [], color=colour, linewidth=width, label=f"lap {lap}, as planned")
@@ -259,17 +231,13 @@ def _draw_wind(axes: Axes, map_: MapModel, wind: StaticWind) -> None:
     points = np.concatenate(lines)[:, ::-1]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     share = (points - (left, bottom)) / (right - left, top - bottom)
-    corner = min(
-        ((0.12, 0.9), (0.88, 0.9), (0.12, 0.12), (0.88, 0.12)),
-        key=lambda corner: -float(np.hypot(*(share - corner).T).min()),
-    )
+    corners = ((0.12, 0.9), (0.88, 0.9), (0.12, 0.12), (0.88, 0.12))
+    corner = max(corners, key=lambda corner: float(np.hypot(*(share - corner).T).min()))
     step = 22.0 * np.array([math.sin(wind.origin + math.pi), math.cos(wind.origin + math.pi)])  # points
-    within: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "zorder": 8}
-    head, tail = axes.transAxes.transform(corner), axes.figure.dpi / 72.0 * step
-    ends = [tuple(axes.transAxes.inverted().transform(head + sign * tail)) for sign in (1.0, -1.0)]
+    middle, tail = axes.transAxes.transform(corner), axes.figure.dpi / 72.0 * step
+    ends = [tuple(axes.transAxes.inverted().transform(middle + sign * tail)) for sign in (1.0, -1.0)]
+    place: dict[str, Any] = {"xycoords": "axes fraction", "zorder": 8}
     arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 2.0, "mutation_scale": 16}
-    axes.annotate("", xy=ends[0], xytext=ends[1], xycoords="axes fraction", arrowprops=arrow, zorder=8)
-    said = f"wind {wind.speed / KNOT:.0f} kt"
-    axes.annotate(
-        said, xy=corner, xytext=(0.0, -36.0), ha="center", va="center", color=BLUE, fontsize=9, bbox=LEGIBLE, **within
-    )
+    axes.annotate("", xy=ends[0], xytext=ends[1], arrowprops=arrow, **place)
+    place |= {"xytext": (0.0, -36.0), "textcoords": "offset points", "ha": "center", "va": "center"}
+    axes.annotate(f"wind {wind.speed / KNOT:.0f} kt", xy=corner, color=BLUE, fontsize=9, bbox=LEGIBLE, **place)

@@ -19,11 +19,9 @@ Axes = Any
 
 P = ParamSpec("P")
 
-Layout = Literal["constrained", "compressed"]
-
 FORMATS = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 150
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: told apart by all eyes
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: for all eyes
 RED, AMBER, BLUE, GREY, BLACK = "#c0392b", "#b8860b", "#34568b", "#777777", "#222222"
 
 
@@ -39,21 +37,21 @@ def ensure_drawable(path: Path) -> None:
         raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
 
 
-def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
+def without_formulas(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Decorate what makes a drawing, so that a name with dollar signs is no formula.
 
     A sign that the font lacks is drawn as a box, without a word about it.
     """
 
-    @functools.wraps(make)
-    def made(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    @functools.wraps(draw)
+    def figure(*args: P.args, **kwargs: P.kwargs) -> Figure:
         import matplotlib
 
         library: Any = matplotlib  # Any: its stubs leave paths untyped
         with library.rc_context({"text.parse_math": False}), _boxes_for_unknown_signs():
-            return make(*args, **kwargs)
+            return draw(*args, **kwargs)
 
-    return made
+    return figure
 
 
 @contextlib.contextmanager

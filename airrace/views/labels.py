@@ -3,8 +3,6 @@
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -34,50 +32,37 @@ class Box:
         up = min(self.bottom + self.height, other.bottom + other.height) - max(self.bottom, other.bottom)
         return max(across, 0.0) * max(up, 0.0)
 
-    def holds(self, points: Array) -> int:
+    def count_inside(self, points: Array) -> int:
         """Return the number of the points, shape (n, 2), that lie inside."""
         across = (points[:, 0] > self.left) & (points[:, 0] < self.left + self.width)
         return int((across & (points[:, 1] > self.bottom) & (points[:, 1] < self.bottom + self.height)).sum())
 
 
-def placed(
-    anchors: Sequence[tuple[float, float]], sizes: Sequence[tuple[float, float]], drawn: Array, frame: Box, gap: float
+def place_labels(
+    anchors: Sequence[tuple[float, float]], sizes: Sequence[tuple[float, float]], points: Array, frame: Box, gap: float
 ) -> list[Box]:
     """Return a box for every label, placed one after the other where it costs least.
 
     Args:
         anchors: the places that the labels name.
         sizes: the width and height of each label.
-        drawn: points that should stay visible, shape (n, 2).
+        points: of what should stay visible, shape (n, 2).
         frame: the rectangle to stay within.
         gap: the least distance from the anchor.
     """
     boxes: list[Box] = []
-    for anchor, size in zip(anchors, sizes, strict=True):
-        choices = _choices(anchor, size, gap)
-        costs = [_cost(box, boxes, drawn, frame) + 0.02 * number for number, box in enumerate(choices)]
-        boxes.append(choices[int(np.argmin(costs))])
+    for (x, y), (width, height) in zip(anchors, sizes, strict=True):
+        choices: list[tuple[float, Box]] = []
+        for distance in GAPS:
+            for number in range(DIRECTIONS):
+                angle = 2.0 * math.pi * number / DIRECTIONS
+                across = x + math.cos(angle) * (distance * gap + 0.5 * width)
+                up = y + math.sin(angle) * (distance * gap + 0.5 * height)
+                box = Box(across - 0.5 * width, up - 0.5 * height, width, height)
+                area = width * height
+                overlap = sum(box.overlap(other) for other in boxes) / area
+                outside = 1.0 - box.overlap(frame) / area
+                cost = 50.0 * overlap + OUTSIDE * outside + box.count_inside(points) + 0.02 * len(choices)
+                choices.append((cost, box))
+        boxes.append(min(choices, key=lambda choice: choice[0])[1])
     return boxes
-
-
-def _choices(anchor: tuple[float, float], size: tuple[float, float], gap: float) -> list[Box]:
-    """Return boxes around a place, near ones first."""
-    width, height = size
-    boxes: list[Box] = []
-    for distance in GAPS:
-        for number in range(DIRECTIONS):
-            angle = 2.0 * math.pi * number / DIRECTIONS
-            across, up = math.cos(angle), math.sin(angle)
-            middle = (
-                anchor[0] + across * (distance * gap + 0.5 * width),
-                anchor[1] + up * (distance * gap + 0.5 * height),
-            )
-            boxes.append(Box(middle[0] - 0.5 * width, middle[1] - 0.5 * height, width, height))
-    return boxes
-
-
-def _cost(box: Box, others: Sequence[Box], drawn: Array, frame: Box) -> float:
-    area = box.width * box.height
-    covered = sum(box.overlap(other) for other in others) / area
-    outside = 1.0 - box.overlap(frame) / area
-    return 50.0 * covered + OUTSIDE * outside + box.holds(drawn)

@@ -14,7 +14,7 @@ from rich.text import Text
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.records import record
-from airrace.views.lines import outcome_line, place
+from airrace.views.progress_view import outcome_line, stage_number
 
 BOX_WIDTH = 76
 """The width of the live view, columns, as long as the terminal has them."""
@@ -61,7 +61,7 @@ class LiveView(Progress):
         )
 
     def stage_started(self, stage: Stage) -> None:
-        self._seen = _Seen(stage, place(stage, self._stages), self._clock())
+        self._seen = _Seen(stage, stage_number(stage, self._stages), self._clock())
 
     def activity(self, text: str, done: int, total: int) -> None:
         if self._seen is not None:

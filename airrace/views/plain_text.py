@@ -1,12 +1,17 @@
-"""Texts of strangers on a terminal and in pages: names, messages and paths cannot command them.
+"""Texts of strangers on a terminal and in pages, and the streams they go through: names cannot command them.
 
 A track file may name a gate with the sequence that sets a terminal's title, moves its cursor or answers in the user's
 name, or with marks that turn the direction of reading. Such characters are shown as what they are, one sign each.
 """
 
+import contextlib
 import html
+import io
+import os
 import re
+import sys
 import unicodedata
+from typing import Any, TextIO, cast
 
 _CONTROLS = {code: 0x2400 + code for code in range(0x20) if chr(code) not in "\t\n"} | {0x7F: 0x2421}
 _UNSEEN = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
@@ -37,3 +42,101 @@ def escaped(text: str) -> str:
 def styled(text: str) -> str:
     """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal."""
     return _COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED)
+
+
+class SafeStream(io.TextIOBase):
+    """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
+
+    Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
+
+    Args:
+        stream: what is written to; of another watched stream, the one behind it.
+        commanded: whether control characters in the texts are meant for the terminal, as those of a live view are, and
+            not to be shown as what they are.
+    """
+
+    def __init__(self, stream: TextIO, *, commanded: bool = False) -> None:
+        self._stream: TextIO = stream._stream if isinstance(stream, SafeStream) else stream
+        self._shown = str if commanded else plain
+
+    def write(self, text: str) -> int:
+        """Write a text, or lose it; return its length."""
+        with contextlib.suppress(OSError, ValueError):  # ValueError: the stream is closed
+            self._stream.write(self._shown(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is buffered, or lose it."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.flush()
+
+    def isatty(self) -> bool:
+        """Tell whether it is a terminal."""
+        return not self._stream.closed and self._stream.isatty()
+
+    def fileno(self) -> int:
+        """Return the file descriptor."""
+        return self._stream.fileno()
+
+    @property
+    def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride] as a property it can be read as well
+        """The encoding of the stream."""
+        return self._stream.encoding
+
+    @property
+    def errors(self) -> str | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The treatment of characters that the encoding lacks."""
+        return self._stream.errors
+
+    @property
+    def buffer(self) -> Any:  # Any: as `TextIO.buffer` of streams without one
+        """The binary stream behind it."""
+        return self._stream.buffer
+
+
+class PlainStream(io.TextIOBase):
+    """A stream of a long text for people or programs, in which control characters are shown as in `styled`.
+
+    Args:
+        stream: what is written to.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text; return its length."""
+        self._stream.write(styled(text))
+        return len(text)
+
+
+def secure() -> None:
+    """Make the standard streams such that a command can be run.
+
+    A descriptor that the shell has closed (`>&-`) is taken by something that only looks like it, so that no file that
+    is opened later gets its number and, with it, what is printed: stdout refuses to be written, stdin is empty and
+    stderr loses what it is told. A name that the encoding of stdout lacks is printed with backslashes. What stderr
+    refuses is lost.
+    """
+    for descriptor, flags in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        if not _is_open(descriptor):
+            os.open(os.devnull, flags)  # gets the lowest number that is free: this one
+    sys.stdin = sys.stdin or _stream(0, "r")
+    sys.stdout = sys.stdout or _stream(1, "w")
+    sys.stderr = sys.stderr or _stream(2, "w")
+    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="backslashreplace")
+    if not isinstance(sys.stderr, SafeStream):
+        sys.stderr = SafeStream(sys.stderr)
+
+
+def _stream(descriptor: int, mode: str) -> TextIO:
+    """Open a stream that lives as long as the process."""
+    return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True

@@ -10,7 +10,7 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import CrowdShape
 from airrace.trajectory import Array
-from airrace.views.labels import Box, placed
+from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
 
@@ -126,7 +126,7 @@ def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in map_.ways]
     drawn = np.concatenate([*ways, np.array(anchors)])
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
-    boxes = placed(anchors, sizes, drawn, frame, 7.0)
+    boxes = place_labels(anchors, sizes, drawn, frame, 7.0)
     return [
         f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">'
         f"{html.escape(plain(mark.label))}</text>"

@@ -119,24 +119,29 @@ class Table:
         Args:
             inline: whether it carries its style, its title and its notes itself, as notebooks need it.
         """
-        head = "".join(_html_cell("th", column, column.name, inline) for column in self.columns if column.shown)
-        rows = [
-            "".join(_html_cell("td", column, cell, inline) for column, cell in row) for row in self._shown()
-        ]  # fmt: skip
-        places = (f' data-passing="{number}"' if self.by_leg else "" for number in range(len(rows)))
-        body = "".join(f"<tr{place}>{row}</tr>" for place, row in zip(places, rows, strict=True))
-        caption, notes = "", ""
+        lines: list[str] = []
+        for number, row in enumerate(self._shown()):
+            place = f' data-passing="{number}"' if self.by_leg else ""
+            lines.append(f"<tr{place}>{''.join(_html_cell(column, cell, inline) for column, cell in row)}</tr>")
+        head, caption, notes = "", "", ""
+        for column in self.columns:
+            if column.shown:
+                unit = f" <small>{escaped(column.unit)}</small>" if column.unit else ""
+                head += f'<th scope="col"{_style(column, inline)}>{escaped(column.name)}{unit}</th>'
         if inline:
             bold = '<caption style="text-align: left; font-weight: bold">'
             caption = f"{bold}{escaped(self.title)}</caption>" if self.title else ""
             notes = "".join(f"<p>{escaped(note)}</p>" for note in self.notes)
-        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{notes}"
+        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>{notes}"
 
     def markdown(self) -> str:
         """Return the cells as a table of GitHub's Markdown."""
-        heads, *lines = [f"| {' | '.join(map(_markdown, row))} |" for row in self.texts()]
+        heads, *lines = [
+            " | ".join(" ".join(text.split()).replace("<", "&lt;").replace("|", "\\|") for text in row)
+            for row in self.texts()
+        ]
         rules = "|".join("---:" if column.form else "---" for column in self.columns if column.shown)
-        return "\n".join([heads, f"|{rules}|", *lines])
+        return "\n".join([f"| {heads} |", f"|{rules}|", *(f"| {line} |" for line in lines)])
 
     def csv(self, form: str = "", end: str = "\n") -> str:
         """Return comma-separated values below the columns' keys; nothing stands where nothing is known.
@@ -147,18 +152,17 @@ class Table:
         """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator=end)
-        writer.writerow(self._keys())
-        for row in self._stored():
+        heads, *rows = self._stored()
+        writer.writerow(heads)
+        for row in rows:
             writer.writerow([format(one + 0.0, form) if form and isinstance(one, float) else one for one in row])
         return text.getvalue()
 
     def objects(self) -> list[dict[str, Value]]:
         """Return the rows as objects by the columns' keys, for JSON."""
-        rows = (
-            [None if isinstance(one, float) and not math.isfinite(one) else one for one in row]
-            for row in self._stored()
-        )
-        return [dict(zip(self._keys(), row, strict=True)) for row in rows]
+        heads, *rows = self._stored()
+        values = ([None if isinstance(one, float) and not math.isfinite(one) else one for one in row] for row in rows)
+        return [dict(zip(map(str, heads), row, strict=True)) for row in values]
 
     def dataframe(self, index: str) -> "DataFrame":
         """Return a data frame of pandas by the columns' keys.
@@ -170,7 +174,8 @@ class Table:
             UsageError: pandas is not installed.
         """
         pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-        return pandas.DataFrame(list(self._stored()), columns=self._keys()).set_index(index)
+        heads, *rows = self._stored()
+        return pandas.DataFrame(rows, columns=heads).set_index(index)
 
     def rich(self) -> "RichTable":
         """Return the table for a terminal."""
@@ -198,38 +203,31 @@ class Table:
         return table
 
     def _shown(self) -> Iterator[list[tuple[Column, Cell]]]:
+        """Yield what people see, row by row."""
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
             yield [(column, one if isinstance(one, Cell) else Cell(one)) for column, one in pairs if column.shown]
 
-    def _keys(self) -> list[str]:
-        return [column.key for column in self.columns if column.key]
-
     def _stored(self) -> Iterator[list[Value]]:
+        """Yield what CSV and JSON have: the columns' keys, then the values, row by row."""
+        yield [column.key for column in self.columns if column.key]
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
             yield [one.value if isinstance(one, Cell) else one for column, one in pairs if column.key]
 
 
-def _html_cell(tag: str, column: Column, cell: Cell | str, inline: bool) -> str:
-    """Return a cell, or the head of a column, with what a report's script finds it by."""
-    one = cell if isinstance(cell, Cell) else Cell(cell)
-    if tag == "th":
-        text = escaped(column.name) + (f" <small>{escaped(column.unit)}</small>" if column.unit else "")
-    else:
-        text = column.html(one.value)
-    if one.time is not None:
-        text = f'<button data-time="{one.time:.6f}" title="To this instant">{text}</button>'
-    if one.flight is not None:
-        text = f'<label><input type="checkbox" data-flight="{one.flight}" checked> {text}</label>'
-    classes = " ".join([*([] if column.form else ["text"]), *(["no"] if one.bad else [])])
-    attributes = ' scope="col"' if tag == "th" else ""
+def _html_cell(column: Column, cell: Cell, inline: bool) -> str:
+    """Return a cell with what a report's script finds it by."""
+    text = column.html(cell.value)
+    if cell.time is not None:
+        text = f'<button data-time="{cell.time:.6f}" title="To this instant">{text}</button>'
+    if cell.flight is not None:
+        text = f'<label><input type="checkbox" data-flight="{cell.flight}" checked> {text}</label>'
+    return f"<td{_style(column, inline, bad=cell.bad)}>{text}</td>"
+
+
+def _style(column: Column, inline: bool, *, bad: bool = False) -> str:
     if inline:
-        attributes += f' style="{STYLE.format("right" if column.form else "left")}"'
-    elif classes:
-        attributes += f' class="{classes}"'
-    return f"<{tag}{attributes}>{text}</{tag}>"
-
-
-def _markdown(text: str) -> str:
-    return " ".join(text.split()).replace("<", "&lt;").replace("|", "\\|")
+        return f' style="{STYLE.format("right" if column.form else "left")}"'
+    classes = " ".join(name for name, applies in (("text", not column.form), ("no", bad)) if applies)
+    return f' class="{classes}"' if classes else ""

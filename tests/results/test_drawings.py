@@ -15,9 +15,15 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 from airrace.results import Crossing
 from airrace.results.comparison import compare_flights
-from airrace.views.comparison_figure import comparison_figure
-from airrace.views.flight_figure import STRIPS, draw_flight, flight_figure
-from airrace.views.kneeboard import HEIGHT, WIDTH, draw_kneeboard, kneeboard_figure
+from airrace.views.drawing import Figure, save_figure
+from airrace.views.flight_figures import (
+    PAGE_HEIGHT,
+    PAGE_WIDTH,
+    STRIPS,
+    comparison_figure,
+    flight_figure,
+    kneeboard_figure,
+)
 
 
 def test_plan_and_profile_show_the_line_that_was_flown() -> None:
@@ -48,7 +54,7 @@ def test_what_a_flight_does_not_know_is_left_out() -> None:
 def test_the_kneeboard_is_one_page_with_every_gate() -> None:
     flight = circling(rovinj())
     figure = kneeboard_figure(flight)
-    assert tuple(figure.get_size_inches()) == (WIDTH, HEIGHT)
+    assert tuple(figure.get_size_inches()) == (PAGE_WIDTH, PAGE_HEIGHT)
     told = [text.get_text() for axes in figure.axes for text in axes.texts]
     for crossing in flight.crossings:
         assert crossing.name in told
@@ -58,13 +64,13 @@ def test_the_kneeboard_is_one_page_with_every_gate() -> None:
     figure.savefig(io.BytesIO(), format="pdf")
 
 
-@pytest.mark.parametrize("draw", [draw_flight, draw_kneeboard])
-def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., None], tmp_path: Path) -> None:
+@pytest.mark.parametrize("draw", [flight_figure, kneeboard_figure])
+def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., Figure], tmp_path: Path) -> None:
     one = circling(rovinj(), label="\u6771\u4eac \x01")
     one = replace(one, race=replace(one.race, course=replace(one.course, name="\u6771\u4eac \x01")))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        draw(one, tmp_path / "drawn.png")
+        save_figure(draw(one), tmp_path / "drawn.png")
     assert (tmp_path / "drawn.png").stat().st_size > 0
 
 

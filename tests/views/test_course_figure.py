@@ -27,12 +27,11 @@ from airrace.track.gates import Gate
 from airrace.trajectory import Array
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_page
-from airrace.views.labels import Box, placed
+from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import map_model
 from airrace.views.plain_console import PlainConsole
-from airrace.views.plain_text import escaped, plain, styled
+from airrace.views.plain_text import SafeStream, escaped, plain, styled
 from airrace.views.plan_svg import COLOURS, plan_svg
-from airrace.views.streams import SafeStream
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -108,7 +107,7 @@ anchor_lists = st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 1000)), min_s
 @given(anchors=anchor_lists)
 def test_labels_stay_within_the_frame_and_near_what_they_name(anchors: list[tuple[float, float]]) -> None:
     frame = Box(0.0, 0.0, 1000.0, 1000.0)
-    boxes = placed(anchors, [(60.0, 12.0)] * len(anchors), np.array(anchors), frame, gap=5.0)
+    boxes = place_labels(anchors, [(60.0, 12.0)] * len(anchors), np.array(anchors), frame, gap=5.0)
     for (across, up), box in zip(anchors, boxes, strict=True):
         assert box.overlap(frame) > 0.9 * box.width * box.height
         assert abs(box.left + 30.0 - across) <= 30.0 + 5.5 * 5.0 + 1e-6
@@ -119,8 +118,8 @@ def test_a_label_makes_way_for_what_is_drawn_and_for_other_labels() -> None:
     frame = Box(-500.0, -500.0, 1000.0, 1000.0)
     along = np.column_stack([np.linspace(0.0, 200.0, 50), np.zeros(50)])
     anchors = [(0.0, 0.0), (1.0, 1.0)]
-    first, second = placed(anchors, [(60.0, 12.0)] * 2, along, frame, gap=5.0)
-    assert first.holds(along) == second.holds(along) == 0
+    first, second = place_labels(anchors, [(60.0, 12.0)] * 2, along, frame, gap=5.0)
+    assert first.count_inside(along) == second.count_inside(along) == 0
     assert first.overlap(second) == 0.0
 
 
