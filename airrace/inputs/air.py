@@ -8,14 +8,12 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.inputs.nodes import KeyPath, Reporter
+from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
 
 WIND: KeyPath = ("environment", "wind")
-THERMALS_MAX = 100
-"""The largest number of thermals of a course."""
 
 
 class WindEntry(Schema):
@@ -84,7 +82,7 @@ class EnvironmentEntry(Schema):
         default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
     )
     wind: WindEntry | None = optional("the wind of the day; without it the air is still")
-    thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
+    thermals: Annotated[list[ThermalEntry], Field(max_length=LIMITS.thermals)] = Field(
         default_factory=list[ThermalEntry], description="columns of rising air"
     )
 

@@ -20,6 +20,7 @@ import yaml
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
+from airrace.inputs.nodes import LIMITS
 from airrace.logs.reading import xml_tree
 from airrace.logs.recording import refuse
 from airrace.records import record
@@ -28,8 +29,6 @@ from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
-PLACEMARKS_MAX = 1000
-"""The largest number of placemarks that are read."""
 GATE_WIDTH_MAX = 60.0
 """The length beyond which a line is no gate, m."""
 CROWD_DISTANCE = 100.0
@@ -82,8 +81,8 @@ def read_placemarks(path: Path) -> list[Placemark]:
         found = list(_of_geojson(name, content))
     if not found:
         refuse(name, 0, "holds no placemarks; expected KML, GPX or GeoJSON with points, lines or areas")
-    if len(found) > PLACEMARKS_MAX:
-        refuse(name, 0, f"holds {len(found)} placemarks; at most {PLACEMARKS_MAX} are read")
+    if len(found) > LIMITS.placemarks:
+        refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
     return found
 
 

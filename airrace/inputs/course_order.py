@@ -10,17 +10,15 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.nodes import LIMITS, KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.inputs.schema import Schema, ShorthandSchema, optional
-from airrace.inputs.surroundings import LINES_MAX, room_beside
+from airrace.inputs.surroundings import room_beside
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.course import Direction, Passage, SafetyLine
 
 DirectionName = Literal["forward", "reverse", "planned"]
 EndStateName = Literal["settled", "free"]
-PASSAGES_MAX = 10_000
-"""The largest number of passings of a whole race."""
 
 
 class PassingReferenceEntry(ShorthandSchema):
@@ -33,12 +31,12 @@ class PassingReferenceEntry(ShorthandSchema):
     direction: DirectionName | None = optional(
         "which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
     )
-    safety_lines: Annotated[list[str], Field(max_length=LINES_MAX)] = Field(
+    safety_lines: Annotated[list[str], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
     )
 
 
-Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
+Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=LIMITS.passages)]
 
 
 class CourseEntry(Schema):
@@ -125,7 +123,7 @@ def check_references(reporter: Reporter) -> None:
     if not isinstance(course, MappingNode):
         return
     references = _references(course)
-    if len(references) > PASSAGES_MAX:
+    if len(references) > LIMITS.passages:
         return  # the schema reports that, and nothing else matters then
     if isinstance(gates, MappingNode):
         for one in references:
@@ -236,10 +234,10 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
                 return False
     laps = entry.laps or 1
     total = laps * len(entry.lap or ()) + sum(len(lap) for lap in entry.each_lap or ())
-    if total > PASSAGES_MAX:
+    if total > LIMITS.passages:
         path = ("course", "laps" if laps > 1 else "lap" if entry.lap else "each_lap")
-        reporter.value(path, f"{total} passings are too many; at most {PASSAGES_MAX}")
-    return total <= PASSAGES_MAX
+        reporter.value(path, f"{total} passings are too many; at most {LIMITS.passages}")
+    return total <= LIMITS.passages
 
 
 def _check_reference(reference: CourseReference, element: CompositeElement, reporter: Reporter) -> None:

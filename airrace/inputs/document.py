@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from airrace.errors import Finding
+from airrace.inputs.nodes import LIMITS
 from airrace.records import record
 from airrace.resources import shipped_folder
 from airrace.standard_streams import STANDARD, name_of, read_bytes
@@ -14,8 +15,6 @@ from airrace.standard_streams import STANDARD, name_of, read_bytes
 logger = logging.getLogger(__name__)
 
 SUFFIX = ".yaml"
-SIZE_MAX = 2 * 1024 * 1024
-"""The size of the largest input file that is read, bytes; the largest real course needs a hundredth of it."""
 
 
 @record
@@ -47,11 +46,11 @@ def read_content(path: Path, findings: list[Finding], names: Sequence[str] = ())
     problem = ""
     try:
         if path == STANDARD or path.is_file():
-            content = read_bytes(path, SIZE_MAX + 1)
+            content = read_bytes(path, LIMITS.size + 1)
             logger.info("%s is read", name_of(path))
-            if len(content) <= SIZE_MAX:
+            if len(content) <= LIMITS.size:
                 return content
-            problem = f"is too large: at most {SIZE_MAX} bytes are read"
+            problem = f"is too large: at most {LIMITS.size} bytes are read"
         else:
             problem = "is not a file" if path.exists() else missing_file(path, names)
     except (OSError, ValueError) as error:  # ValueError: a path with a null character

@@ -12,7 +12,7 @@ from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references
 from airrace.inputs.document import AIRCRAFT, TRACKS, Collection, Document, read_document
-from airrace.inputs.nodes import JSON, MappingNode, Place, Reporter, ScalarNode, dotted
+from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, ScalarNode, dotted
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
@@ -26,10 +26,6 @@ from airrace.procedure.settings import Settings
 from airrace.quantities import KNOT
 from airrace.records import record
 
-FINDINGS_MAX = 100
-"""The largest number of findings that are reported for one document."""
-QUOTED_MAX = 100
-"""The largest number of characters of a quoted word in a message."""
 NO_SETTINGS = Document("<no settings file>", f"schema: {language_of(SettingsEntry)}\n")
 """The document that stands for settings where no file was given: all defaults."""
 
@@ -265,7 +261,7 @@ def read_aircraft(reporter: Reporter) -> Aircraft | None:
 
 
 def shorten(findings: Sequence[Finding]) -> list[Finding]:
-    """Return at most `FINDINGS_MAX` findings per document, in its order.
+    """Return at most `LIMITS.findings` findings per document, in its order.
 
     Where there are more, one more finding says how many.
     """
@@ -273,16 +269,16 @@ def shorten(findings: Sequence[Finding]) -> list[Finding]:
     findings = [dataclasses.replace(one, message=_with_short_quotes(one.message)) for one in findings]
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
         mine = list(group)
-        kept.extend(mine[:FINDINGS_MAX])
-        if len(mine) > FINDINGS_MAX:
-            rest = len(mine) - FINDINGS_MAX
-            kept.append(dataclasses.replace(mine[FINDINGS_MAX], message=f"and {rest} more findings from here on"))
+        kept.extend(mine[: LIMITS.findings])
+        if len(mine) > LIMITS.findings:
+            rest = len(mine) - LIMITS.findings
+            kept.append(dataclasses.replace(mine[LIMITS.findings], message=f"and {rest} more findings from here on"))
     return kept
 
 
 def _with_short_quotes(message: str) -> str:
     parts = message.split("`")  # every second part is quoted
-    parts[1::2] = [part if len(part) <= QUOTED_MAX else part[:QUOTED_MAX] + "..." for part in parts[1::2]]
+    parts[1::2] = [part if len(part) <= LIMITS.quote else part[: LIMITS.quote] + "..." for part in parts[1::2]]
     return "`".join(parts)
 
 

@@ -2,10 +2,50 @@
 
 import difflib
 from collections.abc import Collection, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from airrace.errors import Finding
 from airrace.records import record
+
+
+@record
+class DocumentLimits:
+    """The largest documents that are read; the largest real course needs a hundredth of it.
+
+    Attributes:
+        size: of a file, bytes, and of a text, characters.
+        depth: of lists and mappings within one another.
+        values: in a document; ten thousand gates, each with ten keys, have half of them.
+        key: characters of a key.
+        reread: characters up to which a text that is no YAML is read again by PyYAML's own parser, whose messages are
+            the clearer ones.
+        findings: that are reported for one document.
+        quote: characters of a quoted word in a message.
+        names: that are listed where none is similar.
+        comparisons: of names for one document, about a second's work.
+        gates, passages, crowds, corners, safety_lines, thermals: of a course, the corners of one area.
+        placemarks: of which a course is sketched.
+    """
+
+    size: int = 2 * 1024 * 1024
+    depth: int = 32
+    values: int = 200_000
+    key: int = 100
+    reread: int = 65_536
+    findings: int = 100
+    quote: int = 100
+    names: int = 20
+    comparisons: int = 50_000
+    gates: int = 10_000
+    passages: int = 10_000
+    crowds: int = 20
+    corners: int = 50
+    safety_lines: int = 100
+    thermals: int = 100
+    placemarks: int = 1000
+
+
+LIMITS = DocumentLimits()
 
 ScalarValue = str | int | float | bool | None
 JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
@@ -80,37 +120,7 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(part) for part in path)
 
 
-NAMES_TOLD = 20
-"""The largest number of names that are listed where none is similar."""
-COMPARISONS_MAX = 50_000
-"""The largest number of comparisons of names for one document, about a second's work."""
-
-
-class Speller:
-    """A search for the name that was meant; on a document with thousands of names it gives up after a while."""
-
-    def __init__(self) -> None:
-        self._comparisons = 0
-
-    def suggestion(self, word: str, known: Collection[str]) -> str:
-        """Return `; did you mean ...?`, or the choices where nothing is similar; empty once it has given up."""
-        self._comparisons += len(known)
-        if self._comparisons > COMPARISONS_MAX:
-            return ""
-        similar = difflib.get_close_matches(word[:100], known, n=1)
-        return f"; did you mean `{similar[0]}`?" if similar else choices(known)
-
-
-def choices(known: Collection[str]) -> str:
-    """Return `; known here: a, b`; empty where nothing is known."""
-    if not known:
-        return ""
-    told = list(known)[:NAMES_TOLD]
-    more = f" and {len(known) - len(told)} more" if len(known) > len(told) else ""
-    return f"; known here: {', '.join(told)}{more}"
-
-
-@record
+@dataclass
 class Reporter:
     """A reporter that turns remarks about entries of one document into findings with their place.
 
@@ -125,7 +135,7 @@ class Reporter:
     findings: list[Finding]
     prefix: str = ""
     others: tuple[str, ...] = ()
-    _speller: Speller = field(default_factory=Speller)
+    _comparisons: int = 0
 
     def value(self, path: KeyPath, message: str) -> None:
         """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
@@ -136,8 +146,18 @@ class Reporter:
         self._add(self._place(path, at_key=True), path, message)
 
     def suggestion(self, word: str, known: Collection[str]) -> str:
-        """Return what may have been meant by a word, to be appended to a message."""
-        return self._speller.suggestion(word, known)
+        """Return `; did you mean ...?` or `; known here: ...`, to be appended to a message.
+
+        It is empty where nothing is known, and after thousands of names of one document.
+        """
+        self._comparisons += len(known)
+        if not known or self._comparisons > LIMITS.comparisons:
+            return ""
+        if similar := difflib.get_close_matches(word[:100], known, n=1):
+            return f"; did you mean `{similar[0]}`?"
+        first = list(known)[: LIMITS.names]
+        more = f" and {len(known) - len(first)} more" if len(known) > len(first) else ""
+        return f"; known here: {', '.join(first)}{more}"
 
     def other_documents(self, path: KeyPath) -> tuple[str, ...]:
         """Return the prefixes that may be missing before a key that was given on the command line."""

@@ -30,12 +30,14 @@ def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Overr
         key, equals, value = text.partition("=")
         names = key.strip().split(".")
         if not equals or not all(names):
-            _report(findings, key.strip(), f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
+            findings.append(
+                Finding(FILE, 0, 0, key.strip(), f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
+            )
             continue
         try:
             node = ScalarNode(PLACE, _scalar(value.strip()))
         except ValueError as error:
-            _report(findings, key.strip(), str(error))
+            findings.append(Finding(FILE, 0, 0, key.strip(), str(error)))
             continue
         prefixed = len(names) > 1 and names[0] in PREFIXED
         document = names[0] if prefixed else "track"
@@ -55,7 +57,7 @@ def apply_overrides(
             replaced = _replace(root, override.path, override.value, schema)
         except ValueError as error:
             prefix = (override.document,) if override.document in PREFIXED else ()
-            _report(findings, dotted((*prefix, *override.path)), str(error))
+            findings.append(Finding(FILE, 0, 0, dotted((*prefix, *override.path)), str(error)))
             continue
         if isinstance(replaced, MappingNode):
             root = replaced
@@ -107,7 +109,3 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
         items[int(name)] = _replace(items[int(name)], rest, value, inner(expected, 0))
         return SequenceNode(node.place, tuple(items))
     raise ValueError(f"`{name}` cannot be set inside the single value {node.value!r}")
-
-
-def _report(findings: list[Finding], key: str, message: str) -> None:
-    findings.append(Finding(FILE, 0, 0, key, message))

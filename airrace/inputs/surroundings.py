@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import KeyPath, Reporter
+from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
@@ -17,17 +17,13 @@ from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
-CORNERS_MAX = 50
-"""The largest number of corners of a crowd's place, or of the airspace."""
-LINES_MAX = 100
-"""The largest number of safety lines of a course."""
 SAME_PLACE_M = 0.01
 """The distance below which two corners are one, m."""
 ROUNDING_M = 1e-6
 """The excess over a distance that is put down to rounding and not reported, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
-Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
+Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
 
 
 class SafetyLineEntry(Schema):

@@ -14,12 +14,11 @@ from airrace.inputs.air import EnvironmentEntry
 from airrace.inputs.course_order import CourseEntry, build_passages
 from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
-from airrace.inputs.nodes import Reporter
+from airrace.inputs.nodes import LIMITS, Reporter
 from airrace.inputs.places import OriginEntry, Places
 from airrace.inputs.rules import RulesEntry, build_rules, with_preset
 from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
-    LINES_MAX,
     Corners,
     CrowdEntry,
     SafetyLineEntry,
@@ -29,10 +28,6 @@ from airrace.inputs.surroundings import (
 from airrace.quantities import Interval
 from airrace.track.course import Course, EndState
 
-CROWDS_MAX = 20
-"""The largest number of crowds of a course."""
-GATES_MAX = 10_000
-"""The largest number of elements of a course."""
 BUILT_IN = (gates, manoeuvres)
 """The modules that register the kinds of elements that come along."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -55,14 +50,14 @@ class TrackEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    gates: Annotated[dict[str, KindEntry], Field(max_length=GATES_MAX)] = Field(
+    gates: Annotated[dict[str, KindEntry], Field(max_length=LIMITS.gates)] = Field(
         description="what stands on the course, by name"
     )
-    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LINES_MAX)] = Field(
+    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=dict[str, SafetyLineEntry],
         description="lines not to be crossed on the legs whose passings name them, by name",
     )
-    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=CROWDS_MAX)] = Field(
+    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=LIMITS.crowds)] = Field(
         default_factory=dict[str, CrowdEntry], description="where people are, by name; kept away from all along"
     )
     airspace: Corners | None = optional("corners of the convex area within which the race is flown, in order")
@@ -78,7 +73,7 @@ def track_language() -> type[TrackEntry]:
 def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
     described = TrackEntry.model_fields["gates"]
     element: Annotation = Annotated[Union[known], Field(discriminator="type")]  # noqa: UP007  # made at run time
-    entries: Annotation = Annotated[dict[str, element], Field(max_length=GATES_MAX)]
+    entries: Annotation = Annotated[dict[str, element], Field(max_length=LIMITS.gates)]
     return create_model(
         TrackEntry.__name__,
         __base__=TrackEntry,

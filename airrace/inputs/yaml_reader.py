@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import yaml
 
 from airrace.errors import Finding, InputError
-from airrace.inputs.document import SIZE_MAX
 from airrace.inputs.nodes import (
+    LIMITS,
     Entry,
     KeyPath,
     MappingNode,
@@ -26,18 +26,7 @@ from airrace.inputs.nodes import (
     dotted,
 )
 
-DEPTH_MAX = 32
-"""The deepest nesting of lists and mappings."""
-NODES_MAX = 200_000
-"""The largest number of values of a document; ten thousand gates, each with ten keys, have half of them."""
-KEY_MAX = 100
-"""The longest key, characters."""
 INTEGER_MAX = 2**63 - 1
-PLAIN_WORDS_MAX = 65_536
-"""The size, in characters, up to which a text that is no YAML is read again by PyYAML's own parser.
-
-The messages of that parser are the clearer ones.
-"""
 
 Loader = type[yaml.SafeLoader]
 PURE: Loader = yaml.SafeLoader
@@ -97,8 +86,8 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     Raises:
         InputError: the text is refused; it carries every finding, up to a syntax error, which ends the reading.
     """
-    if len(text) > SIZE_MAX:
-        raise InputError([Finding(file, 0, 0, "", f"is too large: at most {SIZE_MAX} characters are read")])
+    if len(text) > LIMITS.size:
+        raise InputError([Finding(file, 0, 0, "", f"is too large: at most {LIMITS.size} characters are read")])
     _check_characters(file, text)
     reader = _Reader(file)
     try:
@@ -106,7 +95,7 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     except _Abort:
         raise InputError(reader.findings) from None
     except yaml.MarkedYAMLError as error:
-        if loader is not PURE and len(text) <= PLAIN_WORDS_MAX:
+        if loader is not PURE and len(text) <= LIMITS.reread:
             read_yaml(file, text, PURE)
         raise InputError([*reader.findings, _syntax_error(file, error)]) from None
     if reader.findings:
@@ -170,8 +159,8 @@ class _Reader:
     def _node(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Node:
         place = self._place(event)
         self._nodes += 1
-        if self._nodes > NODES_MAX:
-            self._refuse(event, (), f"more than {NODES_MAX} values; nothing behind this one is read")
+        if self._nodes > LIMITS.values:
+            self._refuse(event, (), f"more than {LIMITS.values} values; nothing behind this one is read")
             raise _Abort
         if isinstance(event, yaml.AliasEvent):
             self._refuse(event, path, f"aliases (`*{event.anchor}`) are not supported; write the value out")
@@ -179,8 +168,8 @@ class _Reader:
         self._refuse_decoration(event, path)
         if isinstance(event, yaml.ScalarEvent):
             return ScalarNode(place, self._scalar(event, path))
-        if len(path) >= DEPTH_MAX:
-            self._refuse(event, (), f"nested more than {DEPTH_MAX} levels deep")
+        if len(path) >= LIMITS.depth:
+            self._refuse(event, (), f"nested more than {LIMITS.depth} levels deep")
             raise _Abort
         if isinstance(event, yaml.SequenceStartEvent):
             return SequenceNode(place, tuple(self._items(events, path)))
@@ -209,9 +198,9 @@ class _Reader:
             self._refuse_decoration(event, path)
             if not event.value:
                 self._refuse(event, path, "a key is empty")
-            if len(event.value) > KEY_MAX:
-                self._refuse(event, path, f"a key is longer than {KEY_MAX} characters")
-                return event.value[:KEY_MAX]
+            if len(event.value) > LIMITS.key:
+                self._refuse(event, path, f"a key is longer than {LIMITS.key} characters")
+                return event.value[: LIMITS.key]
             return event.value
         self._refuse(event, path, "a key must be plain text, not a list, a mapping or an alias")
         self._node(event, events, (*path, "?"))
