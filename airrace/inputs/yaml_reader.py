@@ -26,8 +26,6 @@ from airrace.inputs.nodes import (
     dotted,
 )
 
-INTEGER_MAX = 2**63 - 1
-
 Loader = type[yaml.SafeLoader]
 PURE: Loader = yaml.SafeLoader
 FAST: Loader = getattr(yaml, "CSafeLoader", PURE)
@@ -68,9 +66,9 @@ def plain_scalar(text: str) -> ScalarValue:
 
 def _integer(text: str) -> int:
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-    # 20 digits are enough for every number of a document; more would only take time to convert.
-    value = int(text, base) if len(text.lstrip("+-")) <= 20 else INTEGER_MAX + 1
-    if abs(value) > INTEGER_MAX:
+    # 20 digits are enough for every number of 64 bits; more would only take time to convert.
+    value = int(text, base) if len(text.lstrip("+-")) <= 20 else 2**63
+    if abs(value) >= 2**63:
         raise ValueError(f"`{text[:24]}` is too large for a whole number")
     return value
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from language_texts import AIRCRAFT, edited, edits, findings_of, understood
 
-from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode
+from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode, Propeller
 
 
 def finding_in_aircraft(old: str, new: str) -> str:
@@ -69,15 +69,9 @@ def built(aircraft: str) -> Aircraft:
 
 def test_a_propeller_acts_only_where_its_effects_are_asked_for() -> None:
     assert built(AIRCRAFT).propeller is None
-    turning = built(edited(AIRCRAFT, "effects: false", "effects: true")).propeller
-    assert turning is not None
-    assert (turning.inertia, turning.Omega) == (5.26, pytest.approx(2700.0 * math.pi / 30.0))
-
-
-def test_a_propeller_that_turns_left_turns_the_other_way() -> None:
-    propeller = built(edited(AIRCRAFT, "effects: false", "effects: true\n  turns: left")).propeller
-    assert propeller is not None
-    assert propeller.Omega == pytest.approx(-2700.0 * math.pi / 30.0)
+    for turns, sign in (("", 1.0), ("\n  turns: left", -1.0)):
+        propeller = built(edited(AIRCRAFT, "effects: false", f"effects: true{turns}")).propeller
+        assert propeller == Propeller(5.26, pytest.approx(sign * 2700.0 * math.pi / 30.0))
 
 
 def test_an_aircraft_file_needs_to_know_neither() -> None:

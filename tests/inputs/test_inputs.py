@@ -35,10 +35,7 @@ def test_passages_follow_the_order_flown_over_all_laps() -> None:
     ]
     assert [passage.lap for passage in passages] == [1, 1, 1, 1, 1, 2, 2, 2, 2]
     assert passages[2].direction is Direction.PLANNED
-
-
-def test_only_the_start_has_a_speed_limit() -> None:
-    start, *others = understood().race.course.passages
+    start, *others = passages
     assert start.speed == Interval(upper=200 * KNOT)
     assert all(passage.speed == Interval() for passage in others)
 
@@ -172,14 +169,10 @@ def test_an_unreadable_track_is_one_clear_finding(tmp_path: Path, content: bytes
     track = tmp_path / "t.yaml"
     if content is not None:
         track.write_bytes(content)
-    (finding,) = loaded_findings(track)
-    assert (finding.file, finding.line) == (str(track), 0)
-    assert words in finding.message
-
-
-def test_a_folder_is_no_track(tmp_path: Path) -> None:
-    (finding,) = loaded_findings(tmp_path)
-    assert finding.message == "is not a file"
+    for path, what in ((track, words), (tmp_path, "is not a file")):
+        (finding,) = loaded_findings(path)
+        assert (finding.file, finding.line) == (str(path), 0)
+        assert what in finding.message
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tracks").glob("*.yaml")), ids=lambda path: path.stem)
@@ -334,9 +327,6 @@ def test_at_most_a_hundred_findings_are_told_of_a_document() -> None:
     assert [finding.file for finding in found] == ["s.yaml"] + ["t.yaml"] * (LIMITS.findings + 1)
     assert found[-1].message == f"and {250 - LIMITS.findings} more findings from here on"
     assert found[-1].key == f"course.lap.{LIMITS.findings}"
-
-
-def test_few_findings_are_told_as_they_are() -> None:
     some = [Finding("t.yaml", line, 1, "", f"{line}") for line in range(LIMITS.findings, 0, -1)]
     assert shorten(some) == sorted(some)
 

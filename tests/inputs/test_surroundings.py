@@ -57,11 +57,8 @@ def test_a_line_holds_on_both_legs_of_a_figure_of_two_passings(item: str, names:
     track = edited(RICH, f" {item}, ", f" {{gate: {item}, safety_lines: [beach]}}, ")
     held = [passage.name for passage in course(track=track).passages if passage.safety_lines]
     assert [name for name in held if name.startswith("1:")] == ["1:g2", *(f"1:{name}" for name in names)]
-
-
-def test_a_finish_can_name_a_line() -> None:
-    track = edited(RICH, "finish: g0", "finish: {gate: g0, safety_lines: [beach]}")
-    assert course(track=track).passages[-1].safety_lines
+    finish = edited(RICH, "finish: g0", "finish: {gate: g0, safety_lines: [beach]}")
+    assert course(track=finish).passages[-1].safety_lines
 
 
 def test_a_line_keeps_the_side_it_says_seen_from_its_beginning_to_its_end() -> None:
@@ -101,27 +98,6 @@ def test_a_leg_over_laps_is_checked_at_both_of_its_ends() -> None:
     assert "`south` stands" in message
 
 
-def test_a_line_of_no_length_is_refused() -> None:
-    message = finding("safety_lines.beach.to.north_m=-557", "safety_lines.beach.to.east_m=-375")
-    assert (
-        message == "t.yaml:21:9: safety_lines.beach.to: is the same place as `from`; a line needs two different points"
-    )
-
-
-def test_a_line_that_no_passing_names_is_refused() -> None:
-    assert finding("course.lap.1.safety_lines=null") == (
-        "t.yaml:19:3: safety_lines.beach: no passing names this line, so it is without effect; name it in the "
-        "`safety_lines` of a passing"
-    )
-
-
-def test_an_unknown_line_comes_with_a_suggestion() -> None:
-    track = edited(RICH, "safety_lines: [beach]", "safety_lines: [beach, beech]")
-    assert finding(track=track) == (
-        "t.yaml:37:66: course.lap.1.safety_lines.1: unknown safety line `beech`; did you mean `beach`?"
-    )
-
-
 # Crowd
 
 
@@ -139,7 +115,14 @@ def test_a_crowd_without_a_distance_takes_that_of_the_rules() -> None:
     assert (tower.distance, village.distance) == (60.0, 150.0)
 
 
-NO_CROWDS = r"""
+REFUSED = r"""
+to: {north_m: -479, east_m: -252} => to: {north_m: -557, east_m: -375}
+> 21:9: safety_lines.beach.to: is the same place as `from`; a line needs two different points
+, safety_lines: [beach] =>
+> 19:3: safety_lines.beach: no passing names this line, so it is without effect; name it in the `safety_lines` of a
+> passing
+safety_lines: [beach] => safety_lines: [beach, beech]
+> 37:66: course.lap.1.safety_lines.1: unknown safety line `beech`; did you mean `beach`?
 point: {latitude_deg: 45.07, longitude_deg: 13.63},  =>
 > 26:3: crowd.tower: a crowd needs one of `point`, `line` and `polygon`
 point: {latitude_deg: 45.07, longitude_deg: 13.63},  => point: {latitude_deg: 45.07, longitude_deg: 13.63}, line: [],
@@ -153,8 +136,8 @@ measured: over-ground => measured: ground
 """
 
 
-@pytest.mark.parametrize(("old", "new", "message"), edits(NO_CROWDS))
-def test_a_crowd_that_is_none_is_refused(old: str, new: str, message: str) -> None:
+@pytest.mark.parametrize(("old", "new", "message"), edits(REFUSED))
+def test_lines_and_crowds_that_are_none_are_refused(old: str, new: str, message: str) -> None:
     assert finding(track=edited(RICH, old, new)) == f"t.yaml:{message}"
 
 
@@ -357,20 +340,14 @@ def test_rules_that_are_none_are_refused(rules: str, message: str) -> None:
 # Bare names of gates
 
 
-def test_a_bare_gate_can_be_reached_into() -> None:
+def test_bare_names_and_gates_that_were_set_can_be_reached_into() -> None:
     flown = understood(overrides=("course.lap.3.direction=reverse",)).race.course.passages
     assert {passage.name: passage.direction for passage in flown}["1:g0"] is Direction.REVERSE
-
-
-def test_a_gate_that_was_set_can_be_reached_into_by_the_next_override() -> None:
     flown = understood(overrides=("course.lap.0=g2", "course.lap.0.direction=reverse", "course.lap.1=g1")).race.course
     assert [(passage.name, passage.direction) for passage in flown.passages[1:3]] == [
         ("1:g2", Direction.REVERSE),
         ("1:g1", Direction.FORWARD),
     ]
-
-
-def test_a_finish_is_a_bare_name_as_well() -> None:
     finished = understood(overrides=("course.finish=g2", "course.finish.direction=reverse")).race.course.passages[-1]
     assert (finished.name, finished.direction) == ("2:g2#2", Direction.REVERSE)
 
