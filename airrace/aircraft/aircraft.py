@@ -51,46 +51,46 @@ class Drag:
 class SideForce:
     """The derivatives of `C_Y`."""
 
-    beta: float
-    p: float
-    r: float
-    xi: float
-    zeta: float
+    C_Ybeta: float
+    C_Yp: float
+    C_Yr: float
+    C_Yxi: float
+    C_Yzeta: float
 
 
 @record
 class RollMoment:
-    """The derivatives of `C_l`; `r_per_C_L` adds to `r` in proportion to the lift coefficient."""
+    """The derivatives of `C_l`; `C_lr_per_C_L` adds to `C_lr` in proportion to the lift coefficient."""
 
-    beta: float
-    p: float
-    r: float
-    r_per_C_L: float
-    xi: float
-    zeta: float
+    C_lbeta: float
+    C_lp: float
+    C_lr: float
+    C_lr_per_C_L: float
+    C_lxi: float
+    C_lzeta: float
 
 
 @record
 class PitchMoment:
     """The coefficient `C_m0` and the derivatives of `C_m`."""
 
-    zero: float
-    alpha: float
-    q: float
-    alphadot: float
-    eta: float
+    C_m0: float
+    C_malpha: float
+    C_mq: float
+    C_malphadot: float
+    C_meta: float
 
 
 @record
 class YawMoment:
-    """The derivatives of `C_n`; `p_per_C_L` adds to `p` in proportion to the lift coefficient."""
+    """The derivatives of `C_n`; `C_np_per_C_L` adds to `C_np` in proportion to the lift coefficient."""
 
-    beta: float
-    p: float
-    p_per_C_L: float
-    r: float
-    xi: float
-    zeta: float
+    C_nbeta: float
+    C_np: float
+    C_np_per_C_L: float
+    C_nr: float
+    C_nxi: float
+    C_nzeta: float
 
 
 @record

@@ -26,10 +26,11 @@ one; in wind, lift has a part along V_K:
 from collections.abc import Sequence
 
 from airrace.aircraft.aircraft import Lift
+from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.parameters import AircraftParameters, InnerLoopParameters
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.environment.elementary import smooth_clip, sqrt
-from airrace.environment.wind import WindField
+from airrace.environment.wind import Weather
 from airrace.frames import Matrix, Scalar
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
@@ -53,36 +54,23 @@ class Airflow:
     w: Scalar
 
 
-def still_airflow(V_K: Scalar) -> Airflow:
-    """Return the flow without wind: the air meets the aircraft along the flight path at `V_K` (m/s)."""
-    return Airflow(V_K, V_K, 0.0, 0.0)
+def airflow(state: FlightPathState[Scalar], R: Matrix, weather: Weather) -> Airflow:
+    """Return the flow that an aircraft with the attitude `R_OKbar` meets.
+
+    Without wind it is the flight path's, and no operation is added to the equations.
+    """
+    if not weather.field.present:
+        return Airflow(state.V_K, state.V_K, 0.0, 0.0)
+    return wind_airflow(state.V_K, R, weather.field.velocity(state.x, state.y, state.z, weather.wind))
 
 
 def wind_airflow(V_K: Scalar, R: Matrix, V_W: Sequence[Scalar]) -> Airflow:
-    """Return the flow of the wind triangle `V_A a = V_K e_x - R_OKbar^T V_W,O`.
-
-    Args:
-        V_K: kinematic speed, m/s.
-        R: `R_OKbar`.
-        V_W: wind in O, `[W_N, W_E, W_D]`, m/s.
-    """
+    """Return the flow of the wind triangle `V_A a = V_K e_x - R_OKbar^T V_W,O`; the wind is `[W_N, W_E, W_D]`, m/s."""
     W_N, W_E, W_D = V_W
     u = V_K - (R[0][0] * W_N + R[1][0] * W_E + R[2][0] * W_D)
     v = -(R[0][1] * W_N + R[1][1] * W_E + R[2][1] * W_D)
     w = -(R[0][2] * W_N + R[1][2] * W_E + R[2][2] * W_D)
     return Airflow(sqrt(u * u + v * v + w * w), u, v, w)
-
-
-def airflow(
-    position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, R: Matrix, field: WindField, wind: Sequence[Scalar]
-) -> Airflow:
-    """Return the flow that an aircraft at `position` (x, y, z in O, m) meets.
-
-    A field without wind adds no operation to the equations.
-    """
-    if not field.present:
-        return still_airflow(V_K)
-    return wind_airflow(V_K, R, field.velocity(*position, wind))
 
 
 def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
@@ -91,7 +79,7 @@ def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[S
     return aircraft.C_D0 + aircraft.k * (excess * excess) + aircraft.C_Dbeta2 * (beta_A * beta_A)
 
 
-def lift_curve(alpha_A: Scalar, lift: Lift) -> Scalar:
+def lift_curve(alpha_A: Scalar, lift: Lift | InnerLoopParameters[Scalar]) -> Scalar:
     """Return the lift coefficient at `alpha_A` (rad) with neutral controls and without rotation.
 
     It is linear in `alpha_A`, rounded off smoothly at `C_L_max` and `C_L_min`.
@@ -100,10 +88,7 @@ def lift_curve(alpha_A: Scalar, lift: Lift) -> Scalar:
 
 
 def power_ratio(rho: Scalar) -> Scalar:
-    """Return `sigma_P`, the power of an unsupercharged engine at density `rho` (kg/m3) over that at sea level.
-
-    Sea level is that of the standard atmosphere.
-    """
+    """Return `sigma_P`, the power of an unsupercharged engine at density `rho` (kg/m3) over that at sea level, ISA."""
     return (1.132 / RHO_ISA) * rho - 0.132
 
 
@@ -129,28 +114,27 @@ class LoadFactorPath(Vector[T]):
 
 
 def load_factor_coefficients(
-    n_z: Scalar, n_y: Scalar, *, flow: Airflow, rho: Scalar, aircraft: AircraftParameters[Scalar]
-) -> tuple[Scalar, Scalar]:
-    """Return `(C_L, beta_A)`: the lift coefficient and the sideslip (rad) that make the load factors (g)."""
+    n_z: Scalar, n_y: Scalar, flow: Airflow, rho: Scalar, aircraft: AircraftParameters[Scalar]
+) -> LoadFactorPath[Scalar]:
+    """Return the lift coefficient and the sideslip (rad) that make the load factors (g)."""
     V_A2 = flow.V_A * flow.V_A
     load = aircraft.m * g0 / (0.5 * rho * V_A2 * aircraft.S)
     across = flow.u * flow.u + flow.v * flow.v  # V_A^2 (1 - a_z^2)
-    return load * n_z * sqrt(V_A2 / across), load * n_y / aircraft.C_Y_trim
+    return LoadFactorPath(C_L=load * n_z * sqrt(V_A2 / across), beta_A=load * n_y / aircraft.C_Y_trim)
 
 
 def axial_load_factor(
     n_z: Scalar,
     n_y: Scalar,
-    *,
-    C_L: Scalar,
-    beta_A: Scalar,
+    coefficients: LoadFactorPath[Scalar],
     delta_T: Scalar,
     flow: Airflow,
     rho: Scalar,
     aircraft: AircraftParameters[Scalar],
 ) -> Scalar:
     """Return `n_x` (g) from the balance of thrust, drag, lift and side force along V_K."""
-    D = 0.5 * rho * (flow.V_A * flow.V_A) * aircraft.S * drag_coefficient(C_L, beta_A, aircraft)
+    C_D = drag_coefficient(coefficients.C_L, coefficients.beta_A, aircraft)
+    D = 0.5 * rho * (flow.V_A * flow.V_A) * aircraft.S * C_D
     T_minus_D = thrust(delta_T, flow.V_A, rho, aircraft) - D
     # the equation above, numerator and denominator times V_A
     return (T_minus_D / (aircraft.m * g0) * flow.V_A - flow.v * n_y + flow.w * n_z) / flow.u
@@ -170,61 +154,30 @@ class Sideways:
 def lift_coefficient(
     alpha_A: Scalar, q: Scalar, eta: Scalar, aircraft: InnerLoopParameters[Scalar], *, stalling: bool
 ) -> Scalar:
-    """Return `C_L` of wing, pitch rate and elevator.
-
-    Args:
-        alpha_A: angle of attack, rad.
-        q: dimensionless pitch rate.
-        eta: elevator, rad.
-        stalling: whether the wing's lift ends at its limits, else it is linear.
-    """
-    wing = aircraft.C_L0 + aircraft.C_Lalpha * alpha_A
-    if stalling:
-        wing = smooth_clip(wing, aircraft.C_L_min, aircraft.C_L_max, STALL_BLEND)
+    """Return `C_L` of wing, pitch rate (dimensionless) and elevator (rad); without stall the wing's lift is linear."""
+    wing = lift_curve(alpha_A, aircraft) if stalling else aircraft.C_L0 + aircraft.C_Lalpha * alpha_A
     return wing + aircraft.C_Lq * q + aircraft.C_Leta * eta
 
 
-def side_force_coefficient(motion: Sideways, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """Return `C_Y`, positive to the right."""
-    return (
-        aircraft.C_Ybeta * motion.beta_A
-        + aircraft.C_Yp * motion.p
-        + aircraft.C_Yr * motion.r
-        + aircraft.C_Yxi * motion.xi
-        + aircraft.C_Yzeta * motion.zeta
-    )
+def side_force_coefficient(motion: Sideways, a: InnerLoopParameters[Scalar]) -> Scalar:
+    """Return `C_Y`, positive to the right, of an aircraft `a`."""
+    damping = a.C_Ybeta * motion.beta_A + a.C_Yp * motion.p + a.C_Yr * motion.r
+    return damping + a.C_Yxi * motion.xi + a.C_Yzeta * motion.zeta
 
 
-def rolling_moment_coefficient(motion: Sideways, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """Return `C_l`, positive right wing down."""
+def moment_coefficients(motion: Sideways, C_L: Scalar, a: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
+    """Return `(C_l, C_n)`, positive right wing down and nose right, of an aircraft `a`."""
+    C_lr, C_np = a.C_lr + a.C_lr_per_C_L * C_L, a.C_np + a.C_np_per_C_L * C_L
+    roll = a.C_lbeta * motion.beta_A + a.C_lp * motion.p + C_lr * motion.r
+    yaw = a.C_nbeta * motion.beta_A + C_np * motion.p + a.C_nr * motion.r
     return (
-        aircraft.C_lbeta * motion.beta_A
-        + aircraft.C_lp * motion.p
-        + (aircraft.C_lr + aircraft.C_lr_per_C_L * C_L) * motion.r
-        + aircraft.C_lxi * motion.xi
-        + aircraft.C_lzeta * motion.zeta
+        roll + a.C_lxi * motion.xi + a.C_lzeta * motion.zeta,
+        yaw + a.C_nxi * motion.xi + a.C_nzeta * motion.zeta,
     )
 
 
 def pitching_moment_coefficient(
-    alpha_A: Scalar, q: Scalar, alpha_dot: Scalar, eta: Scalar, aircraft: InnerLoopParameters[Scalar]
+    alpha_A: Scalar, q: Scalar, alpha_dot: Scalar, eta: Scalar, a: InnerLoopParameters[Scalar]
 ) -> Scalar:
-    """Return `C_m`, positive nose up; `q` and `alpha_dot` are dimensionless."""
-    return (
-        aircraft.C_m0
-        + aircraft.C_malpha * alpha_A
-        + aircraft.C_mq * q
-        + aircraft.C_malphadot * alpha_dot
-        + aircraft.C_meta * eta
-    )
-
-
-def yawing_moment_coefficient(motion: Sideways, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """Return `C_n`, positive nose right."""
-    return (
-        aircraft.C_nbeta * motion.beta_A
-        + (aircraft.C_np + aircraft.C_np_per_C_L * C_L) * motion.p
-        + aircraft.C_nr * motion.r
-        + aircraft.C_nxi * motion.xi
-        + aircraft.C_nzeta * motion.zeta
-    )
+    """Return `C_m`, positive nose up, of an aircraft `a`; `q` and `alpha_dot` are dimensionless."""
+    return a.C_m0 + a.C_malpha * alpha_A + a.C_mq * q + a.C_malphadot * alpha_dot + a.C_meta * eta

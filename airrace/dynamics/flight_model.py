@@ -6,8 +6,9 @@ before it and rest during it. Only the flight through a course with a roll carri
     Phi' = p_Kbar + Phi_reset,     gain' = -z' + gain_reset
 """
 
+import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import Any, Protocol, TypeVar
 
@@ -49,17 +50,6 @@ FROM_ZERO = {name: Interval.exactly(0.0) for name in RollCounter.names()}
 """The bounds of the counters where that phase begins: both are zero."""
 
 
-def counter_rates(p_Kbar: Scalar, z_dot: Scalar, reset: RollReset[Scalar]) -> RollCounter[Scalar]:
-    """Return the time derivatives of the counters.
-
-    Args:
-        p_Kbar: roll rate about the velocity, rad/s.
-        z_dot: rate of descent, m/s.
-        reset: see `RollReset`.
-    """
-    return RollCounter(Phi=p_Kbar + reset.Phi_reset, gain=reset.gain_reset - z_dot)
-
-
 @record
 class FlightModel:
     """A model ready to fly: a system and the numbers of one aircraft in one air.
@@ -76,13 +66,6 @@ class FlightModel:
     parameter_values: NDArray[np.float64]
     at_rest: tuple[str, ...] = ()
     brisk: Mapping[str, float] = field(default_factory=dict[str, float])
-
-
-def attitude_projection(states: Sequence[Quantity]) -> ca.Function:
-    """Return the function `x -> x` that brings the quaternion `q0 ... q3` back to unit length."""
-    x = named_symbols(states)
-    unit = dict(zip(ATTITUDE, normalised([x[name] for name in ATTITUDE]), strict=True))
-    return ca.Function("projection", [column(x.values())], [column((x | unit).values())], {"cse": True})
 
 
 State = TypeVar("State", bound=FlightPathState[Scalar])
@@ -107,8 +90,8 @@ class Equations(Protocol[State, Control, Path, Numbers]):
 def assemble(
     name: str,
     equations: Equations[State, Control, Path, Numbers],
-    vectors: tuple[type[State], type[Control]],
-    declarations: tuple[Sequence[Quantity], Sequence[Quantity], Sequence[Quantity]],
+    vectors: tuple[type[State], type[Control], type[Path]],
+    bounds: Mapping[str, Interval],
     *,
     roll_rate: Callable[[State, Path], Scalar],
     at_rest: tuple[str, ...],
@@ -122,28 +105,40 @@ def assemble(
     Args:
         name: of the model; wind and counting are added to it.
         equations: the model.
-        vectors: the classes of its state and control.
-        declarations: state, control and path quantities with their bounds.
+        vectors: the classes of its state, control and path quantities.
+        bounds: of any of these, by name; the others keep those of their declarations.
         roll_rate: `p_Kbar` from state and path quantities, rad/s; it is what a roll counter counts.
         at_rest: see `FlightModel`.
         aircraft: numbers of the aircraft.
         air: the day's air and wind.
         counting: whether rolls are counted.
         brisk: see `FlightModel`.
+
+    Raises:
+        KeyError: a bound names no quantity.
     """
     wind = WindField.of(air)
-    own_states, own_controls, path = declarations
-    states = (*own_states, *(RollCounter.quantities() if counting else ()))
-    controls = (*own_controls, *(RollReset.quantities() if counting else ()))
     structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
     rates, path_values, projection = functions(structure)
+    declared = structure.states, structure.controls, vectors[2].quantities()
+    if unknown := bounds.keys() - {one.name for quantities in declared for one in quantities}:
+        raise KeyError(", ".join(sorted(unknown)))
+    states, controls, path = (
+        tuple(
+            dataclasses.replace(one, lower=bounds[one.name].lower, upper=bounds[one.name].upper)
+            if one.name in bounds
+            else one
+            for one in quantities
+        )
+        for quantities in declared
+    )
     system = System(
         name="+".join(part for part in (name, wind.label, "rolls" if counting else "") if part),
         states=states,
         controls=controls,
         parameters=structure.parameters,
         rates=rates,
-        path=tuple(path),
+        path=path,
         path_values=path_values,
         projection=projection,
     )
@@ -162,7 +157,7 @@ class _Structure:
     """
 
     equations: Equations[Any, Any, Any, Any]
-    vectors: tuple[type[Vector[Any]], type[Vector[Any]]]
+    vectors: tuple[type[Vector[Any]], type[Vector[Any]], type[Vector[Any]]]
     numbers: type[AircraftParameters[Any]]
     wind: WindField
     counting: bool
@@ -185,27 +180,26 @@ class _Structure:
 def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Return the rates, the path quantities and the projection of a structure as casadi functions.
 
-    They are made once per structure, for many models differ in numbers alone.
+    The projection brings the attitude back to unit length. They are made once per structure, for many models differ in
+    numbers alone.
     """
     x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
-    state = of.vectors[0](**{name: x[name] for name in of.vectors[0].names()})
-    rates, path_values = of.equations(
-        state,
-        of.vectors[1](**{name: u[name] for name in of.vectors[1].names()}),
-        aircraft=of.numbers(**{name: p[name] for name in of.numbers.names()}),
-        weather=Weather(
-            atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
-            field=of.wind,
-            wind=[p[one.name] for one in of.wind.parameters],
-        ),
-    )
+    state = _pick(of.vectors[0], x)
+    weather = Weather(_pick(AtmosphereParameters, p), of.wind, [p[one.name] for one in of.wind.parameters])
+    control, aircraft = _pick(of.vectors[1], u), _pick(of.numbers, p)
+    rates, path_values = of.equations(state, control, aircraft=aircraft, weather=weather)
     all_rates = list(rates.join())
     if of.counting:
-        reset = RollReset(**{name: u[name] for name in RollReset.names()})
-        all_rates += counter_rates(of.roll_rate(state, path_values), rates.z, reset).join()
+        all_rates += [of.roll_rate(state, path_values) + u["Phi_reset"], u["gain_reset"] - rates.z]
+    unit = dict(zip(ATTITUDE, normalised([x[name] for name in ATTITUDE]), strict=True))
     arguments = [column(symbols.values()) for symbols in (x, u, p)]
     return (
         ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),
         ca.Function("path_values", arguments, [column(path_values.join())], {"cse": True}),
-        attitude_projection(of.states),
+        ca.Function("projection", arguments[:1], [column((x | unit).values())], {"cse": True}),
     )
+
+
+def _pick(kind: type[Vector[Any]], symbols: Mapping[str, Scalar]) -> Any:
+    """Return a vector of the symbols that have the names of its components."""
+    return kind(**{name: symbols[name] for name in kind.names()})

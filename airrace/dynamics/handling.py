@@ -52,7 +52,7 @@ def corner_speed(aircraft: Aircraft) -> float:
 
 def _elevator_faults(aircraft: Aircraft) -> Iterator[Fault]:
     lift, pitch, numbers = aircraft.lift, aircraft.pitch, linear_parameters(aircraft)
-    if lift.C_Lalpha - lift.C_Leta * numbers.C_malpha / pitch.eta <= 0.0:
+    if lift.C_Lalpha - lift.C_Leta * numbers.C_malpha / pitch.C_meta <= 0.0:
         yield (
             "pitch",
             "C_meta",
@@ -72,8 +72,8 @@ def _elevator_faults(aircraft: Aircraft) -> Iterator[Fault]:
 
 def _lateral_faults(aircraft: Aircraft) -> Iterator[Fault]:
     roll, yaw = aircraft.roll, aircraft.yaw
-    own = roll.xi * yaw.zeta
-    if own - roll.zeta * yaw.xi <= LEAST_INDEPENDENCE * own:
+    own = roll.C_lxi * yaw.C_nzeta
+    if own - roll.C_lzeta * yaw.C_nxi <= LEAST_INDEPENDENCE * own:
         yield (
             "yaw",
             "C_nzeta",
@@ -118,13 +118,13 @@ def _pitch_stability(aircraft: Aircraft) -> Iterator[str]:
     lift, pitch, V = aircraft.lift, aircraft.pitch, corner_speed(aircraft)
     if level_lags(inner_loop_parameters(aircraft), V).stiffness_z <= 0.0:
         yield (
-            f"unstable in pitch: the centre of gravity lies behind the manoeuvre point (C_malpha = {pitch.alpha:g}, "
+            f"unstable in pitch: the centre of gravity lies behind the manoeuvre point (C_malpha = {pitch.C_malpha:g}, "
             "and the damping C_mq does not make up for it)"
         )
-    elif pitch.alpha >= 0.0:
+    elif pitch.C_malpha >= 0.0:
         yield (
-            f"statically unstable in pitch: the centre of gravity lies {100.0 * pitch.alpha / lift.C_Lalpha:.1f} % of "
-            "the mean chord behind the neutral point, though before the manoeuvre point"
+            f"statically unstable in pitch: the centre of gravity lies {100.0 * pitch.C_malpha / lift.C_Lalpha:.1f} % "
+            "of the mean chord behind the neutral point, though before the manoeuvre point"
         )
 
 
@@ -135,7 +135,7 @@ def _elevator_power(aircraft: Aircraft) -> Iterator[str]:
         C_L = getattr(aircraft.lift, name)
         n_z = 0.5 * RHO_ISA * V * V * airframe.S * C_L / (airframe.m * g0)
         q = (n_z - 1.0) * g0 / V * airframe.cbar / (2.0 * V)
-        eta = -(pitch.zero + pitch.alpha * alpha + pitch.q * q) / pitch.eta
+        eta = -(pitch.C_m0 + pitch.C_malpha * alpha + pitch.C_mq * q) / pitch.C_meta
         if not travel.lower <= eta <= travel.upper:
             yield (
                 f"short of elevator: {name} at {V:.0f} m/s takes {abs(math.degrees(eta)):.0f} deg, the travel ends at "
@@ -145,7 +145,7 @@ def _elevator_power(aircraft: Aircraft) -> Iterator[str]:
 
 def _aileron_power(aircraft: Aircraft) -> Iterator[str]:
     V, wanted = aircraft.envelope.V.upper, aircraft.point_mass.p
-    p = aircraft.roll.xi / aircraft.roll.p * aircraft.surfaces.xi.upper * 2.0 * V / aircraft.airframe.b
+    p = aircraft.roll.C_lxi / aircraft.roll.C_lp * aircraft.surfaces.xi.upper * 2.0 * V / aircraft.airframe.b
     if p < wanted:
         yield (
             f"short of ailerons: full deflection rolls at {math.degrees(p):.0f} deg/s at {V:g} m/s, the top of the "
@@ -181,7 +181,7 @@ def _lateral_stability(aircraft: Aircraft) -> Iterator[str]:
         else:
             yield (
                 f"unstable in yaw at {speed:.0f} m/s: sideslip doubles every {math.log(2.0) / worst.real:.1f} s "
-                f"(C_nbeta = {aircraft.yaw.beta:g}, C_lbeta = {aircraft.roll.beta:g})"
+                f"(C_nbeta = {aircraft.yaw.C_nbeta:g}, C_lbeta = {aircraft.roll.C_lbeta:g})"
             )
         return
 

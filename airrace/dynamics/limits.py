@@ -1,13 +1,14 @@
-"""The limits that the aircraft and the rules of a course set together."""
+"""The limits that the aircraft and the rules of a course set together, and what aircraft that rotate are steered by.
 
-import dataclasses
+They are steered by control surfaces, or by commands to a controller; the controls are the rates of either.
+"""
+
 import math
-from collections.abc import Mapping, Sequence
 
 from airrace.aircraft.aircraft import Aircraft, Lift
 from airrace.dynamics.aerodynamics import lift_curve
 from airrace.errors import Finding, InputError
-from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
+from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.track.course import Rules
 
@@ -41,20 +42,31 @@ class Limits:
     beta_A: Interval
 
 
+def symmetric(magnitude: float) -> Interval:
+    """Return the interval `[-magnitude, magnitude]`."""
+    return Interval(-magnitude, magnitude)
+
+
 def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
     """Return the limits common to aircraft and rules.
 
     Raises:
         InputError: some quantity has no value that both allow.
     """
+    lift, alpha_A, z = aircraft.lift, rules.alpha_A, Interval(-rules.height.upper, -rules.height.lower)
+    if not z.empty and z.upper - z.lower < LEAST_ROOM:
+        middle = 0.5 * (z.lower + z.upper)
+        z = Interval(middle - 0.5 * LEAST_ROOM, middle + 0.5 * LEAST_ROOM)
+    C_L = Interval(
+        lift_curve(alpha_A.lower, lift) if math.isfinite(alpha_A.lower) else -math.inf,
+        lift_curve(alpha_A.upper, lift) if math.isfinite(alpha_A.upper) else math.inf,
+    )
     limits = Limits(
-        z=_with_room(Interval(-rules.height.upper, -rules.height.lower)),
+        z=z,
         V_K=aircraft.envelope.V,
         n_z=aircraft.envelope.n_z.intersect(rules.n_z),
         p_Kbar=symmetric(min(aircraft.point_mass.p, rules.p)),
-        C_L=Interval(aircraft.lift.C_L_min, aircraft.lift.C_L_max)
-        .intersect(rules.C_L)
-        .intersect(lift_range(rules.alpha_A, aircraft.lift)),
+        C_L=Interval(lift.C_L_min, lift.C_L_max).intersect(rules.C_L).intersect(C_L),
         beta_A=symmetric(min(aircraft.drag.beta_A_max, rules.beta_A)),
     )
     findings = [
@@ -67,42 +79,35 @@ def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
     return limits
 
 
-def _with_room(z: Interval) -> Interval:
-    """Return the allowed positions below the origin, with the least room around their middle."""
-    if z.empty or z.upper - z.lower >= LEAST_ROOM:
-        return z
-    middle = 0.5 * (z.lower + z.upper)
-    return Interval(middle - 0.5 * LEAST_ROOM, middle + 0.5 * LEAST_ROOM)
+def linear_range(lift: Lift) -> Interval:
+    """Return the angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
+    return Interval((lift.C_L_min - lift.C_L0) / lift.C_Lalpha, (lift.C_L_max - lift.C_L0) / lift.C_Lalpha)
 
 
-def lift_range(alpha_A: Interval, lift: Lift) -> Interval:
-    """Return the lift coefficients between two angles of attack (rad); an infinite angle sets no limit."""
-    return Interval(
-        lift_curve(alpha_A.lower, lift) if math.isfinite(alpha_A.lower) else -math.inf,
-        lift_curve(alpha_A.upper, lift) if math.isfinite(alpha_A.upper) else math.inf,
-    )
-
-
-def symmetric(magnitude: float) -> Interval:
-    """Return the interval `[-magnitude, magnitude]`."""
-    return Interval(-magnitude, magnitude)
-
-
-def bounded(quantities: Sequence[Quantity], bounds: Mapping[str, Interval]) -> tuple[Quantity, ...]:
-    """Return the declarations with the bounds given by name; the others keep their own.
+def load_factor_bounds(aircraft: Aircraft, rules: Rules) -> dict[str, Interval]:
+    """Return the bounds of a model without angles by name: flight path, load factors, roll rate, `LoadFactorPath`.
 
     Raises:
-        KeyError: a bound names no quantity.
+        InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    unknown = bounds.keys() - {one.name for one in quantities}
-    if unknown:
-        raise KeyError(", ".join(sorted(unknown)))
-    return tuple(
-        dataclasses.replace(one, lower=bounds[one.name].lower, upper=bounds[one.name].upper)
-        if one.name in bounds
-        else one
-        for one in quantities
-    )
+    return {**vars(flight_limits(aircraft, rules)), "n_y": symmetric(aircraft.point_mass.n_y)}
+
+
+def body_bounds(aircraft: Aircraft, rules: Rules, roll_rate: str) -> dict[str, Interval]:
+    """Return the bounds of a model with angles by name: flight path, `BodyPath` and what it calls the roll rate.
+
+    The angle of attack stays within the linear part of the lift curve.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    bounds = load_factor_bounds(aircraft, rules)
+    alpha_A = rules.alpha_A.intersect(linear_range(aircraft.lift))
+    if alpha_A.empty:
+        message = "the rules of the course allow no angle of attack short of the stall"
+        raise InputError([Finding(aircraft.name, 0, 0, "alpha_A", message)])
+    bounds["alpha_A"], bounds[roll_rate] = alpha_A, bounds.pop("p_Kbar")
+    return bounds
 
 
 @vector
@@ -119,39 +124,76 @@ class BodyPath(Vector[T]):
     beta_A: T = quantity("rad", scale=0.2, text="sideslip")
 
 
-def body_path_bounds(aircraft: Aircraft, rules: Rules, limits: Limits) -> dict[str, Interval]:
-    """Return the ranges of `BodyPath` by name; SI, rad, g.
+@vector
+class Deflected(Vector[T]):
+    """The deflections of the control surfaces."""
 
-    Args:
-        aircraft: whose own limits hold.
-        rules: of the course.
-        limits: what both allow together.
+    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
+    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
+    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
 
-    Raises:
-        InputError: they leave no angle of attack.
+
+@vector
+class Commanded(Vector[T]):
+    """The commands to a controller."""
+
+    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
+    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
+    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
+
+
+@vector
+class SurfaceControl(Vector[T]):
+    """The rates of the deflections, and the commanded lever; (12) of the paper with rates instead of deflections."""
+
+    eta_dot: T = quantity("rad/s", text="rate of the elevator", rate_of="eta")
+    xi_dot: T = quantity("rad/s", text="rate of the ailerons", rate_of="xi")
+    zeta_dot: T = quantity("rad/s", text="rate of the rudder", rate_of="zeta")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+@vector
+class CommandControl(Vector[T]):
+    """The rates of the commands, and the commanded lever."""
+
+    n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor", rate_of="n_z_cmd")
+    n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor", rate_of="n_y_cmd")
+    p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate", rate_of="p_cmd")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+BRISK_COMMANDS = {"n_y_cmd_dot": 0.4}
+"""The control rates, by name, that count as brisk where their cost is weighed: `n_y_cmd_dot` in g/s.
+
+At 0.4 g/s a controller moves the rudder at half of the rudder's greatest rate. The bound of the commanded rate is no
+measure, for commands may jump. With half of the bound as the measure the optimum wags the rudder wherever the angle of
+attack is at its limit, because side force in step with the bank turns the path at no cost.
+"""
+
+
+def deflection_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """Return the travels of the control surfaces by name, rad."""
+    return {"eta": aircraft.surfaces.eta, "xi": aircraft.surfaces.xi, "zeta": aircraft.surfaces.zeta}
+
+
+def surface_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """Return the travels (rad) and the allowed rates (rad/s) of the control surfaces by name."""
+    rate = symmetric(aircraft.surfaces.rate)
+    return {**deflection_bounds(aircraft), "eta_dot": rate, "xi_dot": rate, "zeta_dot": rate}
+
+
+def command_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """Return the ranges of the commands and the rates at which a pilot moves the stick, by name; SI, rad, g.
+
+    Commands reach to what the aircraft is built for, even where the rules limit the resulting load factor or roll rate
+    to less.
     """
+    pilot = aircraft.point_mass
     return {
-        "n_z": limits.n_z,
-        "n_y": symmetric(aircraft.point_mass.n_y),
-        "C_L": limits.C_L,
-        "alpha_A": angle_of_attack_limits(aircraft, rules),
-        "beta_A": limits.beta_A,
+        "n_z_cmd": aircraft.envelope.n_z,
+        "n_y_cmd": symmetric(pilot.n_y),
+        "p_cmd": symmetric(pilot.p),
+        "n_z_cmd_dot": symmetric(pilot.n_z_dot),
+        "n_y_cmd_dot": symmetric(pilot.n_y_dot),
+        "p_cmd_dot": symmetric(pilot.p_dot),
     }
-
-
-def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
-    """Return the angles of attack (rad) that the rules allow within the linear part of the lift curve.
-
-    Raises:
-        InputError: the rules allow none of them.
-    """
-    allowed = rules.alpha_A.intersect(linear_range(aircraft.lift))
-    if allowed.empty:
-        message = "the rules of the course allow no angle of attack short of the stall"
-        raise InputError([Finding(aircraft.name, 0, 0, "alpha_A", message)])
-    return allowed
-
-
-def linear_range(lift: Lift) -> Interval:
-    """Return the angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
-    return Interval((lift.C_L_min - lift.C_L0) / lift.C_Lalpha, (lift.C_L_max - lift.C_L0) / lift.C_Lalpha)

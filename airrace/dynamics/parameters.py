@@ -3,8 +3,6 @@
 Limits are not among them, for they are bounds of states, controls and path quantities.
 """
 
-from dataclasses import asdict
-
 from airrace.aircraft.aircraft import Aircraft
 from airrace.quantities import T, Vector, quantity, vector
 
@@ -23,24 +21,6 @@ class AircraftParameters(Vector[T]):
     P: T = quantity("W", scale=1e5, text="propulsive power at sea level, eta_p P_max")
     V_s: T = quantity("m/s", scale=50.0, text="speed that bounds the thrust at rest, eta_p P_max / T_static")
     tau_T: T = quantity("s", text="time constant of the power lever")
-
-
-def aircraft_parameters(aircraft: Aircraft) -> AircraftParameters[float]:
-    """Return the numbers of one aircraft, with `C_Y_trim = C_Ybeta - C_Yzeta C_nbeta / C_nzeta`."""
-    side, yaw, propulsion = aircraft.side_force, aircraft.yaw, aircraft.propulsion
-    P = propulsion.eta_p * propulsion.P_max
-    return AircraftParameters(
-        m=aircraft.airframe.m,
-        S=aircraft.airframe.S,
-        C_D0=aircraft.drag.C_D0,
-        k=aircraft.drag.k,
-        C_L_minD=aircraft.drag.C_L_minD,
-        C_Dbeta2=aircraft.drag.C_Dbeta2,
-        C_Y_trim=side.beta - side.zeta * yaw.beta / yaw.zeta,
-        P=P,
-        V_s=P / propulsion.T_static,
-        tau_T=propulsion.tau_T,
-    )
 
 
 @vector
@@ -86,40 +66,31 @@ class InnerLoopParameters(AircraftParameters[T]):
 
 
 def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
-    """Return the numbers of one aircraft."""
-    body, lift, side = aircraft.airframe, aircraft.lift, aircraft.side_force
-    roll, pitch, yaw, propeller = aircraft.roll, aircraft.pitch, aircraft.yaw, aircraft.propeller
+    """Return the numbers of one aircraft, with `C_Y_trim = C_Ybeta - C_Yzeta C_nbeta / C_nzeta`."""
+    side, yaw, drag = aircraft.side_force, aircraft.yaw, aircraft.drag
+    propulsion, propeller = aircraft.propulsion, aircraft.propeller
+    P = propulsion.eta_p * propulsion.P_max
     return InnerLoopParameters(
-        **vars(aircraft_parameters(aircraft)),
-        b=body.b,
-        cbar=body.cbar,
-        I_x=body.I_x,
-        I_y=body.I_y,
-        I_z=body.I_z,
-        I_xz=body.I_xz,
-        **asdict(lift),
-        C_Ybeta=side.beta,
-        C_Yp=side.p,
-        C_Yr=side.r,
-        C_Yxi=side.xi,
-        C_Yzeta=side.zeta,
-        C_lbeta=roll.beta,
-        C_lp=roll.p,
-        C_lr=roll.r,
-        C_lr_per_C_L=roll.r_per_C_L,
-        C_lxi=roll.xi,
-        C_lzeta=roll.zeta,
-        C_m0=pitch.zero,
-        C_malpha=pitch.alpha,
-        C_mq=pitch.q,
-        C_malphadot=pitch.alphadot,
-        C_meta=pitch.eta,
-        C_nbeta=yaw.beta,
-        C_np=yaw.p,
-        C_np_per_C_L=yaw.p_per_C_L,
-        C_nr=yaw.r,
-        C_nxi=yaw.xi,
-        C_nzeta=yaw.zeta,
+        **vars(aircraft.airframe),
+        **vars(aircraft.lift),
+        **vars(side),
+        **vars(aircraft.roll),
+        **vars(aircraft.pitch),
+        **vars(yaw),
+        C_D0=drag.C_D0,
+        k=drag.k,
+        C_L_minD=drag.C_L_minD,
+        C_Dbeta2=drag.C_Dbeta2,
+        C_Y_trim=side.C_Ybeta - side.C_Yzeta * yaw.C_nbeta / yaw.C_nzeta,
+        P=P,
+        V_s=P / propulsion.T_static,
+        tau_T=propulsion.tau_T,
         h_P=propeller.inertia * propeller.Omega if propeller else 0.0,
-        Q_P=aircraft.propulsion.P_max / propeller.Omega if propeller else 0.0,
+        Q_P=propulsion.P_max / propeller.Omega if propeller else 0.0,
     )
+
+
+def aircraft_parameters(aircraft: Aircraft) -> AircraftParameters[float]:
+    """Return those numbers of one aircraft that the point mass needs."""
+    numbers = inner_loop_parameters(aircraft)
+    return AircraftParameters(**{name: getattr(numbers, name) for name in AircraftParameters.names()})

@@ -2,6 +2,7 @@
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import (
+    Airflow,
     LoadFactorPath,
     airflow,
     axial_load_factor,
@@ -9,14 +10,14 @@ from airrace.dynamics.aerodynamics import (
     load_factor_coefficients,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
-from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
+from airrace.dynamics.limits import load_factor_bounds, symmetric
+from airrace.dynamics.outer_loop import FlightPathState, PoweredState, flight_path_rates
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
-from airrace.quantities import Quantity, T, Vector, quantity, vector
+from airrace.quantities import T, Vector, quantity, vector
 from airrace.track.course import Rules
 
 
@@ -42,6 +43,26 @@ class PointMassControl(Vector[T]):
     delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
 
 
+def load_factor_flight(
+    state: PoweredState[Scalar],
+    n_z: Scalar,
+    n_y: Scalar,
+    p_Kbar: Scalar,
+    *,
+    aircraft: AircraftParameters[Scalar],
+    weather: Weather,
+) -> tuple[FlightPathState[Scalar], LoadFactorPath[Scalar], Airflow, Scalar]:
+    """Return the rates of the flight path at load factors (g) and a roll rate (rad/s), and what they come with.
+
+    Those are the path quantities, the flow, and the density, kg/m3.
+    """
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow(state, R, weather)
+    path = load_factor_coefficients(n_z, n_y, flow, rho, aircraft)
+    n_x = axial_load_factor(n_z, n_y, path, state.delta_T, flow, rho, aircraft)
+    return flight_path_rates(state, R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=p_Kbar), path, flow, rho
+
+
 def point_mass(
     state: PointMassState[Scalar],
     control: PointMassControl[Scalar],
@@ -49,21 +70,10 @@ def point_mass(
     aircraft: AircraftParameters[Scalar],
     weather: Weather,
 ) -> tuple[PointMassState[Scalar], LoadFactorPath[Scalar]]:
-    """Return the time derivatives of the state, and the path quantities.
-
-    Args:
-        state: see `PointMassState`.
-        control: see `PointMassControl`.
-        aircraft: its numbers.
-        weather: of the day.
-    """
-    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
-    C_L, beta_A = load_factor_coefficients(state.n_z, state.n_y, flow=flow, rho=rho, aircraft=aircraft)
-    n_x = axial_load_factor(
-        state.n_z, state.n_y, C_L=C_L, beta_A=beta_A, delta_T=state.delta_T, flow=flow, rho=rho, aircraft=aircraft
+    """Return the time derivatives of the state, and the path quantities, by an aircraft's numbers in the weather."""
+    flight_path, path, _, _ = load_factor_flight(
+        state, state.n_z, state.n_y, state.p_Kbar, aircraft=aircraft, weather=weather
     )
-    flight_path = flight_path_rates(state, R, n_x=n_x, n_y=state.n_y, n_z=state.n_z, p_Kbar=state.p_Kbar)
     rates = PointMassState[Scalar](
         **vars(flight_path),
         delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
@@ -71,7 +81,7 @@ def point_mass(
         n_y=control.n_y_dot,
         p_Kbar=control.p_Kbar_dot,
     )
-    return rates, LoadFactorPath(C_L=C_L, beta_A=beta_A)
+    return rates, path
 
 
 def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -83,41 +93,16 @@ def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bo
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
+    pilot = aircraft.point_mass
+    rates = {"n_z_dot": pilot.n_z_dot, "n_y_dot": pilot.n_y_dot, "p_Kbar_dot": pilot.p_dot}
     return assemble(
         "point-mass",
         point_mass,
-        (PointMassState[Scalar], PointMassControl[Scalar]),
-        _declarations(aircraft, rules),
+        (PointMassState[Scalar], PointMassControl[Scalar], LoadFactorPath[Scalar]),
+        {**load_factor_bounds(aircraft, rules), **{name: symmetric(rate) for name, rate in rates.items()}},
         roll_rate=lambda state, _: state.p_Kbar,
         at_rest=(),
         aircraft=aircraft_parameters(aircraft),
         air=air,
         counting=counting,
     )
-
-
-def _declarations(
-    aircraft: Aircraft, rules: Rules
-) -> tuple[tuple[Quantity, ...], tuple[Quantity, ...], tuple[Quantity, ...]]:
-    """Return states, controls and path quantities with the bounds of aircraft and rules."""
-    limits, pilot = flight_limits(aircraft, rules), aircraft.point_mass
-    states = bounded(
-        PointMassState.quantities(),
-        {
-            "z": limits.z,
-            "V_K": limits.V_K,
-            "n_z": limits.n_z,
-            "n_y": symmetric(pilot.n_y),
-            "p_Kbar": limits.p_Kbar,
-        },
-    )
-    controls = bounded(
-        PointMassControl.quantities(),
-        {
-            "n_z_dot": symmetric(pilot.n_z_dot),
-            "n_y_dot": symmetric(pilot.n_y_dot),
-            "p_Kbar_dot": symmetric(pilot.p_dot),
-        },
-    )
-    path = bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A})
-    return states, controls, path

@@ -15,30 +15,22 @@ from airrace.dynamics.aerodynamics import (
     drag_coefficient,
     lever_rate,
     lift_coefficient,
+    moment_coefficients,
     pitching_moment_coefficient,
     power_ratio,
-    rolling_moment_coefficient,
     side_force_coefficient,
     thrust,
-    yawing_moment_coefficient,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.inner_loop_controls import (
-    Deflected,
-    SurfaceControl,
-    deflection_bounds,
-    deflection_rate_bounds,
-)
-from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
+from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, surface_bounds
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.rigid_body import Incidence, angle_rates, angular_accelerations, incidence, rotation_to_body
+from airrace.dynamics.rigid_body import angle_rates, angular_accelerations, incidence, rotation_to_body
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density, g0
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector
-from airrace.records import record
 from airrace.track.course import Rules
 
 
@@ -65,62 +57,6 @@ class SixDofPath(BodyPath[T]):
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
 
 
-@record
-class Forces:
-    """The load factors in Kbar (g) and the lift coefficient that they come with."""
-
-    n_x: Scalar
-    n_y: Scalar
-    n_z: Scalar
-    C_L: Scalar
-
-
-def forces(
-    state: SixDofState[Scalar], seen: Incidence, V_A: Scalar, rho: Scalar, aircraft: InnerLoopParameters[Scalar]
-) -> Forces:
-    """Return aerodynamic force and thrust over the weight.
-
-    Args:
-        state: see `SixDofState`.
-        seen: where the air comes from.
-        V_A: airspeed, m/s.
-        rho: density, kg/m3.
-        aircraft: its numbers.
-    """
-    C_L = lift_coefficient(seen.alpha_A, _pitch(state.q_K, V_A, aircraft), state.eta, aircraft, stalling=True)
-    C_Y = side_force_coefficient(_sideways(state, seen, V_A, aircraft), aircraft)
-    load = 0.5 * rho * V_A * V_A * aircraft.S / (aircraft.m * g0)
-    air = (-load * drag_coefficient(C_L, seen.beta_A, aircraft), load * C_Y, -load * C_L)
-    pull = thrust(state.delta_T, V_A, rho, aircraft) / (aircraft.m * g0)
-    x_B = rotation_to_body(state.alpha_K, state.beta_K)[0]
-    n_x, n_y, down = (
-        sum(entry * one for entry, one in zip(row, air, strict=True)) + pull * along
-        for row, along in zip(seen.R_KbarA, x_B, strict=True)
-    )
-    return Forces(n_x, n_y, -down, C_L)
-
-
-def moments(
-    state: SixDofState[Scalar],
-    seen: Incidence,
-    C_L: Scalar,
-    alpha_dot: Scalar,
-    V_A: Scalar,
-    rho: Scalar,
-    aircraft: InnerLoopParameters[Scalar],
-) -> tuple[Scalar, Scalar, Scalar]:
-    """Return the moments of air and engine about the body axes, N m; `alpha_dot` is `alpha_K'`, rad/s."""
-    qS = 0.5 * rho * V_A * V_A * aircraft.S
-    motion = _sideways(state, seen, V_A, aircraft)
-    q, rate = _pitch(state.q_K, V_A, aircraft), _pitch(alpha_dot, V_A, aircraft)
-    engine = -state.delta_T * power_ratio(rho) * aircraft.Q_P
-    return (
-        qS * aircraft.b * rolling_moment_coefficient(motion, C_L, aircraft) + engine,
-        qS * aircraft.cbar * pitching_moment_coefficient(seen.alpha_A, q, rate, state.eta, aircraft),
-        qS * aircraft.b * yawing_moment_coefficient(motion, C_L, aircraft),
-    )
-
-
 def six_dof(
     state: SixDofState[Scalar],
     control: SurfaceControl[Scalar],
@@ -128,26 +64,41 @@ def six_dof(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[SixDofState[Scalar], SixDofPath[Scalar]]:
-    """Return the time derivatives of the state, and the path quantities.
-
-    Args:
-        state: see `SixDofState`.
-        control: see `SurfaceControl`.
-        aircraft: its numbers.
-        weather: of the day.
-    """
+    """Return the time derivatives of the state, and the path quantities, by an aircraft's numbers in the weather."""
     R, rho = rotation(state.q), density(state.z, weather.atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
+    flow = airflow(state, R, weather)
     seen = incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present)
-    n = forces(state, seen, flow.V_A, rho, aircraft)
-    q_Kbar, r_Kbar = turn_rates(state.V_K, R, n_y=n.n_y, n_z=n.n_z)
+    V_A, alpha_A, beta_A = flow.V_A, seen.alpha_A, seen.beta_A
+    per_span, per_chord = aircraft.b / (2.0 * V_A), 2.0 * V_A  # that make rates dimensionless
+    motion = Sideways(beta_A, state.p_K * per_span, state.r_K * per_span, state.xi, state.zeta)
+    q = state.q_K * aircraft.cbar / per_chord
+
+    # Aerodynamic force and thrust over the weight, in Kbar.
+    C_L = lift_coefficient(alpha_A, q, state.eta, aircraft, stalling=True)
+    C_Y = side_force_coefficient(motion, aircraft)
+    load = 0.5 * rho * V_A * V_A * aircraft.S / (aircraft.m * g0)
+    force = (-load * drag_coefficient(C_L, beta_A, aircraft), load * C_Y, -load * C_L)
+    pull = thrust(state.delta_T, V_A, rho, aircraft) / (aircraft.m * g0)
+    x_B = rotation_to_body(state.alpha_K, state.beta_K)[0]
+    n_x, n_y, down = (
+        sum(entry * one for entry, one in zip(row, force, strict=True)) + pull * along
+        for row, along in zip(seen.R_KbarA, x_B, strict=True)
+    )
+    n_z = -down
+    q_Kbar, r_Kbar = turn_rates(state.V_K, R, n_y=n_y, n_z=n_z)
     body_rates = (state.p_K, state.q_K, state.r_K)
     alpha_dot, beta_dot, p_Kbar = angle_rates((state.alpha_K, state.beta_K), body_rates, q_Kbar, r_Kbar)
-    turning = moments(state, seen, n.C_L, alpha_dot, flow.V_A, rho, aircraft)
-    p_dot, q_dot, r_dot = angular_accelerations(body_rates, turning, aircraft)
-    flight_path = flight_path_rates(state, R, n_x=n.n_x, n_y=n.n_y, n_z=n.n_z, p_Kbar=p_Kbar)
+
+    # The moments of air and engine about the body axes.
+    qS = 0.5 * rho * V_A * V_A * aircraft.S
+    C_l, C_n = moment_coefficients(motion, C_L, aircraft)
+    rate = alpha_dot * aircraft.cbar / per_chord
+    C_m = pitching_moment_coefficient(alpha_A, q, rate, state.eta, aircraft)
+    engine = -state.delta_T * power_ratio(rho) * aircraft.Q_P
+    moments = (qS * aircraft.b * C_l + engine, qS * aircraft.cbar * C_m, qS * aircraft.b * C_n)
+    p_dot, q_dot, r_dot = angular_accelerations(body_rates, moments, aircraft)
     rates = SixDofState[Scalar](
-        **vars(flight_path),
+        **vars(flight_path_rates(state, R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=p_Kbar)),
         delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
         alpha_K=alpha_dot,
         beta_K=beta_dot,
@@ -158,8 +109,7 @@ def six_dof(
         xi=control.xi_dot,
         zeta=control.zeta_dot,
     )
-    path = SixDofPath[Scalar](n_z=n.n_z, n_y=n.n_y, p_Kbar=p_Kbar, C_L=n.C_L, alpha_A=seen.alpha_A, beta_A=seen.beta_A)
-    return rates, path
+    return rates, SixDofPath(n_z=n_z, n_y=n_y, p_Kbar=p_Kbar, C_L=C_L, alpha_A=alpha_A, beta_A=beta_A)
 
 
 def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -168,32 +118,14 @@ def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    limits = flight_limits(aircraft, rules)
-    path = {**body_path_bounds(aircraft, rules, limits), "p_Kbar": limits.p_Kbar}
     return assemble(
         "six-dof",
         six_dof,
-        (SixDofState[Scalar], SurfaceControl[Scalar]),
-        (
-            bounded(SixDofState.quantities(), {"z": limits.z, "V_K": limits.V_K, **deflection_bounds(aircraft)}),
-            bounded(SurfaceControl.quantities(), deflection_rate_bounds(aircraft)),
-            bounded(SixDofPath.quantities(), path),
-        ),
-        roll_rate=lambda _, seen: seen.p_Kbar,
+        (SixDofState[Scalar], SurfaceControl[Scalar], SixDofPath[Scalar]),
+        {**body_bounds(aircraft, rules, "p_Kbar"), **surface_bounds(aircraft)},
+        roll_rate=lambda _, path: path.p_Kbar,
         at_rest=("alpha_K", "beta_K", "p_K", "q_K", "r_K"),
         aircraft=inner_loop_parameters(aircraft),
         air=air,
         counting=counting,
     )
-
-
-def _pitch(rate: Scalar, V_A: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """Return a rate in pitch (rad/s) made dimensionless."""
-    return rate * aircraft.cbar / (2.0 * V_A)
-
-
-def _sideways(
-    state: SixDofState[Scalar], seen: Incidence, V_A: Scalar, aircraft: InnerLoopParameters[Scalar]
-) -> Sideways:
-    dimensionless = aircraft.b / (2.0 * V_A)
-    return Sideways(seen.beta_A, state.p_K * dimensionless, state.r_K * dimensionless, state.xi, state.zeta)

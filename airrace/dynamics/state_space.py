@@ -16,24 +16,18 @@ whole aircraft is the stall and what couples the two motions: products of rates 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import (
     Airflow,
+    LoadFactorPath,
     Sideways,
     airflow,
     axial_load_factor,
     lever_rate,
     lift_coefficient,
-    rolling_moment_coefficient,
+    moment_coefficients,
     side_force_coefficient,
     thrust,
-    yawing_moment_coefficient,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.inner_loop_controls import (
-    Deflected,
-    SurfaceControl,
-    deflection_bounds,
-    deflection_rate_bounds,
-)
-from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
+from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, surface_bounds
 from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
@@ -63,15 +57,6 @@ BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
 
 
 @record
-class Deflections:
-    """The deflections of elevator, ailerons and rudder, rad."""
-
-    eta: Scalar
-    xi: Scalar
-    zeta: Scalar
-
-
-@record
 class Surrounding:
     """The conditions that the inner loop is scheduled with.
 
@@ -92,29 +77,12 @@ class Surrounding:
     pull: Scalar
 
 
-@record
-class LinearMotion:
-    """The load factors (g), the total lift coefficient, and the rates of angles (rad/s) and body rates (rad/s2)."""
-
-    n_z: Scalar
-    n_y: Scalar
-    C_L: Scalar
-    alpha_dot: Scalar
-    beta_dot: Scalar
-    p_dot: Scalar
-    q_dot: Scalar
-    r_dot: Scalar
-
-
 def surrounding(
-    state: LinearFlightState[Scalar],
-    *,
-    aircraft: InnerLoopParameters[Scalar],
-    weather: Weather,
+    state: LinearFlightState[Scalar], *, aircraft: InnerLoopParameters[Scalar], weather: Weather
 ) -> Surrounding:
     """Return the conditions that an aircraft in a given state meets; arguments as of the models."""
     R, rho = rotation(state.q), density(state.z, weather.atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
+    flow = airflow(state, R, weather)
     weight = aircraft.m * g0
     return Surrounding(
         R=R,
@@ -162,75 +130,36 @@ def lateral_load_factor(motion: Sideways, here: Surrounding, aircraft: InnerLoop
     return here.load * side_force_coefficient(motion, aircraft) - here.pull * motion.beta_A
 
 
-def lateral_accelerations(
+def linear_flight(
     state: LinearFlightState[Scalar],
-    motion: Sideways,
-    C_L: Scalar,
-    here: Surrounding,
-    aircraft: InnerLoopParameters[Scalar],
-) -> tuple[Scalar, Scalar]:
-    """Return `(p_s', r_s')`, rad/s2, which are linear in sideslip, rates and deflections."""
-    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
-    roll = moment * rolling_moment_coefficient(motion, C_L, aircraft)
-    yaw = moment * yawing_moment_coefficient(motion, C_L, aircraft)
-    return stability_axes(state.alpha_K, *uncoupled(roll, yaw, aircraft))
-
-
-def linear_motion(
-    state: LinearFlightState[Scalar],
-    surfaces: Deflections,
-    here: Surrounding,
-    aircraft: InnerLoopParameters[Scalar],
-) -> LinearMotion:
-    """Return the response of the inner loop to the deflections."""
-    alpha_A, causes = here.seen.alpha_A, (here.seen.beta_A, state.p_s, state.r_s)
-    aside = sideways(state, causes, (surfaces.xi, surfaces.zeta), here, aircraft)
-    n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
-    n_y = lateral_load_factor(aside, here, aircraft)
-    q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
-    alpha_dot = state.q_K - q_Kbar
-    M = pitching(here.flow.V_A, here.rho, aircraft)
-    p_dot, r_dot = lateral_accelerations(state, aside, C_L, here, aircraft)
-    return LinearMotion(
-        n_z=n_z,
-        n_y=n_y,
-        C_L=C_L,
-        alpha_dot=alpha_dot,
-        beta_dot=r_Kbar - state.r_s,
-        p_dot=p_dot,
-        q_dot=M.zero + M.alpha * alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
-        r_dot=r_dot,
-    )
-
-
-def linear_flight_rates(
-    state: LinearFlightState[Scalar],
-    motion: LinearMotion,
+    surfaces: Deflected[Scalar],
     delta_T_cmd: Scalar,
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
-) -> LinearFlightState[Scalar]:
-    """Return the time derivatives of flight path, lever and body motion."""
-    n_x = axial_load_factor(
-        motion.n_z,
-        motion.n_y,
-        C_L=motion.C_L,
-        beta_A=here.seen.beta_A,
-        delta_T=state.delta_T,
-        flow=here.flow,
-        rho=here.rho,
-        aircraft=aircraft,
-    )
-    flight_path = flight_path_rates(state, here.R, n_x=n_x, n_y=motion.n_y, n_z=motion.n_z, p_Kbar=state.p_s)
-    return LinearFlightState[Scalar](
-        **vars(flight_path),
+) -> tuple[LinearFlightState[Scalar], BodyPath[Scalar]]:
+    """Return the time derivatives of flight path, lever and body motion, and the path quantities."""
+    alpha_A, beta_A = here.seen.alpha_A, here.seen.beta_A
+    motion = sideways(state, (beta_A, state.p_s, state.r_s), (surfaces.xi, surfaces.zeta), here, aircraft)
+    n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
+    n_y = lateral_load_factor(motion, here, aircraft)
+    q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
+    alpha_dot = state.q_K - q_Kbar
+    M = pitching(here.flow.V_A, here.rho, aircraft)
+    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    C_l, C_n = moment_coefficients(motion, C_L, aircraft)
+    p_dot, r_dot = stability_axes(state.alpha_K, *uncoupled(moment * C_l, moment * C_n, aircraft))
+    coefficients = LoadFactorPath[Scalar](C_L=C_L, beta_A=beta_A)
+    n_x = axial_load_factor(n_z, n_y, coefficients, state.delta_T, here.flow, here.rho, aircraft)
+    rates = LinearFlightState[Scalar](
+        **vars(flight_path_rates(state, here.R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=state.p_s)),
         delta_T=lever_rate(state.delta_T, delta_T_cmd, aircraft),
-        alpha_K=motion.alpha_dot,
-        beta_K=motion.beta_dot,
-        p_s=motion.p_dot,
-        q_K=motion.q_dot,
-        r_s=motion.r_dot,
+        alpha_K=alpha_dot,
+        beta_K=r_Kbar - state.r_s,
+        p_s=p_dot,
+        q_K=M.zero + M.alpha * alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
+        r_s=r_dot,
     )
+    return rates, BodyPath(n_z=n_z, n_y=n_y, C_L=C_L, alpha_A=alpha_A, beta_A=beta_A)
 
 
 @vector
@@ -245,21 +174,10 @@ def state_space(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[StateSpaceState[Scalar], BodyPath[Scalar]]:
-    """Return the time derivatives of the state, and the path quantities.
-
-    Args:
-        state: see `StateSpaceState`.
-        control: see `SurfaceControl`.
-        aircraft: its numbers, from `linear_parameters`.
-        weather: of the day.
-    """
+    """Return the time derivatives of the state, and the path quantities, by the numbers of `linear_parameters`."""
     here = surrounding(state, aircraft=aircraft, weather=weather)
-    motion = linear_motion(state, Deflections(state.eta, state.xi, state.zeta), here, aircraft)
-    flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
+    flight, path = linear_flight(state, state, control.delta_T_cmd, here, aircraft)
     rates = StateSpaceState[Scalar](**vars(flight), eta=control.eta_dot, xi=control.xi_dot, zeta=control.zeta_dot)
-    path = BodyPath[Scalar](
-        n_z=motion.n_z, n_y=motion.n_y, C_L=motion.C_L, alpha_A=here.seen.alpha_A, beta_A=here.seen.beta_A
-    )
     return rates, path
 
 
@@ -269,17 +187,11 @@ def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: b
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    limits = flight_limits(aircraft, rules)
-    states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **deflection_bounds(aircraft)}
     return assemble(
         "state-space",
         state_space,
-        (StateSpaceState[Scalar], SurfaceControl[Scalar]),
-        (
-            bounded(StateSpaceState.quantities(), states),
-            bounded(SurfaceControl.quantities(), deflection_rate_bounds(aircraft)),
-            bounded(BodyPath.quantities(), body_path_bounds(aircraft, rules, limits)),
-        ),
+        (StateSpaceState[Scalar], SurfaceControl[Scalar], BodyPath[Scalar]),
+        {**body_bounds(aircraft, rules, "p_s"), **surface_bounds(aircraft)},
         roll_rate=lambda state, _: state.p_s,
         at_rest=BODY_MOTION,
         aircraft=linear_parameters(aircraft),

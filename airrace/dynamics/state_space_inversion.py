@@ -13,30 +13,28 @@ and then the deflections that make these accelerations. The surfaces' own forces
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import rolling_moment_coefficient, yawing_moment_coefficient
+from airrace.dynamics.aerodynamics import moment_coefficients
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.inner_loop_controls import (
+from airrace.dynamics.limits import (
     BRISK_COMMANDS,
+    BodyPath,
     CommandControl,
     Commanded,
     Deflected,
+    body_bounds,
     command_bounds,
-    command_rate_bounds,
     deflection_bounds,
 )
-from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
 from airrace.dynamics.linear_derivatives import Pair, linear_parameters, pitching
 from airrace.dynamics.outer_loop import turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import body_axes, coupled
 from airrace.dynamics.state_space import (
     BODY_MOTION,
-    Deflections,
     LinearFlightState,
     Surrounding,
     lateral_load_factor,
-    linear_flight_rates,
-    linear_motion,
+    linear_flight,
     normal_load_factor,
     sideways,
     surrounding,
@@ -64,27 +62,24 @@ class Gains:
 GAINS = Gains()
 
 
-@record
-class Commands:
-    """The load factors (g) and the roll rate (rad/s) to be flown."""
+@vector
+class StateSpaceInversionState(Commanded[T], LinearFlightState[T]):
+    """The flight path, the lever, the body motion and the commands."""
 
-    n_z: Scalar
-    n_y: Scalar
-    p: Scalar
+
+@vector
+class StateSpaceInversionPath(Deflected[T], BodyPath[T]):
+    """The path quantities of linear flight with a controller: `BodyPath` and the deflections."""
 
 
 def deflections(
-    state: LinearFlightState[Scalar],
-    commands: Commands,
-    here: Surrounding,
-    aircraft: InnerLoopParameters[Scalar],
-    gains: Gains = GAINS,
-) -> Deflections:
+    state: StateSpaceInversionState[Scalar], here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> Deflected[Scalar]:
     """Return the deflections (rad) that bring load factors and roll rate to the commands."""
-    eta = elevator(state, commands.n_z, here, aircraft, gains)
+    eta = elevator(state, here, aircraft)
     C_L = normal_load_factor(state, eta, here, aircraft)[1]
-    xi, zeta = ailerons_and_rudder(state, commands, C_L, here, aircraft, gains)
-    return Deflections(eta, xi, zeta)
+    xi, zeta = ailerons_and_rudder(state, C_L, here, aircraft)
+    return Deflected(eta=eta, xi=xi, zeta=zeta)
 
 
 def angle_of_attack(
@@ -103,21 +98,40 @@ def angle_of_attack(
 
 
 def elevator(
-    state: LinearFlightState[Scalar],
-    n_z_cmd: Scalar,
-    here: Surrounding,
-    aircraft: InnerLoopParameters[Scalar],
-    gains: Gains = GAINS,
+    state: StateSpaceInversionState[Scalar], here: Surrounding, aircraft: InnerLoopParameters[Scalar]
 ) -> Scalar:
-    """Return the elevator `eta` (rad) for the commanded load factor (g)."""
+    """Return the elevator `eta` (rad) for the commanded load factor."""
+    alpha_des = angle_of_attack(state.n_z_cmd, state, here, aircraft)
     M = pitching(here.flow.V_A, here.rho, aircraft)
     n_z_neutral = normal_load_factor(state, 0.0, here, aircraft)[0]
     q_Kbar = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z_neutral)[0]
     q_Kbar_eta = g0 * here.load * aircraft.C_Leta / state.V_K
-    error = angle_of_attack(n_z_cmd, state, here, aircraft) - here.seen.alpha_A
-    wanted = gains.q * (q_Kbar + gains.alpha * error - state.q_K)
+    wanted = GAINS.q * (q_Kbar + GAINS.alpha * (alpha_des - here.seen.alpha_A) - state.q_K)
     present = M.zero + M.alpha * here.seen.alpha_A + M.q * state.q_K + M.alphadot * (state.q_K - q_Kbar)
-    return (wanted - present) / (M.eta - (M.alphadot + gains.q) * q_Kbar_eta)
+    return (wanted - present) / (M.eta - (M.alphadot + GAINS.q) * q_Kbar_eta)
+
+
+def ailerons_and_rudder(
+    state: StateSpaceInversionState[Scalar], C_L: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> Pair:
+    """Return `(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
+
+    The side force of the surfaces themselves turns the path, which takes more yaw acceleration: `f = f_0 + s f`. Here
+    `f_0` belongs to the deflections that neglect this, and `s` to those that one more unit of yaw acceleration takes.
+    """
+    beta_A = here.seen.beta_A
+    causes, neutral = (beta_A, state.p_s, state.r_s), (0.0, 0.0)
+    n_y_neutral = lateral_load_factor(sideways(state, causes, neutral, here, aircraft), here, aircraft)
+    r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y_neutral, n_z=0.0)[1]
+    error = sideslip(state.n_y_cmd, state, C_L, here, aircraft) - beta_A
+    roll = GAINS.p * (state.p_cmd - state.p_s)
+    yaw = GAINS.r * (r_Kbar - GAINS.beta * error - state.r_s)
+    xi_0, zeta_0 = surfaces_for((roll, yaw), state, causes, C_L, here, aircraft)
+    xi_1, zeta_1 = surfaces_for((0.0, 1.0), state, (0.0, 0.0, 0.0), C_L, here, aircraft)
+    turn = GAINS.r * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
+    f_0 = turn * (aircraft.C_Yxi * xi_0 + aircraft.C_Yzeta * zeta_0)
+    f = f_0 / (1.0 - turn * (aircraft.C_Yxi * xi_1 + aircraft.C_Yzeta * zeta_1))
+    return xi_0 + f * xi_1, zeta_0 + f * zeta_1
 
 
 def sideslip(
@@ -130,40 +144,12 @@ def sideslip(
     """Return `beta_A` (rad) at which trimmed, steady flight without rolling makes the load factor `n_y` (g)."""
     r_trim = turn_rates(state.V_K, here.R, n_y=n_y, n_z=0.0)[1]
 
-    def trimmed(beta_A: float, r_s: Scalar) -> Scalar:
+    def trim_load_factor(beta_A: float, r_s: Scalar) -> Scalar:
         causes = (beta_A, 0.0, r_s)
         surfaces = surfaces_for((0.0, 0.0), state, causes, C_L, here, aircraft)
         return lateral_load_factor(sideways(state, causes, surfaces, here, aircraft), here, aircraft)
 
-    return (n_y - trimmed(0.0, r_trim)) / trimmed(1.0, 0.0)
-
-
-def ailerons_and_rudder(
-    state: LinearFlightState[Scalar],
-    commands: Commands,
-    C_L: Scalar,
-    here: Surrounding,
-    aircraft: InnerLoopParameters[Scalar],
-    gains: Gains = GAINS,
-) -> Pair:
-    """Return `(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
-
-    The side force of the surfaces themselves turns the path, which takes more yaw acceleration: `f = f_0 + s f`. Here
-    `f_0` belongs to the deflections that neglect this, and `s` to those that one more unit of yaw acceleration takes.
-    """
-    beta_A = here.seen.beta_A
-    causes, neutral = (beta_A, state.p_s, state.r_s), (0.0, 0.0)
-    n_y_neutral = lateral_load_factor(sideways(state, causes, neutral, here, aircraft), here, aircraft)
-    r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y_neutral, n_z=0.0)[1]
-    error = sideslip(commands.n_y, state, C_L, here, aircraft) - beta_A
-    roll = gains.p * (commands.p - state.p_s)
-    yaw = gains.r * (r_Kbar - gains.beta * error - state.r_s)
-    xi_0, zeta_0 = surfaces_for((roll, yaw), state, causes, C_L, here, aircraft)
-    xi_1, zeta_1 = surfaces_for((0.0, 1.0), state, (0.0, 0.0, 0.0), C_L, here, aircraft)
-    turn = gains.r * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
-    f_0 = turn * (aircraft.C_Yxi * xi_0 + aircraft.C_Yzeta * zeta_0)
-    f = f_0 / (1.0 - turn * (aircraft.C_Yxi * xi_1 + aircraft.C_Yzeta * zeta_1))
-    return xi_0 + f * xi_1, zeta_0 + f * zeta_1
+    return (n_y - trim_load_factor(0.0, r_trim)) / trim_load_factor(1.0, 0.0)
 
 
 def surfaces_for(
@@ -177,11 +163,8 @@ def surfaces_for(
     """Return `(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`, in rad and rad/s."""
     roll, yaw = coupled(*body_axes(state.alpha_K, *accelerations), aircraft)
     moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
-    present = sideways(state, causes, (0.0, 0.0), here, aircraft)
-    missing = (
-        roll / moment - rolling_moment_coefficient(present, C_L, aircraft),
-        yaw / moment - yawing_moment_coefficient(present, C_L, aircraft),
-    )
+    C_l, C_n = moment_coefficients(sideways(state, causes, (0.0, 0.0), here, aircraft), C_L, aircraft)
+    missing = (roll / moment - C_l, yaw / moment - C_n)
     return solve((aircraft.C_lxi, aircraft.C_nxi), (aircraft.C_lzeta, aircraft.C_nzeta), missing)
 
 
@@ -194,16 +177,6 @@ def solve(one: Pair, other: Pair, right: Pair) -> Pair:
     )
 
 
-@vector
-class StateSpaceInversionState(Commanded[T], LinearFlightState[T]):
-    """The flight path, the lever, the body motion and the commands."""
-
-
-@vector
-class StateSpaceInversionPath(Deflected[T], BodyPath[T]):
-    """The path quantities of linear flight with a controller: `BodyPath` and the deflections."""
-
-
 def state_space_inversion(
     state: StateSpaceInversionState[Scalar],
     control: CommandControl[Scalar],
@@ -211,30 +184,14 @@ def state_space_inversion(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[StateSpaceInversionState[Scalar], StateSpaceInversionPath[Scalar]]:
-    """Return the time derivatives of the state, and the path quantities.
-
-    Args:
-        state: see `StateSpaceInversionState`.
-        control: see `CommandControl`.
-        aircraft: its numbers, from `linear_parameters`.
-        weather: of the day.
-    """
+    """Return the time derivatives of the state, and the path quantities, by the numbers of `linear_parameters`."""
     here = surrounding(state, aircraft=aircraft, weather=weather)
-    surfaces = deflections(state, Commands(state.n_z_cmd, state.n_y_cmd, state.p_cmd), here, aircraft)
-    motion = linear_motion(state, surfaces, here, aircraft)
-    flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
+    surfaces = deflections(state, here, aircraft)
+    flight, path = linear_flight(state, surfaces, control.delta_T_cmd, here, aircraft)
     rates = StateSpaceInversionState[Scalar](
         **vars(flight), n_z_cmd=control.n_z_cmd_dot, n_y_cmd=control.n_y_cmd_dot, p_cmd=control.p_cmd_dot
     )
-    path = StateSpaceInversionPath[Scalar](
-        n_z=motion.n_z,
-        n_y=motion.n_y,
-        C_L=motion.C_L,
-        alpha_A=here.seen.alpha_A,
-        beta_A=here.seen.beta_A,
-        **vars(surfaces),
-    )
-    return rates, path
+    return rates, StateSpaceInversionPath[Scalar](**vars(path), **vars(surfaces))
 
 
 def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -243,18 +200,11 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    limits = flight_limits(aircraft, rules)
-    states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **command_bounds(aircraft)}
-    path = {**body_path_bounds(aircraft, rules, limits), **deflection_bounds(aircraft)}
     return assemble(
         "state-space-inversion",
         state_space_inversion,
-        (StateSpaceInversionState[Scalar], CommandControl[Scalar]),
-        (
-            bounded(StateSpaceInversionState.quantities(), states),
-            bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
-            bounded(StateSpaceInversionPath.quantities(), path),
-        ),
+        (StateSpaceInversionState[Scalar], CommandControl[Scalar], StateSpaceInversionPath[Scalar]),
+        {**body_bounds(aircraft, rules, "p_s"), **command_bounds(aircraft), **deflection_bounds(aircraft)},
         roll_rate=lambda state, _: state.p_s,
         at_rest=BODY_MOTION,
         aircraft=linear_parameters(aircraft),

@@ -8,30 +8,23 @@ The rest is as for the point mass.
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import (
-    LoadFactorPath,
-    airflow,
-    axial_load_factor,
-    drag_coefficient,
-    lever_rate,
-    load_factor_coefficients,
-)
+from airrace.dynamics.aerodynamics import LoadFactorPath, drag_coefficient, lever_rate
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.inner_loop_controls import (
+from airrace.dynamics.limits import (
     BRISK_COMMANDS,
     CommandControl,
     Commanded,
     command_bounds,
-    command_rate_bounds,
+    load_factor_bounds,
+    symmetric,
 )
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
-from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
+from airrace.dynamics.outer_loop import PoweredState
 from airrace.dynamics.parameters import InnerLoopParameters
+from airrace.dynamics.point_mass import load_factor_flight
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import density
 from airrace.environment.wind import Weather
-from airrace.frames import Scalar, rotation
+from airrace.frames import Scalar
 from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
@@ -59,22 +52,11 @@ def transfer_functions(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[TransferFunctionState[Scalar], LoadFactorPath[Scalar]]:
-    """Return the time derivatives of the state, and the path quantities.
-
-    Args:
-        state: see `TransferFunctionState`.
-        control: see `CommandControl`.
-        aircraft: its numbers, from `linear_parameters`.
-        weather: of the day.
-    """
-    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
-    C_L, beta_A = load_factor_coefficients(state.n_z, state.n_y, flow=flow, rho=rho, aircraft=aircraft)
-    n_x = axial_load_factor(
-        state.n_z, state.n_y, C_L=C_L, beta_A=beta_A, delta_T=state.delta_T, flow=flow, rho=rho, aircraft=aircraft
+    """Return the time derivatives of the state, and the path quantities, by the numbers of `linear_parameters`."""
+    flight_path, path, flow, rho = load_factor_flight(
+        state, state.n_z, state.n_y, state.p_Kbar, aircraft=aircraft, weather=weather
     )
-    lag = lags(flow.V_A, rho, drag_coefficient(C_L, beta_A, aircraft), aircraft)
-    flight_path = flight_path_rates(state, R, n_x=n_x, n_y=state.n_y, n_z=state.n_z, p_Kbar=state.p_Kbar)
+    lag = lags(flow.V_A, rho, drag_coefficient(path.C_L, path.beta_A, aircraft), aircraft)
     rates = TransferFunctionState[Scalar](
         **vars(flight_path),
         delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
@@ -87,7 +69,7 @@ def transfer_functions(
         n_y_cmd=control.n_y_cmd_dot,
         p_cmd=control.p_cmd_dot,
     )
-    return rates, LoadFactorPath(C_L=C_L, beta_A=beta_A)
+    return rates, path
 
 
 def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -96,26 +78,13 @@ def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, coun
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    limits = flight_limits(aircraft, rules)
-    states = {
-        "z": limits.z,
-        "V_K": limits.V_K,
-        "n_z": limits.n_z,
-        "n_z_dot": symmetric(aircraft.point_mass.n_z_dot),
-        "n_y": symmetric(aircraft.point_mass.n_y),
-        "n_y_dot": symmetric(aircraft.point_mass.n_y_dot),
-        "p_Kbar": limits.p_Kbar,
-        **command_bounds(aircraft),
-    }
+    pilot = aircraft.point_mass
+    rates = {"n_z_dot": symmetric(pilot.n_z_dot), "n_y_dot": symmetric(pilot.n_y_dot)}
     return assemble(
         "transfer-function",
         transfer_functions,
-        (TransferFunctionState[Scalar], CommandControl[Scalar]),
-        (
-            bounded(TransferFunctionState.quantities(), states),
-            bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
-            bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
-        ),
+        (TransferFunctionState[Scalar], CommandControl[Scalar], LoadFactorPath[Scalar]),
+        {**load_factor_bounds(aircraft, rules), **rates, **command_bounds(aircraft)},
         roll_rate=lambda state, _: state.p_Kbar,
         at_rest=("n_z", "n_z_dot", "n_y", "n_y_dot", "p_Kbar"),
         aircraft=linear_parameters(aircraft),

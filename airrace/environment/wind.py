@@ -5,23 +5,65 @@ A static wind has one direction, and a speed that depends on the height above gr
     W(h) = W_ref f(h) / f(h_ref)     f = 1 | h^exponent | ln(h / roughness)
 
 Near and below the ground a smooth maximum holds the height above a floor, so that wind and derivatives stay finite.
+
+Thermals are updrafts in a convective mixing layer [Allen 2006, NASA NTRS 20060004052]. With `zeta = h / zi`, the height
+over the depth of the mixing layer:
+
+    r2 = max(10 m, 0.102 zeta^(1/3) (1 - 0.25 zeta) zi)          outer radius
+    w_mean = w* zeta^(1/3) (1 - 1.1 zeta)                        mean over the disc of radius r2
+    w_peak = 3 w_mean (r2 - r1) r2^2 / (r2^3 - r1^3)             core of a trapezoid of revolution with that mean
+    w / w_peak = 1 / (1 + |k1 r/r2 + k3|^k2) + k4 r/r2           bell fitted to the trapezoid
+
+Allen tabulates (k1, k2, k3, k4) for seven ratios r1/r2 and jumps from row to row as r2 grows with height; a jump has no
+derivative, so one row serves here at all heights: r1/r2 = 0.36, which his rule r1/r2 = 0.0011 r2 + 0.14 reaches at
+r2 = 200 m. Lower down his rule gives smaller ratios (0.2 at r2 = 55 m) and up to a quarter more in the core, with the
+same mean. Smooth maxima bound h and r2 from below; the weak linear tail, which would grow without end, is faded out.
 """
 
 import dataclasses
 from collections.abc import Sequence
 
-from airrace.environment.air import Air, Profile, StaticWind
+from airrace.environment.air import Air, Profile
 from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.environment.elementary import log, power, smooth_maximum
-from airrace.environment.thermals import ThermalParameters, thermal_parameters, updraft
+from airrace.environment.elementary import exp, log, power, smooth_maximum, sqrt
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 
-HEIGHT_FLOOR = 2.0
-"""The height below which the profiles stop falling, m; far below any legal flight."""
-HEIGHT_BLEND = 1.0
-"""The width of the smooth transition to the floor, m."""
+
+@record
+class Rounding:
+    """The lowest values, and the widths within which corners are rounded off.
+
+    Attributes:
+        profile_floor: height below which the profiles of the static wind stop falling, m; far below any legal flight.
+        height_floor: height below which a thermal no longer weakens, m: the cube root has no derivative at the ground.
+        height: width of the transition to either floor, m.
+        radius_floor, radius: the smallest outer radius of a thermal [Allen], and the width of the transition to it, m.
+        strength: of `1 - 1.1 zeta` at zero, at the top of the mixing layer (1).
+        centre: radius within which the distance from a thermal's centre is rounded off, m.
+        bell: of the bell's `|k1 r/r2 + k3|` at zero (1).
+        fade: distance from the centre at which the updraft has faded to 1/e of the bell, in outer radii.
+    """
+
+    profile_floor: float = 2.0
+    height_floor: float = 1.0
+    height: float = 1.0
+    radius_floor: float = 10.0
+    radius: float = 1.0
+    strength: float = 0.02
+    centre: float = 1.0
+    bell: float = 1e-3
+    fade: float = 4.0
+
+
+ROUNDING = Rounding()
+R1_OVER_R2 = 0.36
+"""The ratio of a thermal's core's radius to its outer radius; one of Allen's seven rows, for the reason given above."""
+K1, K2, K3, K4 = 1.4866, 4.8354, -0.0320, 0.0001
+"""Allen's shape constants for r1/r2 = 0.36."""
+PEAK_OVER_MEAN = 3.0 / (1.0 + R1_OVER_R2 + R1_OVER_R2**2)
+"""The ratio `w_peak / w_mean = 3 (r2 - r1) r2^2 / (r2^3 - r1^3)`, with the common factor cancelled."""
 
 
 @vector
@@ -35,35 +77,64 @@ class StaticWindParameters(Vector[T]):
     roughness: T = quantity("m", text="roughness length of the logarithmic profile")
 
 
-def static_wind_parameters(wind: StaticWind) -> StaticWindParameters[float]:
-    """Return the numbers of a static wind."""
-    return StaticWindParameters(
-        north=wind.north,
-        east=wind.east,
-        reference_height=wind.reference_height,
-        exponent=wind.exponent,
-        roughness=wind.roughness,
-    )
+@vector
+class ThermalParameters(Vector[T]):
+    """The place and strength of one thermal."""
+
+    north: T = quantity("m", scale=100.0, text="thermal's centre, north of the origin")
+    east: T = quantity("m", scale=100.0, text="thermal's centre, east of the origin")
+    w_star: T = quantity("m/s", text="thermal's convective velocity scale")
+    mixing_height: T = quantity("m", scale=1000.0, text="depth of the convective mixing layer")
 
 
 def static_wind(profile: Profile, h: Scalar, wind: StaticWindParameters[Scalar]) -> tuple[Scalar, Scalar]:
     """Return the static wind `(W_N, W_E)` in m/s at the height `h` (m) above ground."""
-    match profile:
-        case Profile.CONSTANT:
-            return wind.north, wind.east
-        case Profile.POWER:
-            ratio = _bounded(h, HEIGHT_FLOOR) / _bounded(wind.reference_height, HEIGHT_FLOOR)
-            factor = power(ratio, wind.exponent)
-        case Profile.LOG:
-            # a floor above the roughness length keeps the logarithm positive
-            floor = HEIGHT_FLOOR + wind.roughness
-            reference = log(_bounded(wind.reference_height, floor) / wind.roughness)
-            factor = log(_bounded(h, floor) / wind.roughness) / reference
+    if profile is Profile.CONSTANT:
+        return wind.north, wind.east
+    # for the logarithm a floor above the roughness length keeps it positive
+    floor = ROUNDING.profile_floor + (wind.roughness if profile is Profile.LOG else 0.0)
+    height, reference = (smooth_maximum(one, floor, ROUNDING.height) for one in (h, wind.reference_height))
+    if profile is Profile.POWER:
+        factor = power(height / reference, wind.exponent)
+    else:
+        factor = log(height / wind.roughness) / log(reference / wind.roughness)
     return wind.north * factor, wind.east * factor
 
 
-def _bounded(h: Scalar, floor: Scalar) -> Scalar:
-    return smooth_maximum(h, floor, HEIGHT_BLEND)
+def outer_radius(h: Scalar, mixing_height: Scalar) -> Scalar:
+    """Return the outer radius `r2` (m) of a thermal at the height `h` (m) above ground."""
+    zeta, root = _relative_height(h, mixing_height)
+    radius = 0.102 * root * (1.0 - 0.25 * zeta) * mixing_height
+    return smooth_maximum(radius, ROUNDING.radius_floor, ROUNDING.radius)
+
+
+def mean_updraft(h: Scalar, w_star: Scalar, mixing_height: Scalar) -> Scalar:
+    """Return `w_mean` (m/s, up) at the height `h` (m) above ground; nothing is left at the top of the mixing layer."""
+    zeta, root = _relative_height(h, mixing_height)
+    return w_star * root * smooth_maximum(1.0 - 1.1 * zeta, 0.0, ROUNDING.strength)
+
+
+def updraft(x: Scalar, y: Scalar, h: Scalar, thermal: ThermalParameters[Scalar]) -> Scalar:
+    """Return the vertical wind (m/s, positive up) of one thermal at `x` north, `y` east and `h` above ground (m)."""
+    north, east = x - thermal.north, y - thermal.east
+    r = sqrt(north * north + east * east + ROUNDING.centre**2)
+    w_peak = PEAK_OVER_MEAN * mean_updraft(h, thermal.w_star, thermal.mixing_height)
+    return w_peak * shape(r / outer_radius(h, thermal.mixing_height))
+
+
+def shape(r_over_r2: Scalar) -> Scalar:
+    """Return `w / w_peak` at a distance from the centre of a thermal given in outer radii."""
+    distance = K1 * r_over_r2 + K3
+    # |d|^k2 as a power of d^2 + tiny: the derivatives exist where d = 0
+    steepness = power(distance * distance + ROUNDING.bell**2, 0.5 * K2)
+    square = r_over_r2 * r_over_r2 / ROUNDING.fade**2
+    return (1.0 / (1.0 + steepness) + K4 * r_over_r2) * exp(-square * square * square)
+
+
+def _relative_height(h: Scalar, mixing_height: Scalar) -> tuple[Scalar, Scalar]:
+    """Return `zeta` and its cube root, with the height bounded from below."""
+    zeta = smooth_maximum(h, ROUNDING.height_floor, ROUNDING.height) / mixing_height
+    return zeta, power(zeta, 1.0 / 3.0)
 
 
 @record
@@ -91,50 +162,41 @@ class WindField:
     @property
     def label(self) -> str:
         """The name of the structure, e.g. `wind(power)+thermals(2)`; empty in still air."""
-        parts = [f"wind({self.profile.value})"] if self.profile is not None else []
-        if self.thermals:
-            parts.append(f"thermals({self.thermals})")
-        return "+".join(parts)
+        static = f"wind({self.profile.value})" if self.profile is not None else ""
+        thermals = f"thermals({self.thermals})" if self.thermals else ""
+        return "+".join(part for part in (static, thermals) if part)
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:
         """The declarations of the field's numbers, in the order of `values`."""
-        static = _prefixed("wind", StaticWindParameters.quantities()) if self.profile is not None else ()
-        thermals = [
-            _prefixed(f"thermal{number}", ThermalParameters.quantities()) for number in range(1, self.thermals + 1)
-        ]
-        return sum(thermals, static)
+        parts = [("wind", StaticWindParameters.quantities())] if self.profile is not None else []
+        parts += [(f"thermal{number + 1}", ThermalParameters.quantities()) for number in range(self.thermals)]
+        return tuple(
+            dataclasses.replace(one, name=f"{part}_{one.name}") for part, declared in parts for one in declared
+        )
 
     def values(self, air: Air) -> list[float]:
         """Return the numbers of the wind in `air`, in the order of `parameters`.
-
-        Args:
-            air: the air of a day, with a wind of this field's structure.
 
         Raises:
             ValueError: the wind in `air` is of another structure.
         """
         if WindField.of(air) != self:
             raise ValueError(f"the air holds {WindField.of(air)}, not {self}")
-        numbers = [number for thermal in air.thermals for number in thermal_parameters(thermal).join()]
-        return [*static_wind_parameters(air.wind).join(), *numbers] if air.wind is not None else numbers
+        parts = [] if air.wind is None else [(air.wind, StaticWindParameters)]
+        parts += [(thermal, ThermalParameters) for thermal in air.thermals]
+        return [getattr(part, name) for part, declared in parts for name in declared.names()]
 
     def velocity(self, x: Scalar, y: Scalar, z: Scalar, p: Sequence[Scalar]) -> list[Scalar]:
         """Return `V_W,O = [W_N, W_E, W_D]` (m/s) at a point of the track's frame (m), given the field's parameters."""
-        north, east, down = 0.0, 0.0, 0.0
-        remaining = list(p)
+        north, east, down, first = 0.0, 0.0, 0.0, 0
         if self.profile is not None:
-            size = StaticWindParameters.size()
-            north, east = static_wind(self.profile, -z, StaticWindParameters[Scalar].split(remaining[:size]))
-            remaining = remaining[size:]
+            first = StaticWindParameters.size()
+            north, east = static_wind(self.profile, -z, StaticWindParameters[Scalar].split(p[:first]))
         size = ThermalParameters.size()
-        for first in range(0, self.thermals * size, size):
-            down -= updraft(x, y, -z, ThermalParameters[Scalar].split(remaining[first : first + size]))
+        for begin in range(first, first + self.thermals * size, size):
+            down -= updraft(x, y, -z, ThermalParameters[Scalar].split(p[begin : begin + size]))
         return [north, east, down]
-
-
-def _prefixed(prefix: str, quantities: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
-    return tuple(dataclasses.replace(one, name=f"{prefix}_{one.name}") for one in quantities)
 
 
 @record

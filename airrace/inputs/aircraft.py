@@ -82,46 +82,40 @@ class DragEntry(Schema):
 
 class SideForceEntry(Schema):
     what: ClassVar[str] = "the side force"
-    beta: Damping = Field(alias="C_Ybeta", description="due to sideslip")
-    p: Derivative = Field(alias="C_Yp", description="due to the roll rate")
-    r: Derivative = Field(alias="C_Yr", description="due to the yaw rate")
-    xi: Derivative = Field(alias="C_Yxi", description="due to the ailerons")
-    zeta: Derivative = Field(alias="C_Yzeta", description="due to the rudder")
+    C_Ybeta: Damping = Field(description="due to sideslip")
+    C_Yp: Derivative = Field(description="due to the roll rate")
+    C_Yr: Derivative = Field(description="due to the yaw rate")
+    C_Yxi: Derivative = Field(description="due to the ailerons")
+    C_Yzeta: Derivative = Field(description="due to the rudder")
 
 
 class RollEntry(Schema):
     what: ClassVar[str] = "the rolling moment"
-    beta: Derivative = Field(alias="C_lbeta", description="due to sideslip")
-    p: Damping = Field(alias="C_lp", description="roll damping")
-    r: Derivative = Field(alias="C_lr", description="due to the yaw rate")
-    r_per_C_L: Derivative = Field(
-        alias="C_lr_per_C_L", default=0.0, description="added to C_lr in proportion to the lift coefficient"
-    )
-    xi: Effectiveness = Field(alias="C_lxi", description="due to the ailerons")
-    zeta: Derivative = Field(alias="C_lzeta", description="due to the rudder")
+    C_lbeta: Derivative = Field(description="due to sideslip")
+    C_lp: Damping = Field(description="roll damping")
+    C_lr: Derivative = Field(description="due to the yaw rate")
+    C_lr_per_C_L: Derivative = Field(default=0.0, description="added to C_lr in proportion to the lift coefficient")
+    C_lxi: Effectiveness = Field(description="due to the ailerons")
+    C_lzeta: Derivative = Field(description="due to the rudder")
 
 
 class PitchEntry(Schema):
     what: ClassVar[str] = "the pitching moment"
-    zero: Annotated[float, Ge(-1), Le(1)] = Field(alias="C_m0", description="at zero angle of attack")
-    alpha: Derivative = Field(alias="C_malpha", description="due to the angle of attack")
-    q: Damping = Field(alias="C_mq", description="pitch damping")
-    alphadot: Annotated[float, Ge(-100), Le(0)] = Field(
-        alias="C_malphadot", description="due to the change of the angle of attack"
-    )
-    eta: Effectiveness = Field(alias="C_meta", description="due to the elevator")
+    C_m0: Annotated[float, Ge(-1), Le(1)] = Field(description="at zero angle of attack")
+    C_malpha: Derivative = Field(description="due to the angle of attack")
+    C_mq: Damping = Field(description="pitch damping")
+    C_malphadot: Annotated[float, Ge(-100), Le(0)] = Field(description="due to the change of the angle of attack")
+    C_meta: Effectiveness = Field(description="due to the elevator")
 
 
 class YawEntry(Schema):
     what: ClassVar[str] = "the yawing moment"
-    beta: Derivative = Field(alias="C_nbeta", description="due to sideslip")
-    p: Derivative = Field(alias="C_np", description="due to the roll rate")
-    p_per_C_L: Derivative = Field(
-        alias="C_np_per_C_L", default=0.0, description="added to C_np in proportion to the lift coefficient"
-    )
-    r: Damping = Field(alias="C_nr", description="yaw damping")
-    xi: Derivative = Field(alias="C_nxi", description="due to the ailerons")
-    zeta: Effectiveness = Field(alias="C_nzeta", description="due to the rudder")
+    C_nbeta: Derivative = Field(description="due to sideslip")
+    C_np: Derivative = Field(description="due to the roll rate")
+    C_np_per_C_L: Derivative = Field(default=0.0, description="added to C_np in proportion to the lift coefficient")
+    C_nr: Damping = Field(description="yaw damping")
+    C_nxi: Derivative = Field(description="due to the ailerons")
+    C_nzeta: Effectiveness = Field(description="due to the rudder")
 
 
 class PropulsionEntry(Schema):

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.dynamics.inner_loop_controls import SurfaceControl
+from airrace.dynamics.limits import SurfaceControl
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import rotation_to_body
 from airrace.dynamics.six_dof import SixDofState

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.dynamics.crossing import crossing_values
+from airrace.dynamics.observations import crossing_values
 from airrace.frames import angle_between
 from airrace.planning.race import Race
 from airrace.procedure.formulation import crossing_parameters

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Self
 
-from airrace.dynamics.crossing import CrossingParameters, with_sight
 from airrace.dynamics.flight_model import FROM_ZERO, FlightModel
-from airrace.dynamics.settled import SIDE_ACCELERATION, settled_observation
-from airrace.dynamics.surroundings import (
+from airrace.dynamics.observations import (
+    SIDE_ACCELERATION,
+    CrossingParameters,
     CrowdKind,
     climb_observation,
     crowd_observation,
@@ -17,6 +17,8 @@ from airrace.dynamics.surroundings import (
     line_observation,
     line_values,
     safety_line_values,
+    settled_observation,
+    with_sight,
 )
 from airrace.errors import UsageError
 from airrace.optimal_control.problem import Boundary, PathConstraint
@@ -39,7 +41,7 @@ NamedPassing = tuple[str, str]
 
 @record
 class Trim:
-    """The condition that the inner loop is settled at an end of the race, see `airrace.dynamics.settled`.
+    """The condition that the inner loop is settled at an end of the race, see `airrace.dynamics.observations`.
 
     Attributes:
         crossing: what the boundaries of passages observe.

@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.crossing import crossing_observation
 from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
+from airrace.dynamics.observations import crossing_observation
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations

@@ -82,7 +82,7 @@ class GateOutput:
         name: identifies it in messages.
         quantities: declarations of what is seen. Their units decide with which tolerance the certificate measures them.
         parameters: declarations of what tells one element from another.
-        values: maps the quantities of a crossing by name (`airrace.dynamics.crossing.CrossingValues`) and the
+        values: maps the quantities of a crossing by name (`airrace.dynamics.observations.CrossingValues`) and the
             parameters by name, those of the crossing (`CrossingParameters`) among them, to the quantities in order.
     """
 
@@ -223,8 +223,8 @@ class Element(ABC):
     def conditions(self, axis: float) -> dict[str, Interval]:
         """Return the conditions of its passing when planned along an axis, as ranges by name.
 
-        The ranges are of states, of the quantities of a crossing (`airrace.dynamics.crossing.CrossingValues`) and of
-        those of its sight.
+        The ranges are of states, of the quantities of a crossing (`airrace.dynamics.observations.CrossingValues`) and
+        of those of its sight.
         """
 
     @abstractmethod

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from airrace.dynamics.inner_loop_controls import SurfaceControl
+from airrace.dynamics.limits import SurfaceControl
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.inner_loop_controls import CommandControl, SurfaceControl
-from airrace.dynamics.limits import BodyPath
+from airrace.dynamics.limits import BodyPath, CommandControl, SurfaceControl
 from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof

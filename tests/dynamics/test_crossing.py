@@ -9,10 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.dynamics.crossing import CrossingParameters, CrossingValues, crossing_observation
+from airrace.dynamics.observations import (
+    CrossingParameters,
+    CrossingValues,
+    CrowdKind,
+    crossing_observation,
+    crowd_observation,
+    crowd_values,
+)
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.point_mass import PointMassState
-from airrace.dynamics.surroundings import CrowdKind, crowd_observation, crowd_values
 from airrace.frames import quaternion
 from airrace.quantities import Quantity
 from airrace.track.course import Crowd, CrowdShape

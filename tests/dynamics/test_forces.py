@@ -15,28 +15,29 @@ from scipy.integrate import solve_ivp
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import (
+    LoadFactorPath,
     drag_coefficient,
     lever_rate,
     lift_curve,
     power_ratio,
-    still_airflow,
     thrust,
     wind_airflow,
 )
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.handling import corner_speed, faults, lateral_modes, remarks, sideslip_trim, trimmed_side_force
-from airrace.dynamics.limits import LEAST_ROOM, bounded, flight_limits
+from airrace.dynamics.limits import LEAST_ROOM, flight_limits
 from airrace.dynamics.linear_derivatives import level_lags, linear_parameters
+from airrace.dynamics.observations import climb_observation, line_observation, line_values, safety_line_values
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters, inner_loop_parameters
-from airrace.dynamics.point_mass import PointMassState
+from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.state_space import StateSpaceState, surrounding
-from airrace.dynamics.state_space_inversion import Commands, deflections
-from airrace.dynamics.surroundings import climb_observation, line_observation, line_values, safety_line_values
+from airrace.dynamics.state_space_inversion import StateSpaceInversionState, deflections
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.errors import InputError
 from airrace.frames import quaternion, rotation
 from airrace.inputs import load_inputs
-from airrace.quantities import Interval, Quantity
+from airrace.quantities import Interval
 from airrace.track.course import Rules, SafetyLine
 from airrace.track.polygons import Point, to_right
 
@@ -69,11 +70,6 @@ def test_wind_from_the_right_meets_the_right_side_and_updraft_meets_from_below()
     assert wind_airflow(80.0, level_north, (0.0, 0.0, -5.0)).w == pytest.approx(5.0)
 
 
-def test_still_air_is_met_along_the_path() -> None:
-    flow = still_airflow(77.0)
-    assert (flow.V_A, flow.u, flow.v, flow.w) == (77.0, 77.0, 0.0, 0.0)
-
-
 @given(st.floats(-1.4, 1.4), st.floats(-0.2, 0.2))
 def test_drag_is_least_at_its_lift_coefficient_and_without_sideslip(
     edge540: Aircraft, C_L: float, beta_A: float
@@ -103,8 +99,8 @@ def test_lift_curve_rises_between_its_limits(edge540: Aircraft, alpha_A: float, 
 
 def test_trimmed_side_force_includes_the_rudder_that_balances_the_yawing_moment(edge540: Aircraft) -> None:
     beta_A = 0.1
-    zeta = -edge540.yaw.beta * beta_A / edge540.yaw.zeta  # C_n = 0
-    C_Y = edge540.side_force.beta * beta_A + edge540.side_force.zeta * zeta
+    zeta = -edge540.yaw.C_nbeta * beta_A / edge540.yaw.C_nzeta  # C_n = 0
+    C_Y = edge540.side_force.C_Ybeta * beta_A + edge540.side_force.C_Yzeta * zeta
     assert aircraft_parameters(edge540).C_Y_trim * beta_A == pytest.approx(C_Y, rel=1e-12)
 
 
@@ -179,28 +175,28 @@ def test_nothing_is_wrong_with_the_shipped_aircraft(name: str) -> None:
 
 
 def test_a_centre_of_gravity_behind_the_neutral_point_is_named_with_its_margin(edge540: Aircraft) -> None:
-    (said,) = remarks(with_pitch(edge540, alpha=0.024))
+    (said,) = remarks(with_pitch(edge540, C_malpha=0.024))
     assert said.startswith("statically unstable in pitch: the centre of gravity lies 0.5 % of the mean chord behind")
-    assert remarks(with_pitch(edge540, alpha=-0.024)) == ()
+    assert remarks(with_pitch(edge540, C_malpha=-0.024)) == ()
 
 
 def test_the_manoeuvre_point_lies_where_the_short_period_loses_its_stiffness(edge540: Aircraft) -> None:
     V = corner_speed(edge540)
 
     def stiffness(alpha: float) -> float:
-        return level_lags(inner_loop_parameters(with_pitch(edge540, alpha=alpha)), V).stiffness_z
+        return level_lags(inner_loop_parameters(with_pitch(edge540, C_malpha=alpha)), V).stiffness_z
 
     at_zero, slope = stiffness(0.0), stiffness(1.0) - stiffness(0.0)
     edge = -at_zero / slope
     assert edge > 0.0
-    (before,) = remarks(with_pitch(edge540, alpha=0.99 * edge))
-    (behind,) = remarks(with_pitch(edge540, alpha=1.01 * edge))
+    (before,) = remarks(with_pitch(edge540, C_malpha=0.99 * edge))
+    (behind,) = remarks(with_pitch(edge540, C_malpha=1.01 * edge))
     assert "though before the manoeuvre point" in before
     assert "behind the manoeuvre point" in behind
 
 
 def test_an_elevator_that_cannot_stall_the_aircraft_is_short(edge540: Aircraft) -> None:
-    said = remarks(with_pitch(edge540, eta=-0.4))
+    said = remarks(with_pitch(edge540, C_meta=-0.4))
     assert [one.split(" at ")[0] for one in said] == [
         "short of elevator: C_L_max",
         "short of elevator: C_L_min",
@@ -210,7 +206,7 @@ def test_an_elevator_that_cannot_stall_the_aircraft_is_short(edge540: Aircraft) 
 
 def test_ailerons_are_short_if_the_roll_rate_is_out_of_reach_at_the_top_speed(edge540: Aircraft) -> None:
     V, b = edge540.envelope.V.upper, edge540.airframe.b
-    reached = edge540.roll.xi / edge540.roll.p * edge540.surfaces.xi.upper * 2.0 * V / b
+    reached = edge540.roll.C_lxi / edge540.roll.C_lp * edge540.surfaces.xi.upper * 2.0 * V / b
     assert remarks(changed(edge540, "point_mass", p=0.99 * reached)) == ()
     (said,) = remarks(changed(edge540, "point_mass", p=1.01 * reached))
     assert said.startswith(f"short of ailerons: full deflection rolls at {math.degrees(reached):.0f} deg/s at 118 m/s")
@@ -224,15 +220,15 @@ def test_a_rudder_that_cannot_hold_the_sideslip_limit_is_short(edge540: Aircraft
 
 
 def test_a_fin_that_is_too_small_is_remarked_on(edge540: Aircraft) -> None:
-    (said,) = remarks(changed(edge540, "yaw", beta=-0.05))
+    (said,) = remarks(changed(edge540, "yaw", C_nbeta=-0.05))
     assert said.startswith("unstable in yaw at 35 m/s: sideslip doubles every")
     assert said.endswith("(C_nbeta = -0.05, C_lbeta = -0.03)")
 
 
 def test_a_dutch_roll_that_grows_is_remarked_on(edge540: Aircraft) -> None:
     # much dihedral, and a roll that swings the nose the wrong way
-    loose = changed(edge540, "yaw", p=-1.0, p_per_C_L=0.0)
-    (said,) = remarks(changed(loose, "roll", beta=-0.5))
+    loose = changed(edge540, "yaw", C_np=-1.0, C_np_per_C_L=0.0)
+    (said,) = remarks(changed(loose, "roll", C_lbeta=-0.5))
     assert said.startswith("Dutch roll unstable at 35 m/s: it doubles every")
 
 
@@ -257,28 +253,28 @@ def test_lateral_modes_are_those_of_the_state_space(edge540: Aircraft, V: float)
 
 
 def test_ailerons_and_rudder_that_do_the_same_are_a_fault(edge540: Aircraft) -> None:
-    same = changed(edge540, "yaw", xi=edge540.roll.xi * edge540.yaw.zeta / edge540.roll.zeta)
+    same = changed(edge540, "yaw", C_nxi=edge540.roll.C_lxi * edge540.yaw.C_nzeta / edge540.roll.C_lzeta)
     ((group, key, message),) = faults(same)
     assert (group, key) == ("yaw", "C_nzeta")
     assert message.startswith("ailerons and rudder cannot be told apart")
 
 
 def test_an_elevator_whose_lift_eats_the_wings_is_a_fault(edge540: Aircraft) -> None:
-    ((group, key, message),) = faults(with_pitch(edge540, eta=-0.03))
+    ((group, key, message),) = faults(with_pitch(edge540, C_meta=-0.03))
     assert (group, key) == ("pitch", "C_meta")
     assert message.startswith("no elevator power")
 
 
 def test_an_elevator_whose_lift_undoes_its_moment_is_a_fault(edge540: Aircraft) -> None:
     lifting = changed(edge540, "lift", C_Leta=-2.0)
-    ((group, key, message),) = faults(with_pitch(lifting, alpha=0.0, eta=-0.02))
+    ((group, key, message),) = faults(with_pitch(lifting, C_malpha=0.0, C_meta=-0.02))
     assert (group, key) == ("pitch", "C_meta")
     assert message == "no elevator power: at 35 m/s the lift that it makes undoes what its moment does"
 
 
 def test_a_rudder_that_takes_all_side_force_away_is_a_fault(edge540: Aircraft) -> None:
-    gone = edge540.side_force.beta / sideslip_trim(inner_loop_parameters(edge540))[1]
-    weak, strong = (changed(edge540, "side_force", zeta=-part * gone) for part in (0.99, 1.01))
+    gone = edge540.side_force.C_Ybeta / sideslip_trim(inner_loop_parameters(edge540))[1]
+    weak, strong = (changed(edge540, "side_force", C_Yzeta=-part * gone) for part in (0.99, 1.01))
     assert trimmed_side_force(inner_loop_parameters(weak)) < 0.0 < trimmed_side_force(inner_loop_parameters(strong))
     assert faults(weak) == ()
     ((group, key, _),) = faults(strong)
@@ -287,13 +283,13 @@ def test_a_rudder_that_takes_all_side_force_away_is_a_fault(edge540: Aircraft) -
 
 @pytest.mark.parametrize("V_K", [35.0, 70.0, 118.0])
 def test_commands_have_a_solution_for_an_aircraft_just_short_of_a_fault(edge540: Aircraft, V_K: float) -> None:
-    weak = with_pitch(edge540, alpha=0.0, eta=-0.04)
+    weak = with_pitch(edge540, C_malpha=0.0, C_meta=-0.04)
     assert faults(weak) == ()
     number = linear_parameters(weak)
-    values = vars(level_trim(edge540, V_K)) | {"p_s": 0.0, "r_s": 0.0}
-    state = StateSpaceState(**{name: values[name] for name in StateSpaceState.names()})
+    values = vars(level_trim(edge540, V_K)) | {"p_s": 0.0, "r_s": 0.0, "n_z_cmd": 1.0, "n_y_cmd": 0.0, "p_cmd": 0.0}
+    state = StateSpaceInversionState(**{name: values[name] for name in StateSpaceInversionState.names()})
     here = surrounding(state, aircraft=number, **surroundings(Air()))
-    pull, hold = (deflections(state, Commands(n_z, 0.0, 0.0), here, number).eta for n_z in (3.0, 1.0))
+    pull, hold = (deflections(dataclasses.replace(state, n_z_cmd=n_z), here, number).eta for n_z in (3.0, 1.0))
     assert pull < hold
 
 
@@ -345,14 +341,18 @@ def test_contradicting_limits_are_named(edge540: Aircraft) -> None:
         flight_limits(weak, Rules(n_z=Interval(4.0, 6.0)))
 
 
-def test_bounds_replace_only_what_they_name() -> None:
-    one, other = Quantity("a", "m", lower=-1.0), Quantity("b", "m", upper=2.0)
-    assert bounded((one, other), {"b": Interval(0.0, 1.0)}) == (one, Quantity("b", "m", lower=0.0, upper=1.0))
+def test_bounds_replace_only_what_they_name_and_name_only_what_there_is(edge540: Aircraft) -> None:
+    def assembled(bounds: dict[str, Interval]) -> FlightModel:
+        vectors = (PointMassState[Any], PointMassControl[Any], LoadFactorPath[Any])
+        numbers, parts = aircraft_parameters(edge540), {"roll_rate": lambda x, _: x.p_Kbar, "at_rest": ()}
+        return assemble("m", point_mass, vectors, bounds, aircraft=numbers, air=Air(), counting=False, **parts)
 
-
-def test_bound_of_an_unknown_quantity_is_refused() -> None:
+    (bounded,) = (
+        one for one in assembled({"V_K": Interval(1.0, 2.0)}).system.states if (one.lower, one.upper) == (1, 2)
+    )
+    assert bounded.name == "V_K"
     with pytest.raises(KeyError, match="c"):
-        bounded((Quantity("a", "m"),), {"c": Interval()})
+        assembled({"c": Interval()})
 
 
 STATES = PointMassState.quantities()

@@ -45,8 +45,6 @@ from airrace.dynamics.six_dof import SixDofState, build_six_dof
 from airrace.dynamics.state_space import StateSpaceState, build_state_space, normal_load_factor, surrounding
 from airrace.dynamics.state_space_inversion import (
     GAINS,
-    Commands,
-    Gains,
     StateSpaceInversionState,
     angle_of_attack,
     build_state_space_inversion,
@@ -479,38 +477,38 @@ def test_gyroscopic_moment_couples_pitch_and_yaw_by_the_angular_momentum(edge540
     assert (driven.q_K - alone.q_K) * edge540.airframe.I_y == pytest.approx(-h * 0.5, rel=1e-9)
 
 
-commands = st.builds(Commands, n_z=st.floats(-4.0, 10.0), n_y=st.floats(-0.5, 0.5), p=st.floats(-6.0, 6.0))
+commands = st.fixed_dictionaries(
+    {"n_z_cmd": st.floats(-4.0, 10.0), "n_y_cmd": st.floats(-0.5, 0.5), "p_cmd": st.floats(-6.0, 6.0)}
+)
 NAMES = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
 
 
-def inverted(
-    aircraft: Aircraft, air: Air, state: StateSpaceInversionState[float], wanted: Commands, gains: Gains = GAINS
-) -> StateSpaceState[float]:
+def inverted(aircraft: Aircraft, air: Air, state: StateSpaceInversionState[float]) -> StateSpaceState[float]:
     """The state of the inner loop with the deflections that its inverse asks for."""
     number = linear_parameters(aircraft)
     here = surrounding(state, aircraft=number, **surroundings(air))
-    values = vars(state) | vars(deflections(state, wanted, here, number, gains))
+    values = vars(state) | vars(deflections(state, here, number))
     return StateSpaceState(**{name: values[name] for name in StateSpaceState.names()})
 
 
 @settings(max_examples=40)
 @given(bodies, windy_airs, commands)
 def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
-    edge540: Aircraft, some: SixDofState[float], air: Air, wanted: Commands
+    edge540: Aircraft, some: SixDofState[float], air: Air, wanted: dict[str, float]
 ) -> None:
-    flown, state = with_airframe(edge540, I_xz=80.0), as_state_space_inversion(some)
-    plant = inverted(flown, air, state, wanted)
+    flown, state = with_airframe(edge540, I_xz=80.0), dataclasses.replace(as_state_space_inversion(some), **wanted)
+    plant = inverted(flown, air, state)
     rate, path = fly_state_space(flown, air, plant)
     number = linear_parameters(flown)
     here = surrounding(state, aircraft=number, **surroundings(air))
     R = rotation(state.q)
     q_Kbar, r_Kbar = g0 * (path.n_z - R[2][2]) / state.V_K, g0 * (path.n_y + R[2][1]) / state.V_K
     C_L = normal_load_factor(state, plant.eta, here, number)[1]
-    beta_des = sideslip(wanted.n_y, state, C_L, here, number)
-    alpha_error = angle_of_attack(wanted.n_z, state, here, number) - path.alpha_A
+    beta_des = sideslip(state.n_y_cmd, state, C_L, here, number)
+    alpha_error = angle_of_attack(state.n_z_cmd, state, here, number) - path.alpha_A
     q_des = q_Kbar + GAINS.alpha * alpha_error
     r_des = r_Kbar - GAINS.beta * (beta_des - path.beta_A)
-    assert rate.p_s == pytest.approx(GAINS.p * (wanted.p - state.p_s), rel=1e-9, abs=1e-7)
+    assert rate.p_s == pytest.approx(GAINS.p * (state.p_cmd - state.p_s), rel=1e-9, abs=1e-7)
     assert rate.q_K == pytest.approx(GAINS.q * (q_des - state.q_K), rel=1e-9, abs=1e-7)
     assert rate.r_s == pytest.approx(GAINS.r * (r_des - state.r_s), rel=1e-9, abs=1e-7)
 
@@ -521,8 +519,7 @@ def test_controlled_model_is_the_inner_loop_behind_its_inverse(
     edge540: Aircraft, some: SixDofState[float], air: Air
 ) -> None:
     state = as_state_space_inversion(some)
-    wanted = Commands(state.n_z_cmd, state.n_y_cmd, state.p_cmd)
-    plant = inverted(edge540, air, state, wanted)
+    plant = inverted(edge540, air, state)
     rate, path = fly_state_space_inversion(edge540, air, state)
     plant_rate, plant_path = fly_state_space(edge540, air, plant)
     assert [getattr(rate, one) for one in NAMES] == pytest.approx([getattr(plant_rate, one) for one in NAMES])

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.observations import settled_observation
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.point_mass import build_point_mass
-from airrace.dynamics.settled import settled_observation
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion

@@ -186,7 +186,7 @@ def test_flight_in_uniform_wind_is_flight_in_still_air_seen_from_a_moving_frame(
     edge540: Aircraft, origin: float, speed: float, xi: float
 ) -> None:
     # the moment due to the rate of the kinematic angle of attack, not the aerodynamic one, tells the frames apart
-    number = dataclasses.replace(inner_loop_parameters(with_pitch(edge540, alphadot=0.0)), **PROPELLER)
+    number = dataclasses.replace(inner_loop_parameters(with_pitch(edge540, C_malphadot=0.0)), **PROPELLER)
     air = Air(wind=StaticWind(origin, speed))
     trim = level_trim(edge540, 80.0)
     start = dataclasses.replace(trim, z=-400.0, xi=xi, eta=trim.eta - 0.03, zeta=0.02, beta_K=0.03)

@@ -7,7 +7,7 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.control.inner_controller import InnerController, Plant, limited
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.limits import load_factor_bounds, symmetric
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.environment.air import Air
@@ -61,29 +61,18 @@ def rolling(
 
 def build_rolling(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
     """The model of an aircraft under the rules of a course in the air of the day."""
-    limits, pilot = flight_limits(aircraft, rules), aircraft.point_mass
-    states = {
-        "z": limits.z,
-        "V_K": limits.V_K,
-        "n_z": limits.n_z,
-        "n_y": symmetric(pilot.n_y),
-        "p_Kbar": limits.p_Kbar,
-        "p_cmd": symmetric(pilot.p),
-    }
-    controls = {
+    pilot = aircraft.point_mass
+    bounds = {
         "n_z_dot": symmetric(pilot.n_z_dot),
         "n_y_dot": symmetric(pilot.n_y_dot),
+        "p_cmd": symmetric(pilot.p),
         "p_cmd_dot": symmetric(pilot.p_dot),
     }
     return assemble(
         "first-order-roll",
         rolling,
-        (RollingState[Scalar], RollingControl[Scalar]),
-        (
-            bounded(RollingState.quantities(), states),
-            bounded(RollingControl.quantities(), controls),
-            bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
-        ),
+        (RollingState[Scalar], RollingControl[Scalar], LoadFactorPath[Scalar]),
+        {**load_factor_bounds(aircraft, rules), **bounds},
         roll_rate=lambda state, _: state.p_Kbar,
         at_rest=("p_Kbar",),
         aircraft=aircraft_parameters(aircraft),

@@ -11,8 +11,18 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.environment.thermals import K1, K3, mean_updraft, outer_radius, shape, thermal_parameters, updraft
-from airrace.environment.wind import WindField, static_wind, static_wind_parameters
+from airrace.environment.wind import (
+    K1,
+    K3,
+    StaticWindParameters,
+    ThermalParameters,
+    WindField,
+    mean_updraft,
+    outer_radius,
+    shape,
+    static_wind,
+    updraft,
+)
 
 profiles = st.sampled_from(Profile)
 winds = st.builds(
@@ -26,14 +36,22 @@ winds = st.builds(
 )
 
 
+def static_numbers(wind: StaticWind) -> StaticWindParameters[float]:
+    return StaticWindParameters(**{name: getattr(wind, name) for name in StaticWindParameters.names()})
+
+
+def thermal_numbers(thermal: Thermal) -> ThermalParameters[float]:
+    return ThermalParameters(**vars(thermal))
+
+
 def speed_at(h: float, wind: StaticWind) -> float:
-    return math.hypot(*static_wind(wind.profile, h, static_wind_parameters(wind)))
+    return math.hypot(*static_wind(wind.profile, h, static_numbers(wind)))
 
 
 @pytest.mark.parametrize("profile", Profile)
 def test_wind_blows_from_its_origin(profile: Profile) -> None:
     wind = StaticWind(origin=math.radians(270.0), speed=8.0, profile=profile, reference_height=20.0)
-    north, east = static_wind(profile, 20.0, static_wind_parameters(wind))
+    north, east = static_wind(profile, 20.0, static_numbers(wind))
     assert (north, east) == (pytest.approx(0.0, abs=1e-12), pytest.approx(8.0, rel=1e-12))
 
 
@@ -44,7 +62,7 @@ def test_reference_height_sees_the_given_speed(wind: StaticWind) -> None:
 
 @given(winds, st.floats(-50.0, 1000.0))
 def test_direction_is_the_same_at_every_height(wind: StaticWind, h: float) -> None:
-    north, east = static_wind(wind.profile, h, static_wind_parameters(wind))
+    north, east = static_wind(wind.profile, h, static_numbers(wind))
     assert north * wind.east - east * wind.north == pytest.approx(0.0, abs=1e-9)
     assert north * wind.north + east * wind.east > 0.0
 
@@ -70,7 +88,7 @@ def test_logarithmic_profile_follows_the_logarithm_at_flying_heights() -> None:
 @pytest.mark.parametrize("roughness", [0.03, 0.5, 3.0])
 def test_logarithmic_profile_never_reverses_at_the_ground(roughness: float) -> None:
     wind = StaticWind(math.pi, 9.0, Profile.LOG, reference_height=20.0, roughness=roughness)
-    north, _ = static_wind(Profile.LOG, -50.0, static_wind_parameters(wind))
+    north, _ = static_wind(Profile.LOG, -50.0, static_numbers(wind))
     assert 0.0 < north < 9.0
 
 
@@ -82,7 +100,7 @@ def test_wind_never_weakens_with_height(wind: StaticWind, h: float, step: float)
 @pytest.mark.parametrize("profile", Profile)
 def test_second_derivative_is_continuous_down_to_below_the_ground(profile: Profile) -> None:
     h = ca.SX.sym("h")
-    speed = static_wind(profile, h, static_wind_parameters(StaticWind(math.pi, 10.0, profile)))[0] + 0.0 * h
+    speed = static_wind(profile, h, static_numbers(StaticWind(math.pi, 10.0, profile)))[0] + 0.0 * h
     second = ca.Function("second", [h], [ca.jacobian(ca.jacobian(speed, h), h)])
     heights = np.linspace(-50.0, 50.0, 20001)
     curvature = np.array([float(second(one)) for one in heights])
@@ -164,7 +182,7 @@ def test_symbols_give_the_same_wind_as_numbers() -> None:
 
 
 ZI, W_STAR = 1400.0, 2.56  # typical of Allen's desert site
-CENTRED = thermal_parameters(Thermal(0.0, 0.0, W_STAR, ZI))
+CENTRED = thermal_numbers(Thermal(0.0, 0.0, W_STAR, ZI))
 heights = st.floats(5.0, 800.0)
 
 # r1/r2, k1, k2, k3, k4 [Allen 2006, shape constants of the bell]
@@ -219,7 +237,7 @@ def test_outer_radius_is_never_below_ten_metres() -> None:
 def test_one_shape_equals_the_published_table_where_the_radius_is_two_hundred_metres() -> None:
     zi = 4000.0
     h = next(h for h in np.arange(10.0, 2000.0, 1.0) if 0.102 * (h / zi) ** (1 / 3) * (1 - 0.25 * h / zi) * zi >= 200.0)
-    thermal = thermal_parameters(Thermal(0.0, 0.0, W_STAR, zi))
+    thermal = thermal_numbers(Thermal(0.0, 0.0, W_STAR, zi))
     for r in (0.0, 50.0, 100.0, 200.0, 300.0):
         assert updraft(r, 0.0, h, thermal) == pytest.approx(
             allen(r, h, W_STAR, zi), abs=0.01 * allen(0.0, h, W_STAR, zi)
@@ -235,7 +253,7 @@ def test_one_shape_stays_within_a_quarter_of_the_published_core_at_racing_height
 
 @given(heights, st.floats(-math.pi, math.pi), st.floats(0.0, 300.0), st.floats(-500.0, 500.0), st.floats(-500.0, 500.0))
 def test_updraft_is_round_and_follows_its_centre(h: float, azimuth: float, r: float, north: float, east: float) -> None:
-    moved = thermal_parameters(Thermal(north, east, W_STAR, ZI))
+    moved = thermal_numbers(Thermal(north, east, W_STAR, ZI))
     here = updraft(north + r * math.cos(azimuth), east + r * math.sin(azimuth), h, moved)
     assert here == pytest.approx(updraft(r, 0.0, h, CENTRED), rel=1e-9, abs=1e-12)
 

@@ -49,7 +49,7 @@ def test_an_unsymmetric_aircraft_with_camber_fits_the_language() -> None:
     ):
         aircraft = edited(aircraft, old, new)
     built = understood(aircraft=aircraft).race.aircraft
-    assert (built.lift.C_L0, built.lift.C_L_min, built.pitch.zero, built.airframe.I_xz) == (0.305, -0.8, 0.06, 203.0)
+    assert (built.lift.C_L0, built.lift.C_L_min, built.pitch.C_m0, built.airframe.I_xz) == (0.305, -0.8, 0.06, 203.0)
 
 
 LINEAR = """

@@ -214,7 +214,7 @@ def _coefficients(race: Race, stage: Stage, x: dict[str, Array], n_y: Array, n_z
     rho = 1.225 * (temperature / 288.15) ** (g0 / (287.05287 * 0.0065) - 1.0)
     qbar_S, weight = 0.5 * rho * V**2 * airframe.S, airframe.m * g0
     if stage in WITHOUT_ANGLES:
-        trimmed = side.beta - side.zeta * aircraft.yaw.beta / aircraft.yaw.zeta
+        trimmed = side.C_Ybeta - side.C_Yzeta * aircraft.yaw.C_nbeta / aircraft.yaw.C_nzeta
         return weight * n_z / qbar_S, weight * n_y / (qbar_S * trimmed)
     P = engine.eta_p * engine.P_max
     T = x["delta_T"] * P * (1.132 * rho / 1.225 - 0.132) / np.hypot(V, P / engine.T_static)

@@ -7,7 +7,7 @@ import pytest
 from races import OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepared, seconds, solve_stages
 from transformations import mirrored
 
-from airrace.dynamics.settled import settled_observation
+from airrace.dynamics.observations import settled_observation
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem

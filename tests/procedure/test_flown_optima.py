@@ -161,7 +161,7 @@ def excess_power(state: PointMassState[Array]) -> Array:
     qbar_S = 0.5 * rho * state.V_K**2 * airframe.S
     C_L = airframe.m * g0 * state.n_z / qbar_S
     beta = airframe.m * g0 * state.n_y / qbar_S
-    beta = beta / (side.beta - side.zeta * EDGE_540.yaw.beta / EDGE_540.yaw.zeta)
+    beta = beta / (side.C_Ybeta - side.C_Yzeta * EDGE_540.yaw.C_nbeta / EDGE_540.yaw.C_nzeta)
     D = qbar_S * (drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2 + drag.C_Dbeta2 * beta**2)
     P = propulsion.eta_p * propulsion.P_max
     V_s = P / propulsion.T_static

@@ -55,7 +55,7 @@ def excess_thrust(flown: Aircraft, V: float) -> float:
 
 def full_aileron_roll_rate(flown: Aircraft, V: float) -> float:
     """Steady roll rate at which damping balances the ailerons, rad/s."""
-    return flown.roll.xi / flown.roll.p * flown.surfaces.xi.upper * 2.0 * V / flown.airframe.b
+    return flown.roll.C_lxi / flown.roll.C_lp * flown.surfaces.xi.upper * 2.0 * V / flown.airframe.b
 
 
 def test_pc9_is_as_fast_at_sea_level_as_published() -> None:
@@ -86,8 +86,8 @@ def test_the_point_mass_rolls_about_as_fast_as_full_ailerons_make_it(flown: Airc
 def test_the_sideslip_limit_binds_before_the_lateral_load_factor_does(flown: Aircraft) -> None:
     """The rudder that holds the sideslip takes part of its side force away."""
     beta, V = flown.drag.beta_A_max, flown.envelope.V.upper
-    zeta = -flown.yaw.beta * beta / flown.yaw.zeta
-    C_Y = flown.side_force.beta * beta + flown.side_force.zeta * zeta
+    zeta = -flown.yaw.C_nbeta * beta / flown.yaw.C_nzeta
+    C_Y = flown.side_force.C_Ybeta * beta + flown.side_force.C_Yzeta * zeta
     n_y = 0.5 * RHO_ISA * V**2 * flown.airframe.S * abs(C_Y) / (flown.airframe.m * g0)
     assert n_y < flown.point_mass.n_y
 

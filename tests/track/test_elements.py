@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.dynamics.crossing import CrossingParameters, crossing_values
+from airrace.dynamics.observations import CrossingParameters, crossing_values
 from airrace.frames import quaternion
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import Interval

@@ -1,0 +1,386 @@
+"""The quantities observed of a flight: at a crossing, in a settled flight, and all along a leg.
+
+At a gate or pylon, (13) and (14) of the paper, they are position, wing tips, bank, climb and course. Let `e` be the
+path's direction (first column of `R_OKbar`), `y_B` the right wing (second column), `a` the axis and `l` the direction
+to its right (both horizontal), and `d` the horizontal position relative to the centre. Angles appear only as products
+of R's entries, which have no jumps; `mu_0` is the prescribed bank:
+
+    bank_sine = cos(gamma) sin(mu - mu_0),   bank_cosine = cos(gamma) cos(mu - mu_0)
+
+A tolerance `|mu - mu_0| <= t` below 90 degrees is `bank_excess_right, bank_excess_left <= 0` with `bank_tan = tan(t)`;
+the horizontal angle between path and axis is limited likewise through `course_excess_right` and `course_excess_left`.
+
+Settled, the aircraft flies as in a steady flight with the load factor and the roll rate that it has: no side force, and
+the rates of the states that a model calls `at_rest` are zero. These are as many conditions as leave load factor and
+roll rate free; commands are then equal to what they command, and deflections balance the moments:
+
+    point mass               n_y = 0
+    transfer functions       n_y = 0,   (n_z, n_z_dot, n_y, n_y_dot, p_Kbar)' = 0
+    the others               n_y = 0,   (alpha_K, beta_K, p, q, r)' = 0
+
+The exact distance from a crowd has edges and corners that a solver cannot digest. Its stand-in takes, for the nearest
+edge and for the foot of the perpendicular on it,
+
+    smooth_minimum(a, b) = (a + b - sqrt((a - b)^2 + w^2)) / 2      (never larger than the minimum)
+    smooth_clip(s; 0, L) = (L + sqrt(s^2 + w^2) - sqrt((s - L)^2 + w^2)) / 2
+
+with widths w that are small parts of the distance to be kept, so that it is wrong by less than two thousandths of that.
+Over ground, the distance from an area is negative within it, so that there is a way out. In space (16)
+
+    d = sqrt(max(d_ground, 0)^2 + (h - h_crowd)^2)
+"""
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.outer_loop import ATTITUDE
+from airrace.environment.atmosphere import g0
+from airrace.environment.elementary import atan2, maximum, minimum, smooth_clip, smooth_maximum, sqrt
+from airrace.frames import Scalar, rotation
+from airrace.quantities import Quantity, T, Vector, quantity, vector
+from airrace.records import record
+from airrace.system import Observation, column, named_symbols
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.element import GateOutput
+from airrace.track.polygons import Point, area
+
+LEVEL_BLEND = 1e-6
+"""A small number (1) that keeps the horizontal normal of the path defined where the path is vertical."""
+VERTICAL = 1e-3
+"""The angle from the vertical (rad) within which the climb angle is rounded off, for it has an edge there."""
+CLIP_WIDTH = 0.02
+"""The width of the smooth clip, as a part of the distance to be kept (1)."""
+MINIMUM_WIDTH = 0.002
+"""The width of the smooth minimum, as a part of the distance to be kept (1)."""
+LEAST_DISTANCE = 0.1
+"""The distance (m) that the widths are relative to where a crowd may be approached more closely than that."""
+TINY = 1e-6
+"""A length (m) that keeps the distance from an edge differentiable on the edge."""
+
+Symbols = Mapping[str, Scalar]
+
+
+def _observation(
+    name: str, quantities: Sequence[Quantity], x: Symbols, parameters: Sequence[Quantity], b: Symbols, values: ca.SX
+) -> Observation:
+    arguments = [column(x.values()), column(b.values())]
+    function = ca.Function(name.partition(" ")[0], arguments, [values], {"cse": True})
+    return Observation(name, tuple(quantities), tuple(parameters), function)
+
+
+# A crossing.
+
+
+@vector
+class CrossingParameters(Vector[T]):
+    """The place of a crossing, and the attitude and course that it is measured against."""
+
+    centre_north: T = quantity("m", scale=100.0, text="centre of the gate, or the pylon, north of the origin")
+    centre_east: T = quantity("m", scale=100.0, text="centre of the gate, or the pylon, east of the origin")
+    axis_north: T = quantity("1", text="cosine of the axis' heading")
+    axis_east: T = quantity("1", text="sine of the axis' heading")
+    bank_cos: T = quantity("1", text="cosine of the prescribed bank")
+    bank_sin: T = quantity("1", text="sine of the prescribed bank")
+    bank_tan: T = quantity("1", text="tangent of the tolerance of the bank")
+    crossing_tan: T = quantity("1", text="tangent of the largest angle between path and axis")
+    half_span: T = quantity("m", text="distance from the aircraft's centre to a wing tip")
+
+
+@vector
+class CrossingValues(Vector[T]):
+    """The quantities observed at a crossing."""
+
+    along: T = quantity("m", scale=100.0, text="position along the axis")
+    right: T = quantity("m", scale=100.0, text="position to the right of the axis")
+    height: T = quantity("m", scale=100.0, text="height above the origin")
+    right_wing: T = quantity("m", scale=100.0, text="right wing tip to the right of the axis")
+    left_wing: T = quantity("m", scale=100.0, text="left wing tip to the right of the axis")
+    beside_right: T = quantity("m", scale=100.0, text="right wing tip to the right of the centre, across the track")
+    beside_left: T = quantity("m", scale=100.0, text="left wing tip to the right of the centre, across the track")
+    bank_sine: T = quantity("1", text="sine of the excess bank times cosine of the climb angle")
+    bank_cosine: T = quantity("1", text="cosine of the excess bank times cosine of the climb angle")
+    bank_excess_right: T = quantity("1", text="positive where the bank exceeds its tolerance to the right")
+    bank_excess_left: T = quantity("1", text="positive where the bank exceeds its tolerance to the left")
+    climb_sine: T = quantity("1", text="sine of the climb angle")
+    course_sine: T = quantity("1", text="component of the path's direction to the right of the axis")
+    course_cosine: T = quantity("1", text="component of the path's direction along the axis")
+    course_excess_right: T = quantity("1", text="positive where the course exceeds its tolerance to the right")
+    course_excess_left: T = quantity("1", text="positive where the course exceeds its tolerance to the left")
+    speed: T = quantity("m/s", scale=50.0, text="kinematic speed")
+    attitude_norm: T = quantity("1", text="squared length of the attitude quaternion")
+
+
+def crossing_observation(states: Sequence[Quantity]) -> Observation:
+    """Return the observation of a crossing for a model whose states include `x, y, z, V_K, q0, q1, q2, q3`."""
+    x, b = named_symbols(states), named_symbols(CrossingParameters.quantities())
+    q = [x[name] for name in ATTITUDE]
+    values = crossing_values((x["x"], x["y"], x["z"]), x["V_K"], q, CrossingParameters(**b))
+    declared = CrossingValues.quantities(), x, CrossingParameters.quantities(), b
+    return _observation("crossing", *declared, column(values.join()))
+
+
+@functools.lru_cache(maxsize=64)
+def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
+    """Return the crossing together with what a kind of element observes besides.
+
+    Equal arguments give one and the same object, so that all elements of a kind share it. Quantities and parameters of
+    the sight come last.
+
+    Raises:
+        ValueError: a quantity of the sight has the name of one of the crossing.
+    """
+    if sight is None:
+        return crossing
+    x = ca.SX.sym("x", crossing.values.size1_in(0))
+    b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
+    seen = crossing.values(x, column(b.values()))
+    by_name = {one.name: seen[row] for row, one in enumerate(crossing.quantities)}
+    if twice := by_name.keys() & {one.name for one in sight.quantities}:
+        raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
+    values = column([*seen.elements(), *sight.values(by_name, {**b, **own})])
+    return Observation(
+        name=f"{crossing.name} and {sight.name}",
+        quantities=(*crossing.quantities, *sight.quantities),
+        parameters=(*crossing.parameters, *sight.parameters),
+        values=ca.Function("seen", [x, column([*b.values(), *own.values()])], [values], {"cse": True}),
+    )
+
+
+def crossing_values(
+    position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, q: Sequence[Scalar], place: CrossingParameters[Scalar]
+) -> CrossingValues[Scalar]:
+    """Return the quantities observed at one instant.
+
+    Args:
+        position: `(x, y, z)` in O, m.
+        V_K: kinematic speed, m/s.
+        q: attitude of Kbar, scalar first.
+        place: the gate or pylon.
+    """
+    R = rotation(q)
+    e_N, e_E, e_D = R[0][0], R[1][0], R[2][0]
+    d = (position[0] - place.centre_north, position[1] - place.centre_east)
+    wing = (place.half_span * R[0][1], place.half_span * R[1][1])
+    right_tip = (d[0] + wing[0], d[1] + wing[1])
+    left_tip = (d[0] - wing[0], d[1] - wing[1])
+    axis = (place.axis_north, place.axis_east)
+    to_right = (-place.axis_east, place.axis_north)
+    level = sqrt(e_N * e_N + e_E * e_E + LEVEL_BLEND)
+    normal = (-e_E / level, e_N / level)
+    bank_sine = R[2][1] * place.bank_cos - R[2][2] * place.bank_sin
+    bank_cosine = R[2][2] * place.bank_cos + R[2][1] * place.bank_sin
+    course_sine, course_cosine = _dot((e_N, e_E), to_right), _dot((e_N, e_E), axis)
+    return CrossingValues(
+        along=_dot(axis, d),
+        right=_dot(to_right, d),
+        height=-position[2],
+        right_wing=_dot(to_right, right_tip),
+        left_wing=_dot(to_right, left_tip),
+        beside_right=_dot(normal, right_tip),
+        beside_left=_dot(normal, left_tip),
+        bank_sine=bank_sine,
+        bank_cosine=bank_cosine,
+        bank_excess_right=bank_sine - place.bank_tan * bank_cosine,
+        bank_excess_left=-bank_sine - place.bank_tan * bank_cosine,
+        climb_sine=-e_D,
+        course_sine=course_sine,
+        course_cosine=course_cosine,
+        course_excess_right=course_sine - place.crossing_tan * course_cosine,
+        course_excess_left=-course_sine - place.crossing_tan * course_cosine,
+        speed=V_K,
+        attitude_norm=sum(one * one for one in q),
+    )
+
+
+Place = tuple[Scalar, Scalar]
+"""A position over ground, or a direction: north and east, m."""
+
+
+def _dot(one: Place, other: Place) -> Scalar:
+    return one[0] * other[0] + one[1] * other[1]
+
+
+# A settled flight.
+
+SIDE_ACCELERATION = Quantity("side_acceleration", "m/s2", text="side force on the aircraft over its mass")
+
+
+def settled_observation(model: FlightModel) -> Observation:
+    """Return the observation of the quantities that are zero in a settled flight of a model.
+
+    The numbers of the model are its parameters. Rates are those with all controls at zero, which drive none of the
+    states at rest directly.
+    """
+    system = model.system
+    x, p = named_symbols(system.states), named_symbols(system.parameters)
+    arguments = column(x.values()), column([0.0] * len(system.controls)), column(p.values())
+    rates = dict(zip(x, system.rates(*arguments).elements(), strict=True))
+    if "n_y" in x:
+        n_y = x["n_y"]
+    else:
+        assert system.path_values is not None  # models with angles have load factors among their path quantities
+        n_y = system.path_values(*arguments).elements()[[one.name for one in system.path].index("n_y")]
+    declared = [_rate(one) for name in model.at_rest for one in system.states if one.name == name]
+    values = column([g0 * n_y, *(rates[name] for name in model.at_rest)])
+    return _observation("settled", [SIDE_ACCELERATION, *declared], x, system.parameters, p, values)
+
+
+def _rate(state: Quantity) -> Quantity:
+    """Return the declaration of a state's rate.
+
+    Its scale is at most 1, for the solver's tolerance is in units of the scale.
+    """
+    before, per, seconds = state.unit.partition("/s")
+    return Quantity(
+        f"{state.name}_rate",
+        f"{before}/s{int(seconds or 1) + 1 if per else ''}",
+        scale=min(1.0, state.scale),
+        text=f"rate of change of {state.name}, zero in a settled flight",
+        rate_of=state.name,
+    )
+
+
+# A straight line on the ground, and the climb angle.
+
+
+@vector
+class LineParameters(Vector[T]):
+    """The parameters of a straight line on the ground.
+
+    `normal . position - offset` is the distance to one side of it.
+    """
+
+    normal_north: T = quantity("1", text="direction to the side that counts as positive")
+    normal_east: T = quantity("1", text="direction to the side that counts as positive")
+    offset: T = quantity("m", scale=100.0, text="distance of the line from the origin")
+
+
+BESIDE = Quantity("beside", "m", scale=100.0, text="distance from the line, to the allowed side")
+CLIMB = Quantity("climb", "rad", text="climb angle")
+
+
+def line_observation(states: Sequence[Quantity]) -> Observation:
+    """Return the observation of the distance from a line for a model whose states include `x, y`."""
+    x, b = named_symbols(states), named_symbols(LineParameters.quantities())
+    beside = b["normal_north"] * x["x"] + b["normal_east"] * x["y"] - b["offset"]
+    return _observation("line", [BESIDE], x, LineParameters.quantities(), b, beside)
+
+
+def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
+    """Return the parameters of the line through two points; positive to its right or left, seen from start to end."""
+    along = (end.north - start.north, end.east - start.east)
+    length = math.hypot(*along)
+    sign = 1.0 if right else -1.0
+    north, east = -sign * along[1] / length, sign * along[0] / length
+    return (north, east, north * start.north + east * start.east)
+
+
+def safety_line_values(line: SafetyLine) -> tuple[float, ...]:
+    """Return the parameters of a safety line; its allowed side is positive."""
+    return line_values(line.start, line.end, right=line.keep_right)
+
+
+def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation:
+    """Return the observation of the climb angle for a model whose states include the attitude `q0 ... q3`."""
+    x = named_symbols(states)
+    R = rotation([x[name] for name in ATTITUDE])
+    level = R[0][0] * R[0][0] + R[1][0] * R[1][0]
+    climb = atan2(-R[2][0], sqrt(level if exact else level + VERTICAL * VERTICAL))
+    return _observation("climb exact" if exact else "climb", [CLIMB], x, (), {}, climb)
+
+
+# The distance from a crowd.
+
+DISTANCE = Quantity("distance", "m", scale=100.0, text="distance from the crowd")
+
+
+@record
+class CrowdKind:
+    """The structure of a crowd's distance: everything that shapes its equations but the numbers."""
+
+    shape: CrowdShape
+    corners: int
+    slant: bool
+
+    @classmethod
+    def of(cls, crowd: Crowd) -> "CrowdKind":
+        """Return the kind of a crowd."""
+        return cls(crowd.shape, len(crowd.corners), crowd.slant)
+
+    @property
+    def parameters(self) -> tuple[Quantity, ...]:
+        """The height, the distance to be kept (which smoothing is relative to), then north and east of each corner."""
+        corners = [Quantity(f"{axis}_{number}", "m") for number in range(self.corners) for axis in ("north", "east")]
+        return (Quantity("height", "m"), Quantity("keep", "m"), *corners)
+
+
+def crowd_values(crowd: Crowd) -> tuple[float, ...]:
+    """Return the values of `CrowdKind.parameters`; the corners of an area run clockwise."""
+    corners = list(crowd.corners)
+    if crowd.shape is CrowdShape.AREA and area(corners) < 0.0:
+        corners.reverse()
+    places = (one for corner in corners for one in (corner.north, corner.east))
+    return (crowd.height, max(crowd.distance, LEAST_DISTANCE), *places)
+
+
+def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: bool) -> Observation:
+    """Return the observation of the distance from a crowd for a model whose states include `x, y, z`."""
+    x, b = named_symbols(states), named_symbols(kind.parameters)
+    height, keep, *rest = b.values()
+    corners = list(zip(rest[::2], rest[1::2], strict=True))
+    width = None if exact else keep
+    distance = _ground_distance(kind.shape, (x["x"], x["y"]), corners, width)
+    if kind.slant:
+        above = -x["z"] - height
+        if kind.shape is CrowdShape.AREA:
+            distance = maximum(distance, 0.0) if exact else smooth_maximum(distance, 0.0, CLIP_WIDTH * keep)
+        distance = sqrt(distance * distance + above * above)
+    name = f"crowd {kind.shape.value} {kind.corners} {'slant' if kind.slant else 'ground'}{' exact' if exact else ''}"
+    return _observation(name, [DISTANCE], x, kind.parameters, b, distance)
+
+
+# The distance `keep` that the widths of the rounding are relative to is None where nothing is rounded.
+
+
+def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], keep: Scalar | None) -> Scalar:
+    """Return the distance over ground, m; within an area it is the distance from its border, negative."""
+    if shape is CrowdShape.POINT:
+        return _length(place[0] - corners[0][0], place[1] - corners[0][1], keep)
+    following = [*corners[1:], corners[0]] if shape is CrowdShape.AREA else corners[1:]
+    sides = list(zip(corners, following, strict=False))
+    nearest, *others = [_edge_distance(place, a, b, keep) for a, b in sides]
+    for other in others:
+        width = None if keep is None else MINIMUM_WIDTH * keep
+        nearest = minimum(nearest, other) if width is None else -smooth_maximum(-nearest, -other, width)
+    return nearest if shape is CrowdShape.LINE else nearest * (1.0 - 2.0 * _winding(place, sides))
+
+
+def _edge_distance(place: Place, a: Place, b: Place, keep: Scalar | None) -> Scalar:
+    along = (b[0] - a[0], b[1] - a[1])
+    length = sqrt(along[0] * along[0] + along[1] * along[1])
+    away = (place[0] - a[0], place[1] - a[1])
+    foot = (away[0] * along[0] + away[1] * along[1]) / length
+    width = None if keep is None else CLIP_WIDTH * keep
+    foot = minimum(maximum(foot, 0.0), length) if width is None else smooth_clip(foot, 0.0, length, width)
+    return _length(away[0] - foot * along[0] / length, away[1] - foot * along[1] / length, keep)
+
+
+def _length(north: Scalar, east: Scalar, keep: Scalar | None) -> Scalar:
+    squared = north * north + east * east
+    return sqrt(squared if keep is None else squared + TINY * TINY)
+
+
+def _winding(place: Place, sides: Sequence[tuple[Place, Place]]) -> Scalar:
+    """Return how often a border that runs clockwise winds around a place: 1 within, 0 outside.
+
+    The angles under which the sides are seen add up to a full turn or to nothing; so do their derivatives, to nothing.
+    """
+    turn: Scalar = 0.0
+    for a, b in sides:
+        to_a, to_b = (a[0] - place[0], a[1] - place[1]), (b[0] - place[0], b[1] - place[1])
+        turn += atan2(to_a[0] * to_b[1] - to_a[1] * to_b[0], to_a[0] * to_b[0] + to_a[1] * to_b[1])
+    return turn / (2.0 * math.pi)
