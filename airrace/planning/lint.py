@@ -1,7 +1,7 @@
 """A review of a course before it is flown, as a race director would make it.
 
 It yields remarks, not errors: the course stays valid. What the planned line comes too near to is remarked on by
-`airrace.results.plan_review`.
+`airrace.results.planned`.
 """
 
 import itertools
@@ -15,147 +15,60 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics import handling
 from airrace.environment.atmosphere import g0
 from airrace.frames import angle_between
-from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
-from airrace.planning.plan import ONE_PLACE
-from airrace.planning.planning_model import AIR_DENSITY, top_speed
+from airrace.planning.plan import ONE_PLACE, plan
+from airrace.planning.planning_model import AIR_DENSITY, PlanningModel, top_speed
 from airrace.planning.race import Race
-from airrace.quantities import KNOT, Interval
+from airrace.planning.waypoints import PLANNED_MAX, place
+from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import Course, Direction, Passage
 
-FEWEST = 4
-"""The smallest number of headings that tell whether positions fit them."""
-BETTER = 0.25
-"""The gain by which headings must fit better with north and east exchanged, as a mean cosine. Those of the shipped
-courses fit worse by 0.31 at least."""
-CLEAR = 20.0
-"""The distance from a pylon at which the straight line between its neighbours passes on the side asked for, m. On the
-shipped courses it is 17 m at most, and most lines pass on the other side."""
 
+@record
+class LintSettings:
+    """The thresholds of remarks.
 
-def exchanged_axes(passages: Sequence[Passage]) -> bool:
-    """Return whether the gates' headings fit the course much better with north and east exchanged."""
-    as_given: list[float] = []
-    exchanged: list[float] = []
-    for before, after in itertools.pairwise(passages):
-        start, end = place(before), place(after)
-        if start is None or end is None or math.dist(start[:2], end[:2]) < 1.0:
-            continue
-        north, east = end[0] - start[0], end[1] - start[1]
-        for passage in (before, after):
-            heading = passage.element.course(passage.direction) if passage.element.directed else None
-            if heading is not None:
-                as_given.append(math.cos(angle_between(heading, math.atan2(east, north))))
-                exchanged.append(math.cos(angle_between(heading, math.atan2(north, east))))
-    if len(as_given) < FEWEST:
-        return False
-    return (sum(exchanged) - sum(as_given)) / len(as_given) > BETTER
-
-
-def idle_pylons(passages: Sequence[Passage]) -> Iterator[tuple[Passage, Passage, Passage, float]]:
-    """Yield the elements to be passed on one side that nobody has to fly round, pylons for one, once each.
-
-    Yields:
-        The passages before, at and after such an element, and by how much the straight line between its neighbours
-        passes it on the side that is asked for, m.
+    Attributes:
+        wind_max: of the race rules 2014-2019, m/s: no race in more wind.
+        load_factor_min: of the tightest turns, g; with less an aircraft flies straight on, and there is no turn.
+        turn_samples: number of points at which a turn is measured.
+        headings_min: number of headings that tell whether positions fit them.
+        exchange_gain: by which headings must fit better with north and east exchanged, as a mean cosine. Those of the
+            shipped courses fit worse by 0.31 at least.
+        pylon_clearance: distance from a pylon at which the straight line between its neighbours passes on the side
+            asked for, m. On the shipped courses it is 17 m at most, and most lines pass on the other side.
+        near_seconds: time of flight at the least speed below which two elements may be meant as one, s.
+        same_direction: largest angle between the axes of two elements that may be meant as one, rad; those of a quad
+            stand across.
+        height_band: least room between floor and ceiling that needs no remark, m: the legal heights of a gate span
+            10 m.
+        energy_share: part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it.
+        loop: a way that turns by this much more than straight lines do goes round a loop, rad.
+        same_place: passings nearer than that, as of a quad, are meant to be flown round a loop, m.
+        aside: a gate that points further away from both of its neighbours is flown the wrong way, rad.
+        back: likewise a start or finish, which has but one.
     """
-    seen: set[str] = set()
-    for before, passage, after in zip(passages, passages[1:], passages[2:], strict=False):
-        element, start, end = passage.element, place(before), place(after)
-        side, at = element.passing_side, element.place
-        if side is None or at is None or start is None or end is None or element.name in seen:
-            continue
-        seen.add(element.name)
-        north, east = end[0] - start[0], end[1] - start[1]
-        length = math.hypot(north, east)
-        if length < 1.0:
-            continue
-        along = ((at[0] - start[0]) * north + (at[1] - start[1]) * east) / length**2
-        aside = (start[0] + along * north - at[0], start[1] + along * east - at[1])
-        margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
-        if 0.0 < along < 1.0 and margin > CLEAR:
-            yield before, passage, after, margin
+
+    wind_max: float = 30.0 * KNOT
+    load_factor_min: float = 1.01
+    turn_samples: int = 65
+    headings_min: int = 4
+    exchange_gain: float = 0.25
+    pylon_clearance: float = 20.0
+    near_seconds: float = 0.1
+    same_direction: float = math.radians(30.0)
+    height_band: float = 5.0
+    energy_share: float = 0.5
+    loop: float = math.pi
+    same_place: float = 1.0
+    aside: float = math.radians(90.0)
+    back: float = math.radians(135.0)
 
 
-NEAR = 0.1
-"""The time of flight at the least speed below which two elements may be meant as one, s."""
-SAME_DIRECTION = math.radians(30.0)
-"""The largest angle between the axes of two elements that may be meant as one, rad; those of a quad stand across."""
-LEAST_BAND = 5.0
-"""The least room between floor and ceiling that needs no remark, m: the legal heights of a gate span 10 m."""
-SHARE_OF_SPEED = 0.5
-"""The part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it."""
+SETTINGS = LintSettings()
 
 
-def one_behind_the_other(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
-    """Yield a remark on two elements so close together that one of them may be meant."""
-    if _feature(leg.before.element.name) == _feature(leg.after.element.name) or _stand_across(leg):
-        return  # passed twice on purpose, as a quad is
-    if leg.length < ONE_PLACE:
-        yield (
-            f"`{leg.after.name}` stands in the same place as `{leg.before.name}`: only a circle or a loop leads from "
-            "the one to the other; are they one gate?"
-        )
-    elif leg.length < NEAR * aircraft.envelope.V.lower:
-        yield (
-            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that is flown in "
-            f"{leg.length / aircraft.envelope.V.lower:.2g} s at the slowest; are they one gate?"
-        )
-
-
-def _feature(name: str) -> str:
-    """Return the name of the whole of which an element may be a part: `q` of `q/1`."""
-    return name.partition("/")[0]
-
-
-def _stand_across(leg: Leg) -> bool:
-    """Return whether the two elements are passed in different directions."""
-    before, after = leg.before.element.axis, leg.after.element.axis
-    return before is not None and after is not None and abs(math.sin(after - before)) > math.sin(SAME_DIRECTION)
-
-
-def narrow_heights(allowed: Interval) -> Iterator[str]:
-    """Yield a remark on floor and ceiling between which there is hardly any room."""
-    room = allowed.upper - allowed.lower
-    if room < LEAST_BAND:
-        yield (
-            f"there are {room:.3g} m between the floor at {allowed.lower:g} m and the ceiling at {allowed.upper:g} m; "
-            "hardly anyone keeps a height so closely"
-        )
-
-
-def climb_beyond_energy(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
-    """Yield a remark on a height that neither the engine gains on the way nor the speed is worth."""
-    up = leg.after.element.heights.lower - leg.before.element.heights.upper
-    V = top_speed(aircraft)
-    if not V or not math.isfinite(up):
-        return
-    engine, speed = climb_rate(aircraft) * leg.length / V, V**2 / (2.0 * g0)
-    if up > engine + SHARE_OF_SPEED * speed:
-        yield (
-            f"from `{leg.before.name}` to `{leg.after.name}` {up:.0f} m are to be climbed: on the way {aircraft.name} "
-            f"gains {engine:.0f} m by its engine, and all of its speed is worth {speed:.0f} m"
-        )
-
-
-def climb_rate(aircraft: Aircraft) -> float:
-    """Return the best rate of climb at full power, m/s (ISA, sea level); 0 for an aircraft that cannot fly level."""
-    propulsion, drag, m, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.m, aircraft.airframe.S
-    V = np.linspace(max(aircraft.envelope.V.lower, 1.0), aircraft.envelope.V.upper, 50)
-    pressure = 0.5 * AIR_DENSITY * V**2
-    C_D = drag.C_D0 + drag.k * (m * g0 / (pressure * S) - drag.C_L_minD) ** 2
-    spare = propulsion.eta_p * propulsion.P_max - pressure * S * C_D * V
-    return max(0.0, float(spare.max()) / (m * g0))
-
-
-WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
-LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
-SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop
-ASIDE = math.radians(90.0)  # a gate that points further away from both of its neighbours is flown the wrong way
-BACK = math.radians(135.0)  # likewise a start or finish, which has but one
-
-
-class Kind(Enum):
+class RemarkKind(Enum):
     """A subject of remarks."""
 
     AIRCRAFT = "aircraft"
@@ -175,7 +88,7 @@ class Kind(Enum):
     ELEMENT = "element"
 
     @classmethod
-    def of(cls, subject: str) -> "Kind":
+    def of(cls, subject: str) -> "RemarkKind":
         """Return the kind of a remark that an element makes about itself."""
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
@@ -191,7 +104,7 @@ class Remark:
     """
 
     passage: str
-    kind: Kind
+    kind: RemarkKind
     text: str
 
 
@@ -200,9 +113,9 @@ def review(race: Race) -> list[Remark]:
 
     There is one for every place, however often it is flown.
     """
-    aircraft = [Remark("", Kind.AIRCRAFT, text) for text in (*handling.remarks(race.aircraft), *_too_weak(race))]
-    found = [*aircraft, *_on_race(race), *_on_elements(race), *_on_legs(race)]
-    return in_order(found, race.course)
+    course = race.course
+    found = [*_race_remarks(race), *_start_remarks(race), *_element_remarks(course), *_axis_remarks(course)]
+    return in_order([*found, *_mistakes(course), *_leg_remarks(race)], course)
 
 
 def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
@@ -211,81 +124,65 @@ def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
     return sorted(remarks, key=lambda remark: order.get(remark.passage, -1))
 
 
-def _too_weak(race: Race) -> Iterator[str]:
-    if not top_speed(race.aircraft):
-        yield f"{race.aircraft.name} cannot fly level: its power balances the drag of carrying its weight at no speed"
+# The race as a whole, its start and its elements.
 
 
-def _on_race(race: Race) -> Iterator[Remark]:
-    wind = race.air.wind
-    if wind is not None and wind.speed > WIND_MAX + 1e-9:
-        yield Remark("", Kind.WIND, f"the wind blows at {wind.speed / KNOT:.0f} kt; races are flown in 30 kt at most")
-    allowed, able = race.course.rules.n_z, race.aircraft.envelope.n_z
+def _race_remarks(race: Race) -> Iterator[Remark]:
+    aircraft, wind, rules = race.aircraft, race.air.wind, race.course.rules
+    for text in handling.remarks(aircraft):
+        yield Remark("", RemarkKind.AIRCRAFT, text)
+    if not top_speed(aircraft):
+        text = f"{aircraft.name} cannot fly level: its power balances the drag of carrying its weight at no speed"
+        yield Remark("", RemarkKind.AIRCRAFT, text)
+    if wind is not None and wind.speed > SETTINGS.wind_max + 1e-9:
+        text = f"the wind blows at {wind.speed / KNOT:.0f} kt; races are flown in 30 kt at most"
+        yield Remark("", RemarkKind.WIND, text)
+    allowed, able = rules.n_z, aircraft.envelope.n_z
     for limit, own, beyond in ((allowed.upper, able.upper, 1.0), (allowed.lower, able.lower, -1.0)):
         if beyond * (limit - own) > 1e-9 and math.isfinite(limit):
-            text = f"the race allows {limit:g} g, but {race.aircraft.name} no more than {own:g} g"
-            yield Remark("", Kind.LOAD_FACTOR, text)
-    yield from _on_start(race)
+            text = f"the race allows {limit:g} g, but {aircraft.name} no more than {own:g} g"
+            yield Remark("", RemarkKind.LOAD_FACTOR, text)
 
 
-def _on_start(race: Race) -> Iterator[Remark]:
+def _start_remarks(race: Race) -> Iterator[Remark]:
     start = race.course.passages[0]
     fastest, limit = top_speed(race.aircraft), start.speed.upper
-    if limit > fastest > 0.0:
-        reached = f"{race.aircraft.name} reaches {fastest / KNOT:.0f} kt in level flight"
-        if math.isfinite(limit):
-            text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
-            yield Remark(start.name, Kind.START_SPEED, text)
-        elif start.element.stands:  # a course that begins in the air has no start with a speed limit
-            text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
-            yield Remark(start.name, Kind.START_SPEED, text)
+    if limit <= fastest or not fastest > 0.0:
+        return
+    reached = f"{race.aircraft.name} reaches {fastest / KNOT:.0f} kt in level flight"
+    if math.isfinite(limit):
+        text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
+        yield Remark(start.name, RemarkKind.START_SPEED, text)
+    elif start.element.stands:  # a course that begins in the air has no start with a speed limit
+        text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
+        yield Remark(start.name, RemarkKind.START_SPEED, text)
 
 
-def _on_elements(race: Race) -> Iterator[Remark]:
-    seen: set[str] = set()
-    for passage in race.course.passages:
-        if passage.element.name not in seen:
-            seen.add(passage.element.name)
-            for subject, text in passage.element.remarks(passage.name):
-                yield Remark(passage.name, Kind.of(subject), text)
-            yield from _on_ceiling(passage, race.course.rules.height)
-    for text in narrow_heights(race.course.rules.height):
-        yield Remark("", Kind.CEILING, text)
-    yield from _on_axes(race.course)
-    yield from _on_slips(race.course)
-
-
-def _on_slips(course: Course) -> Iterator[Remark]:
-    """Yield remarks on positions and sides that were probably meant otherwise."""
-    if exchanged_axes(course.passages):
+def _element_remarks(course: Course) -> Iterator[Remark]:
+    allowed = course.rules.height
+    room = allowed.upper - allowed.lower
+    for passage in {one.element.name: one for one in reversed(course.passages)}.values():
+        element, name, ceiling = passage.element, passage.name, ""
+        for subject, text in element.remarks(name):
+            yield Remark(name, RemarkKind.of(subject), text)
+        if element.heights.lower > allowed.upper:
+            ceiling = f"`{name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
+        elif element.heights.upper < allowed.lower:
+            ceiling = f"`{name}` allows {element.heights.upper:.0f} m at most; the floor is at {allowed.lower:.0f} m"
+        elif passage.roll is not None and allowed.lower + passage.roll.gain > allowed.upper:
+            ceiling = f"the roll at `{name}` gains {passage.roll.gain:.0f} m; "
+            ceiling += f"there are {room:.0f} m between floor and ceiling"
+        if ceiling:
+            yield Remark(name, RemarkKind.CEILING, ceiling)
+    if room < SETTINGS.height_band:
         text = (
-            "the headings of the gates fit far better with north and east exchanged; are latitudes and longitudes, or "
-            "north and east, mixed up?"
+            f"there are {room:.3g} m between the floor at {allowed.lower:g} m and the ceiling at {allowed.upper:g} m; "
+            "hardly anyone keeps a height so closely"
         )
-        yield Remark("", Kind.AXIS, text)
-    for before, passage, after, margin in idle_pylons(course.passages):
-        text = (
-            f"nothing has to be flown round `{passage.name}`: the straight line from `{before.name}` to `{after.name}` "
-            f"passes it {margin:.0f} m away on the side that is asked for; is its `pass_side_deg` reversed?"
-        )
-        yield Remark(passage.name, Kind.AXIS, text)
+        yield Remark("", RemarkKind.CEILING, text)
 
 
-def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
-    element = passage.element
-    if element.heights.lower > allowed.upper:
-        text = f"`{passage.name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
-        yield Remark(passage.name, Kind.CEILING, text)
-    elif element.heights.upper < allowed.lower:
-        text = f"`{passage.name}` allows {element.heights.upper:.0f} m at most; the floor is at {allowed.lower:.0f} m"
-        yield Remark(passage.name, Kind.CEILING, text)
-    elif passage.roll is not None and allowed.lower + passage.roll.gain > allowed.upper:
-        room = f"there are {allowed.upper - allowed.lower:.0f} m between floor and ceiling"
-        text = f"the roll at `{passage.name}` gains {passage.roll.gain:.0f} m; {room}"
-        yield Remark(passage.name, Kind.CEILING, text)
-
-
-def _on_axes(course: Course) -> Iterator[Remark]:
+def _axis_remarks(course: Course) -> Iterator[Remark]:
     """Yield remarks on gates flown against the way the course comes and goes."""
     seen: set[tuple[str, Direction]] = set()
     around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
@@ -295,90 +192,211 @@ def _on_axes(course: Course) -> Iterator[Remark]:
         if not passage.element.directed or heading is None or key in seen:
             continue
         ways = [_bearing(a, b) for a, b in ((before, passage), (passage, after)) if a is not None and b is not None]
-        limit = ASIDE if len(ways) == 2 else BACK
+        limit = SETTINGS.aside if len(ways) == 2 else SETTINGS.back
         against = [abs(angle_between(heading, way)) > limit + 1e-9 for way in ways if way is not None]
         if len(against) == len(ways) and all(against):
             seen.add(key)
             text = (
-                f"`{passage.name}` is flown at {_compass(heading)} deg, more than {math.degrees(limit):.0f} deg away "
-                "from where its neighbours lie; is its heading or its direction reversed?"
+                f"`{passage.name}` is flown at {math.degrees(heading) % 360.0:.0f} deg, more than "
+                f"{math.degrees(limit):.0f} deg away from where its neighbours lie; is its heading or its direction "
+                "reversed?"
             )
-            yield Remark(passage.name, Kind.AXIS, text)
+            yield Remark(passage.name, RemarkKind.AXIS, text)
 
 
 def _bearing(a: Passage, b: Passage) -> float | None:
     """Return the bearing from place to place, rad; None if one is free or both are the same."""
     start, end = place(a), place(b)
-    if start is None or end is None or math.dist(start[:2], end[:2]) < SAME_PLACE:
+    if start is None or end is None or math.dist(start[:2], end[:2]) < SETTINGS.same_place:
         return None
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
 
-def _on_legs(race: Race) -> Iterator[Remark]:
-    flown = _different(legs(race))
-    pace = tightest(race)
-    for leg in flown:
-        yield from _on_climb(leg)
-        for text in climb_beyond_energy(leg, race.aircraft):
-            yield Remark(leg.after.name, Kind.CLIMB, text)
-        for text in one_behind_the_other(leg, race.aircraft):
-            yield Remark(leg.after.name, Kind.CLOSE, text)
-        if pace.n > LEAST_LOAD_FACTOR:
-            yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
-
-
-def _different(flown: Sequence[Leg]) -> list[Leg]:
-    """Return the legs without those flown before in the same way."""
-    first: dict[object, Leg] = {}
-    for leg in flown:
-        ends = [(one.element.name, one.direction) for one in (leg.before, leg.after)]
-        first.setdefault((*ends, leg.after.safety_lines), leg)
-    return list(first.values())
-
-
-def _on_climb(leg: Leg) -> Iterator[Remark]:
-    """Yield a remark on heights that the climb allowed at the gates does not reach."""
-    heights: list[Interval] = []
-    climbs = Interval()
-    for passage in (leg.before, leg.after):
-        if passage.element.climbs is None:
-            return
-        heights.append(passage.element.heights)
-        climbs = climbs.intersect(passage.element.climbs)
-    up, down = heights[1].lower - heights[0].upper, heights[0].lower - heights[1].upper
-    steepness = math.atan2(max(up, down), leg.length)
-    allowed = climbs.upper if up > down else -climbs.lower
-    if steepness > max(allowed, 0.0) + 1e-9:
-        word = "climb" if up > down else "descent"
+def _mistakes(course: Course) -> Iterator[Remark]:
+    """Yield remarks on positions and sides that were probably meant otherwise."""
+    if swapped_axes(course.passages):
         text = (
-            f"from `{leg.before.name}` to `{leg.after.name}` a {word} of {math.degrees(steepness):.0f} deg is needed; "
-            f"{math.degrees(allowed):.0f} deg are allowed at these gates"
+            "the headings of the gates fit far better with north and east exchanged; are latitudes and longitudes, or "
+            "north and east, mixed up?"
         )
-        yield Remark(leg.after.name, Kind.CLIMB, text)
+        yield Remark("", RemarkKind.AXIS, text)
+    seen: set[str] = set()
+    for before, passage, after in zip(course.passages, course.passages[1:], course.passages[2:], strict=False):
+        element, start, end = passage.element, place(before), place(after)
+        side, at = element.passing_side, element.place
+        if side is None or at is None or start is None or end is None or element.name in seen:
+            continue
+        seen.add(element.name)
+        north, east = end[0] - start[0], end[1] - start[1]
+        length = math.hypot(north, east)
+        if length < SETTINGS.same_place:
+            continue
+        along = ((at[0] - start[0]) * north + (at[1] - start[1]) * east) / length**2
+        aside = (start[0] + along * north - at[0], start[1] + along * east - at[1])
+        margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
+        if 0.0 < along < 1.0 and margin > SETTINGS.pylon_clearance:
+            text = (
+                f"nothing has to be flown round `{passage.name}`: the straight line from `{before.name}` to "
+                f"`{after.name}` passes it {margin:.0f} m away on the side that is asked for; is its `pass_side_deg` "
+                "reversed?"
+            )
+            yield Remark(passage.name, RemarkKind.AXIS, text)
 
 
-def _on_turn(leg: Leg, radius: float, pace: str) -> Iterator[Remark]:
-    """Yield a remark on a turn for which there is no room."""
-    if leg.turn is None or leg.length < SAME_PLACE:
+def swapped_axes(passages: Sequence[Passage]) -> bool:
+    """Return whether the gates' headings fit the course much better with north and east exchanged."""
+    gains: list[float] = []
+    for before, after in itertools.pairwise(passages):
+        way = _bearing(before, after)
+        for passage in () if way is None else (before, after):
+            heading = passage.element.course(passage.direction) if passage.element.directed else None
+            if way is not None and heading is not None:
+                gains.append(math.cos(angle_between(heading, 0.5 * math.pi - way)) - math.cos(heading - way))
+    return len(gains) >= SETTINGS.headings_min and sum(gains) / len(gains) > SETTINGS.exchange_gain
+
+
+# The legs.
+
+
+@record
+class ReviewedLeg:
+    """The stretch from one place to the next, straight and by the tightest level turn.
+
+    Attributes:
+        before, after: the passages at its ends.
+        length: of the straight line over ground, m.
+        bearing: of the straight line, rad.
+        turn: headings at the ends of the tightest level way, and how much it turns in all, rad; None if none is
+            planned.
+    """
+
+    before: Passage
+    after: Passage
+    length: float
+    bearing: float
+    turn: tuple[float, float, float] | None
+
+
+def tightest(race: Race) -> PlanningModel:
+    """Return the top speed of level flight, and all the load factor that race, aircraft and lift allow there.
+
+    An aircraft that cannot fly level turns at the speed at which it is planned.
+    """
+    aircraft, rules = race.aircraft, race.course.rules
+    V = min(top_speed(aircraft) or race.pace.V, aircraft.envelope.V.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
+    return PlanningModel(V, max(n, SETTINGS.load_factor_min), 0.5 * min(aircraft.point_mass.p, rules.p))
+
+
+def legs(race: Race) -> list[ReviewedLeg]:
+    """Return all legs whose ends both have a place, in the order flown; each with the shortest way at the tightest
+    pace, all headings chosen together, unless the course is too long to be planned."""
+    passages = race.course.passages
+    turns: list[tuple[float, float, float] | None] = [None] * (len(passages) - 1)
+    for index, leg in enumerate(plan(race.course, tightest(race)).legs if len(passages) <= PLANNED_MAX else ()):
+        if leg.path is not None:
+            _, _, heading = leg.path.points(np.linspace(0.0, leg.path.length, SETTINGS.turn_samples))
+            turns[index] = float(heading[0]), float(heading[-1]), float(np.abs(np.diff(heading)).sum())
+    found: list[ReviewedLeg] = []
+    for (before, after), turn in zip(itertools.pairwise(passages), turns, strict=True):
+        start, end = place(before), place(after)
+        if start is not None and end is not None:
+            north, east = end[0] - start[0], end[1] - start[1]
+            found.append(ReviewedLeg(before, after, math.hypot(north, east), math.atan2(east, north), turn))
+    return found
+
+
+def _leg_remarks(race: Race) -> Iterator[Remark]:
+    """Yield remarks on the legs, of those that are flown in the same way on the first."""
+    pace, rate = tightest(race), climb_rate(race.aircraft)
+    different: dict[object, ReviewedLeg] = {}
+    for leg in legs(race):
+        ends = [(one.element.name, one.direction) for one in (leg.before, leg.after)]
+        different.setdefault((*ends, leg.after.safety_lines), leg)
+    for leg in different.values():
+        yield from _climb_remarks(leg, race.aircraft, rate)
+        yield from _remarks_on_one_place(leg, race.aircraft)
+        if pace.n > SETTINGS.load_factor_min:
+            yield from _turn_remarks(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
+
+
+def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterator[Remark]:
+    """Yield remarks on heights that the climb allowed at the gates does not reach, or neither engine nor speed pay."""
+    before, after = leg.before.element, leg.after.element
+    up, down = after.heights.lower - before.heights.upper, before.heights.lower - after.heights.upper
+    from_to = f"from `{leg.before.name}` to `{leg.after.name}`"
+    if before.climbs is not None and after.climbs is not None:
+        climbs = before.climbs.intersect(after.climbs)
+        steepness = math.atan2(max(up, down), leg.length)
+        allowed = climbs.upper if up > down else -climbs.lower
+        if steepness > max(allowed, 0.0) + 1e-9:
+            text = (
+                f"{from_to} a {'climb' if up > down else 'descent'} of {math.degrees(steepness):.0f} deg is needed; "
+                f"{math.degrees(allowed):.0f} deg are allowed at these gates"
+            )
+            yield Remark(leg.after.name, RemarkKind.CLIMB, text)
+    V = top_speed(aircraft)
+    if not V or not math.isfinite(up):
         return
-    bearing, turn = leg.bearing, leg.turn
-    needed = abs(angle_between(bearing, turn.heading)) + abs(angle_between(turn.end_heading, bearing))
-    change = abs(angle_between(turn.end_heading, turn.heading))
+    engine, speed = rate * leg.length / V, V**2 / (2.0 * g0)
+    if up > engine + SETTINGS.energy_share * speed:
+        text = (
+            f"{from_to} {up:.0f} m are to be climbed: on the way {aircraft.name} gains {engine:.0f} m by its engine, "
+            f"and all of its speed is worth {speed:.0f} m"
+        )
+        yield Remark(leg.after.name, RemarkKind.CLIMB, text)
+
+
+def climb_rate(aircraft: Aircraft) -> float:
+    """Return the best rate of climb at full power, m/s (ISA, sea level); 0 for an aircraft that cannot fly level."""
+    propulsion, drag, m, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.m, aircraft.airframe.S
+    V = np.linspace(max(aircraft.envelope.V.lower, 1.0), aircraft.envelope.V.upper, 50)
+    pressure = 0.5 * AIR_DENSITY * V**2
+    C_D = drag.C_D0 + drag.k * (m * g0 / (pressure * S) - drag.C_L_minD) ** 2
+    spare = propulsion.eta_p * propulsion.P_max - pressure * S * C_D * V
+    return max(0.0, float(spare.max()) / (m * g0))
+
+
+def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Remark]:
+    """Yield a remark on two elements so close together that one of them may be meant."""
+    before, after = leg.before.element, leg.after.element
+    across = before.axis is not None and after.axis is not None and abs(math.sin(after.axis - before.axis))
+    if before.base_name == after.base_name or across > math.sin(SETTINGS.same_direction):
+        return  # passed twice on purpose, as a quad is
+    slowest = aircraft.envelope.V.lower
+    if leg.length < ONE_PLACE:
+        text = (
+            f"`{leg.after.name}` stands in the same place as `{leg.before.name}`: only a circle or a loop leads from "
+            "the one to the other; are they one gate?"
+        )
+        yield Remark(leg.after.name, RemarkKind.CLOSE, text)
+    elif leg.length < SETTINGS.near_seconds * slowest:
+        text = (
+            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that is flown in "
+            f"{leg.length / slowest:.2g} s at the slowest; are they one gate?"
+        )
+        yield Remark(leg.after.name, RemarkKind.CLOSE, text)
+
+
+def _turn_remarks(leg: ReviewedLeg, radius: float, pace: str) -> Iterator[Remark]:
+    """Yield a remark on a turn for which there is no room."""
+    if leg.turn is None or leg.length < SETTINGS.same_place:
+        return
+    heading, end_heading, turning = leg.turn
+    needed = abs(angle_between(leg.bearing, heading)) + abs(angle_between(end_heading, leg.bearing))
+    change = abs(angle_between(end_heading, heading))
     chord = 2.0 * radius * math.sin(change / 2.0)
     ends = f"`{leg.after.name}` stands {leg.length:.0f} m from `{leg.before.name}`"
-    if turn.turning - needed > LOOP:
+    if turning - needed > SETTINGS.loop:
         text = (
             f"{ends}, too near for the turn between them: {pace} it has a radius of {radius:.0f} m, "
-            f"and the shortest level way goes round by {math.degrees(turn.turning):.0f} deg"
+            f"and the shortest level way goes round by {math.degrees(turning):.0f} deg"
         )
-        yield Remark(leg.after.name, Kind.TURN, text)
+        yield Remark(leg.after.name, RemarkKind.TURN, text)
     elif leg.length < radius and chord > leg.length:
         text = (
             f"{ends}, nearer than a turn radius ({radius:.0f} m {pace}); "
             f"the turn of {math.degrees(change):.0f} deg between them needs {chord:.0f} m"
         )
-        yield Remark(leg.after.name, Kind.CLOSE, text)
-
-
-def _compass(angle: float) -> str:
-    return f"{math.degrees(angle) % 360.0:.0f}"
+        yield Remark(leg.after.name, RemarkKind.CLOSE, text)

@@ -1,8 +1,13 @@
 """Waypoints: where and how a passage may be planned, as a few candidates per element."""
 
+import math
+
 from airrace.frames import quaternion
 from airrace.records import record
 from airrace.track.course import Course, Passage
+
+PLANNED_MAX = 400
+"""The largest number of passages of a course that is planned before it is flown; each takes about a millisecond."""
 
 
 @record
@@ -40,14 +45,19 @@ def is_only_a_height(passage: Passage) -> bool:
     return passage.roll is None and passage.element.only_a_height
 
 
+def place(passage: Passage) -> tuple[float, float, float] | None:
+    """Return north, east and height (NaN where free) of an element, m; None if it may be anywhere."""
+    where, height = passage.element.place, passage.element.nominal_height
+    return None if where is None else (*where, math.nan if height is None else height)
+
+
 def candidates(course: Course, index: int) -> list[Waypoint]:
-    """Return the ways in which a passage of a course may be planned."""
+    """Return the ways in which a passage of a course may be planned.
+
+    They turn with the course: directions that are free are spread from the heading of its first element that has one.
+    """
     passage = course.passages[index]
-    crossings = passage.element.crossings(passage.direction, _first_heading(course), rolling=passage.roll is not None)
+    headings = (one.element.axis for one in course.passages)
+    first = next((heading for heading in headings if heading is not None), 0.0)
+    crossings = passage.element.crossings(passage.direction, first, rolling=passage.roll is not None)
     return [Waypoint(passage, one.position, one.heading, one.climb, one.bank, one.axis, one.free) for one in crossings]
-
-
-def _first_heading(course: Course) -> float:
-    """Return a heading (rad) that turns with the course: that of its first element that has one; north without any."""
-    headings = (passage.element.axis for passage in course.passages)
-    return next((heading for heading in headings if heading is not None), 0.0)

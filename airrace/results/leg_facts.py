@@ -1,4 +1,4 @@
-"""The facts that are told of every leg: time, load factors, heights, speeds, roll rate, energy, and clearances."""
+"""The facts of every leg: time, load factors, heights, speeds, roll rate, energy, and clearances."""
 
 import math
 
@@ -46,27 +46,18 @@ class LegFacts:
 
 def leg_facts(flight: Flight) -> tuple[LegFacts, ...]:
     """Return the facts of all legs in order; the ranges of a leg that was not flown are NaN."""
-    known = distances(flight)
-    return tuple(_facts(flight, leg, least(flight, leg, known) if leg.flown else ()) for leg in legs_of(flight))
-
-
-def _facts(flight: Flight, leg: Leg, clearances: tuple[Clearance, ...]) -> LegFacts:
-    roll = _range(flight, leg, "p_Kbar")
-    return LegFacts(
-        leg=leg,
-        n_z=_range(flight, leg, "n_z"),
-        height=_range(flight, leg, "height"),
-        V_K=_range(flight, leg, "V_K"),
-        V_A=_range(flight, leg, "V_A"),
-        V_I=_range(flight, leg, "V_I"),
-        roll_rate=max(-roll.least, roll.greatest),
-        energy_in=leg.before.value("h_E"),
-        energy_out=leg.after.value("h_E"),
-        clearances=clearances,
-    )
+    known, found = distances(flight), list[LegFacts]()
+    for leg in legs_of(flight):
+        n_z, height, V_K, V_A, V_I, roll = (
+            _range(flight, leg, name) for name in ("n_z", "height", "V_K", "V_A", "V_I", "p_Kbar")
+        )
+        roll_rate, energies = max(-roll.least, roll.greatest), (leg.before.value("h_E"), leg.after.value("h_E"))
+        clearances = least(flight, leg, known) if leg.flown else ()
+        found.append(LegFacts(leg, n_z, height, V_K, V_A, V_I, roll_rate, *energies, clearances))
+    return tuple(found)
 
 
 def _range(flight: Flight, leg: Leg, name: str) -> Range:
     values = flight.values(name)[leg.rows]
-    values = values[np.isfinite(values)]
-    return Range(float(values.min()), float(values.max())) if len(values) else Range(math.nan, math.nan)
+    known = values[np.isfinite(values)]
+    return Range(float(known.min()), float(known.max())) if len(known) else Range(math.nan, math.nan)

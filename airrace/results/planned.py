@@ -4,20 +4,28 @@ A level leg follows its path in the plan from which an optimisation starts, at t
 curvature demands. Of a leg on which the attitude changes, as on the way to a manoeuvre, the plan knows no way through
 space: the flight is a straight line over ground from the last known place to the next one, and its height and attitude
 are NaN. All legs of a course that is too long to be planned are such lines.
+
+The remarks are about the very line that pictures of the course show. No picture leads through the zone of a crowd,
+across a safety line or out of the airspace without a remark.
 """
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
-from airrace.planning.legs import PLANNED_MAX, place
+from airrace.planning.clearances import crowd_overflown, ground_distance
+from airrace.planning.lint import Remark, RemarkKind
 from airrace.planning.race import Race
+from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.procedure.guess import SHORTEST_LEG, guess, leg_seconds
 from airrace.quantities import Quantity
+from airrace.results.clearances import Clearance, Distance, least, least_of_all, near_misses, pylons, surroundings
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Crossing, Flight, History, Source
+from airrace.results.legs import Leg, legs_of
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02
@@ -26,8 +34,18 @@ COARSE_STEP = 0.2
 """The longest time between two samples of a course too long to be planned, s: twenty metres of a straight line."""
 PLANNED = "planned, not optimised"
 """The remark of the source of a planned flight."""
+ROUNDING = 0.5
+"""The distance that rounding to metres would not show, m."""
+ZONE = "zone"
+"""The kind of the distance over ground from people whose rule counts the height as well."""
 
 _NAMES = ("x", "y", "height", *BODY_ATTITUDE)
+_KINDS = {
+    "crowd": RemarkKind.CROWD,
+    ZONE: RemarkKind.CROWD,
+    "safety line": RemarkKind.SAFETY_LINE,
+    "airspace": RemarkKind.AIRSPACE,
+}
 
 
 def planned_flight(race: Race) -> Flight:
@@ -36,16 +54,17 @@ def planned_flight(race: Race) -> Flight:
     Args:
         race: course, aircraft and air.
     """
-    if len(race.course.passages) <= PLANNED_MAX:
-        seconds, legs = _planned(race)
-    else:
-        seconds, legs = _straight(race)
-    columns = _joined(legs)
+    seconds, legs = _planned(race) if len(race.course.passages) <= PLANNED_MAX else _straight(race)
+    for before, after in itertools.pairwise(legs):  # at a common node what is known on either side
+        after[:, 0] = np.where(np.isnan(after[:, 0]), before[:, -1], after[:, 0])
+    columns = np.hstack([*(leg[:, :-1] for leg in legs), legs[-1][:, -1:]])
     nodes = list(itertools.accumulate((leg.shape[1] - 1 for leg in legs), initial=0))
     starts = list(itertools.accumulate(seconds, initial=0.0))
     time = np.interp(np.arange(columns.shape[1], dtype=np.float64), nodes, starts)
-    for row in (0, 1):
-        _bridge(time, columns[row])
+    for values in columns[:2]:  # gaps between known places are bridged; NaN before the first and after the last stay
+        known = np.isfinite(values)
+        if known.any():
+            values[~known] = np.interp(time[~known], time[known], values[known], left=math.nan, right=math.nan)
     histories = {
         name: History(GLOSSARY.get(name, Quantity(name, "m")), values, Basis.DERIVED)
         for name, values in zip(_NAMES, columns, strict=True)
@@ -67,15 +86,14 @@ def _planned(race: Race) -> tuple[list[float], list[Array]]:
     plan = race.plan
     seconds = leg_seconds(plan)
     mesh = [(1.0 / count,) * count for count in _counts(seconds, LONGEST_STEP)]
-    names = [one.name for one in PointMassState.quantities()]
-    state = dict(zip(names, guess(plan, mesh).state, strict=False))  # a counter of rolls may follow
+    state = dict(zip(PointMassState.names(), guess(plan, mesh).state, strict=False))  # a counter of rolls may follow
     rows = np.stack([state["x"], state["y"], -state["z"], *(state[name] for name in ATTITUDE)])
-    nodes = np.concatenate([[0], np.cumsum([len(fractions) for fractions in mesh])])
-    legs = [rows[:, first : last + 1].copy() for first, last in itertools.pairwise(nodes.tolist())]
-    for leg, part, here, there in zip(legs, plan.legs, plan.waypoints, plan.waypoints[1:], strict=False):
+    nodes = itertools.accumulate(map(len, mesh), initial=0)
+    legs = [rows[:, first : last + 1].copy() for first, last in itertools.pairwise(nodes)]
+    for leg, part, *ends in zip(legs, plan.legs, plan.waypoints, plan.waypoints[1:], strict=False):
         if part.path is None:
             leg[:] = math.nan
-            for column, waypoint in ((0, here), (-1, there)):
+            for column, waypoint in zip((0, -1), ends, strict=True):
                 if waypoint.position is not None:
                     leg[:2, column] = waypoint.position[:2]
     return seconds, legs
@@ -98,15 +116,91 @@ def _counts(seconds: list[float], step: float) -> list[int]:
     return [max(math.ceil(one / step), 2) for one in seconds]
 
 
-def _joined(legs: list[Array]) -> Array:
-    """Return the legs one after the other; at a common node what is known on either side."""
-    for before, after in itertools.pairwise(legs):
-        after[:, 0] = np.where(np.isnan(after[:, 0]), before[:, -1], after[:, 0])
-    return np.hstack([*(leg[:, :-1] for leg in legs), legs[-1][:, -1:]])
+# What the line comes near to.
 
 
-def _bridge(time: Array, values: Array) -> None:
-    """Fill gaps between known values in place, evenly over time; NaN before the first and after the last one stay."""
-    known = np.isfinite(values)
-    if known.any():
-        values[~known] = np.interp(time[~known], time[known], values[known], left=math.nan, right=math.nan)
+def plan_clearances(planned: Flight) -> tuple[Clearance, ...]:
+    """Return the least distances of a planned flight from its nearest pylon and from everything else in the course.
+
+    The nearest pylon is that with the least margin; there is none for courses that are too long to be planned.
+    """
+    near = () if len(planned.crossings) > PLANNED_MAX else least_of_all(planned, pylons(planned))
+    return (*sorted(near, key=lambda one: one.margin)[:1], *least_of_all(planned, surroundings(planned)))
+
+
+def remarks_on_line(planned: Flight) -> list[Remark]:
+    """Return all remarks, leg by leg; a leg that is flown several times is remarked on once.
+
+    Args:
+        planned: of `planned_flight`.
+    """
+    places = np.stack([planned["x"], planned["y"]], axis=1)
+    zones = [
+        Distance(ZONE, crowd.name, crowd.distance, ground_distance(places, crowd))
+        for crowd in planned.course.crowd
+        if crowd.slant
+    ]
+    known = (*surroundings(planned), *zones)
+    remarks: dict[object, Remark] = {}
+    for leg in legs_of(planned):
+        ends = [(one.passage.element.name, one.passage.direction) for one in (leg.before, leg.after)]
+        found = {(one.kind, one.name): one for one in least(planned, leg, known)}
+        for (kind, name), nearest in found.items():
+            words = _describe(planned, leg, nearest, found.get(("crowd", name)))
+            if words:
+                line = "the planned line" if is_planned(planned, leg.rows) else "the straight line"
+                text = f"{line} from `{leg.before.name}` to `{leg.after.name}` {words}"
+                key = (*ends, leg.after.passage.safety_lines, kind, name)
+                remarks.setdefault(key, Remark(leg.name, _KINDS[kind], text))
+    return [*remarks.values(), *_pylon_remarks(planned)]
+
+
+def _describe(planned: Flight, leg: Leg, nearest: Clearance, crowd: Clearance | None) -> str:
+    """Return what is wrong with a least distance on a leg, in words; nothing where it is kept.
+
+    Args:
+        planned, leg: the leg of the planned flight.
+        nearest: the distance.
+        crowd: that from the crowd of this name, as its rule measures it; None if there is no such crowd.
+    """
+    name, away, required = nearest.name, nearest.distance, nearest.required
+    is_near = nearest.margin < -ROUNDING
+    match nearest.kind:
+        case "crowd" if nearest.margin < 0.0 and _overflies(planned, leg, name):
+            return f"leads over `{name}`; {required:.0f} m are to be kept"
+        case "crowd" if is_near:
+            return f"comes within {away:.0f} m of `{name}`; {required:.0f} m are to be kept"
+        case "zone" if is_near and crowd is not None and crowd.margin >= 0.0:
+            return f"leads through the zone of `{name}`; only its height keeps it {required:.0f} m away"
+        case "safety line" if away < -ROUNDING:
+            return f"crosses the safety line `{name}` by {-away:.0f} m; the race has to be flown otherwise there"
+        case "safety line" if is_near:
+            return f"comes within {away:.0f} m of the safety line `{name}`; {required:.0f} m are to be kept"
+        case "airspace" if is_near:
+            return f"leaves the airspace by {-away:.0f} m; the race has to be flown otherwise there"
+        case _:
+            return ""
+
+
+def _overflies(planned: Flight, leg: Leg, name: str) -> bool:
+    (crowd,) = (one for one in planned.course.crowd if one.name == name)
+    return crowd_overflown(np.stack([planned["x"][leg.rows], planned["y"][leg.rows]], axis=1), crowd)
+
+
+def _pylon_remarks(planned: Flight) -> Iterator[Remark]:
+    """Yield remarks on pylons that stand in the way of legs which do not pass their gate."""
+    if len(planned.crossings) > PLANNED_MAX:
+        return
+    seen: set[tuple[str, ...]] = set()
+    places = {one.passage.element.name: one.passage.element.place for one in planned.crossings}
+    for one in near_misses(planned):
+        ends = tuple(end.passage.element.name for end in (one.before, one.after))
+        name = one.clearance.name
+        if places[name] in (places[end] for end in ends) or (*ends, name) in seen:  # of a quad the other gate as well
+            continue
+        seen.add((*ends, name))
+        text = (
+            f"the planned line from `{one.before.name}` to `{one.after.name}` leads the wing past a pylon of `{name}` "
+            f"at {one.clearance.distance:.1f} m; nothing in the course keeps it away from there"
+        )
+        yield Remark(one.after.name, RemarkKind.PYLON, text)

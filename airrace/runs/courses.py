@@ -12,13 +12,12 @@ from airrace.inputs.course_import import read_placemarks, sketch_course
 from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.rules import preset_names
-from airrace.planning.lint import Kind, Remark, in_order, review
+from airrace.planning.lint import Remark, RemarkKind, in_order, review
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
-from airrace.results.plan_review import plan_clearances, remarks_on_line
-from airrace.results.planned import planned_flight
+from airrace.results.planned import plan_clearances, planned_flight, remarks_on_line
 from airrace.runs.json_objects import planned_object
 from airrace.runs.output import ensure_free, write_text
 from airrace.standard_streams import STANDARD, name_of
@@ -255,7 +254,7 @@ def check_course(
     """
     inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
     unused = (
-        Remark("", Kind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
+        Remark("", RemarkKind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
         for name in inputs.unused_gates
     )
     planned = planned_flight(inputs.race)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.environment.air import StaticWind
-from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
+from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.results.legs import legs_of

@@ -25,9 +25,8 @@ from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
 from airrace.cli.tables import rendered
 from airrace.environment.air import StaticWind
-from airrace.planning.lint import Kind, Remark, in_order, review
-from airrace.results.plan_review import remarks_on_line
-from airrace.results.planned import planned_flight
+from airrace.planning.lint import Remark, RemarkKind, in_order, review
+from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.views.map_model import map_model
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
@@ -93,7 +92,7 @@ def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Pat
 
 
 def test_of_very_many_warnings_the_first_are_printed() -> None:
-    remarks = [Remark(f"g{i}", Kind.WIDTH, f"the gate of `g{i}`") for i in range(REMARKS_MAX + 7)]
+    remarks = [Remark(f"g{i}", RemarkKind.WIDTH, f"the gate of `g{i}`") for i in range(REMARKS_MAX + 7)]
     lines = remarks_text(remarks).splitlines()
     assert len(lines) == REMARKS_MAX + 1
     assert lines[-1] == "and 7 more warnings; --json has all of them"

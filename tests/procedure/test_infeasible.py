@@ -23,18 +23,9 @@ from airrace.planning.race import Race
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
-from airrace.procedure.infeasibility.conflicts import (
-    AIRCRAFT as AIRCRAFT_KIND,
-)
-from airrace.procedure.infeasibility.conflicts import (
-    MARGINS,
-    RULES_AND_GATES,
-    SETTINGS,
-    Relaxation,
-    Repair,
-    conflict_location,
-)
-from airrace.procedure.infeasibility.diagnose import WORK_MAX, TrialFlight, Validation
+from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
+from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS, Repair, conflict_location
+from airrace.procedure.infeasibility.diagnose import WORK_MAX, TrialFlight, validate
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
 from airrace.procedure.progress import Silent
@@ -211,7 +202,7 @@ def test_a_race_that_has_a_flight_after_all_is_flown() -> None:
     assert result.suggested_changes == ()
 
 
-TORN = 4
+FAILED_PHASE = 4
 
 
 def sixteen() -> tuple[Problem, Iterate]:
@@ -232,14 +223,14 @@ def sixteen() -> tuple[Problem, Iterate]:
 def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: bool, solvers: list[str]) -> None:
     used = session(*verdicts)
     problem, made = sixteen()
-    result = find_local_infeasibility(used, problem, TORN, [made, made])
+    result = find_local_infeasibility(used, problem, FAILED_PHASE, [made, made])
     assert (result is not None) is found
     assert [solver for solver, _, _ in asked(used)] == solvers
-    assert all([phase.name for phase in one.phases] == list(names(problem, TORN)) for _, _, one in asked(used))
+    assert all([phase.name for phase in one.phases] == list(names(problem, FAILED_PHASE)) for _, _, one in asked(used))
 
 
-def names(problem: Problem, torn: int) -> Sequence[str]:
-    return [phase.name for phase in problem.phases[torn - 2 : torn + 3]]
+def names(problem: Problem, phase: int) -> Sequence[str]:
+    return [phase.name for phase in problem.phases[phase - 2 : phase + 3]]
 
 
 def test_a_single_solver_contradicts_nothing() -> None:
@@ -248,7 +239,7 @@ def test_a_single_solver_contradicts_nothing() -> None:
         used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
     )
     problem, made = sixteen()
-    assert find_local_infeasibility(used, problem, TORN, [made]) is None
+    assert find_local_infeasibility(used, problem, FAILED_PHASE, [made]) is None
     assert asked(used) == []
 
 
@@ -310,11 +301,11 @@ HARD = TrialFlight(20.0, certified=False, work=1.0)
 
 def relaxed(steps: float) -> Relaxed:
     flight = Iterate(np.ones(1), np.zeros((1, 2)), np.zeros((1, 1)))
-    return Relaxed(flight, steps, {}, {}, np.zeros((1, 1)), {"a -> b": 1.0})
+    return Relaxed(NOBODY, flight, steps, {}, {}, np.zeros((1, 1)), {"a -> b": 1.0})
 
 
 def options(*keys: str) -> list[Repair]:
-    return [Repair(KNOWN[key], NOBODY, relaxed(1.0)) for key in keys]
+    return [Repair(KNOWN[key], relaxed(1.0)) for key in keys]
 
 
 class Flights:
@@ -325,7 +316,7 @@ class Flights:
         self._ends = ends
         self.asked = Counter[str]()
 
-    def __call__(self, race: Race, solver: ElasticSolver, near: Relaxed) -> TrialFlight:
+    def __call__(self, race: Race, near: Relaxed) -> TrialFlight:
         key = self._keys[id(near)]
         self.asked[key] += 1
         return self._ends.get(key, [CERTIFIED])[self.asked[key] - 1]
@@ -335,7 +326,7 @@ def told(tried: Sequence[Repair], **ends: Any) -> tuple[list[tuple[str, float]],
     """The keys that are told with their values, and how often each was tried; ends by the last part of the key."""
     by_key = {key: ends[key.rpartition(".")[2]] for key in KNOWN if key.rpartition(".")[2] in ends}
     fly = Flights(tried, by_key)
-    return [(one.repair.parameter.key, one.value) for one in Validation(SMALL, fly).validate(tried)], fly.asked
+    return [(one.repair.parameter.key, one.value) for one in validate(SMALL, fly, tried)], fly.asked
 
 
 RULE_KEYS = [key for key in KNOWN if key.startswith(("rules.", "gates."))]
@@ -351,38 +342,35 @@ def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
 def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:
     tried = options(*RULE_KEYS[:2], *AIRCRAFT)
     first = RULE_KEYS[0].rpartition(".")[2]
-    ends = {first: [FLOWN] * len(MARGINS), "mass_kg": [NOTHING] * len(MARGINS)}
+    ends = {first: [FLOWN] * len(SETTINGS.margins), "mass_kg": [NOTHING] * len(SETTINGS.margins)}
     assert RULE_KEYS[1].rpartition(".")[2] != first
     assert [key for key, _ in told(tried, **ends)[0]] == [RULE_KEYS[1], *AIRCRAFT[1:], RULE_KEYS[0]]
 
 
-@pytest.mark.parametrize("certified", range(len(MARGINS)))
+@pytest.mark.parametrize("certified", range(len(SETTINGS.margins)))
 def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> None:
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
-    assert value == one.value(MARGINS[certified])
+    assert value == one.value(certified)
     assert asked[one.parameter.key] == certified + 1
 
 
 def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), _ = told([one], power_max_kW=[FLOWN, FLOWN, NOTHING])
-    assert value == one.value(MARGINS[1])
+    assert value == one.value(1)
 
 
 def test_hard_trials_are_not_repeated_without_end_but_the_first_is() -> None:
     tried = options(*AIRCRAFT[:2], *RULE_KEYS[:3])
-    ends = {key.rpartition(".")[2]: [HARD] * len(MARGINS) for key in KNOWN}
+    ends = {key.rpartition(".")[2]: [HARD] * len(SETTINGS.margins) for key in KNOWN}
     assert len(tried) > WORK_MAX
     told_, asked = told(tried, **ends)
     assert [key for key, _ in told_] == [*RULE_KEYS[:3], *AIRCRAFT[:2]]
-    assert asked == {RULE_KEYS[0]: len(MARGINS), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
+    assert asked == {RULE_KEYS[0]: len(SETTINGS.margins), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
 
 
 def test_limits_clearly_contradict_each_other_only_where_they_do_on_all_ways_round() -> None:
-    much, little = (
-        Relaxation(NOBODY, relaxed(2.0 * SETTINGS.plain_steps)),
-        Relaxation(NOBODY, relaxed(0.5 * SETTINGS.plain_steps)),
-    )
+    much, little = (relaxed(factor * SETTINGS.plain_steps) for factor in (2.0, 0.5))
     assert conflict_location([much, much]) == "a -> b"
     assert [conflict_location(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]

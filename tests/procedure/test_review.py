@@ -12,13 +12,12 @@ from transformations import mirrored
 
 from airrace.environment.air import Air, StaticWind
 from airrace.inputs import load_inputs
-from airrace.planning.legs import PLANNED_MAX, legs, tightest
-from airrace.planning.lint import Kind, Remark, exchanged_axes, in_order, review
+from airrace.planning.lint import Remark, RemarkKind, in_order, legs, review, swapped_axes, tightest
 from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
+from airrace.planning.waypoints import PLANNED_MAX
 from airrace.quantities import Interval
-from airrace.results.plan_review import remarks_on_line
-from airrace.results.planned import planned_flight
+from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine
 from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
 from airrace.track.polygons import Point
@@ -56,7 +55,7 @@ def reviewed(flown: Race) -> list[Remark]:
     return in_order([*review(flown), *remarks_on_line(planned_flight(flown))], flown.course)
 
 
-def kinds(flown: Race) -> list[tuple[str, Kind]]:
+def kinds(flown: Race) -> list[tuple[str, RemarkKind]]:
     return [(remark.passage, remark.kind) for remark in reviewed(flown)]
 
 
@@ -68,25 +67,25 @@ def only(flown: Race) -> Remark:
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tracks").glob("*.yaml")), ids=lambda path: path.stem)
 def test_real_courses_give_no_cause_for_remarks_but_one_whose_line_forces_a_turn_upward(path: Path) -> None:
-    expected = [("1:g5", Kind.SAFETY_LINE)] if path.stem == "abu_dhabi_2016" else []
+    expected = [("1:g5", RemarkKind.SAFETY_LINE)] if path.stem == "abu_dhabi_2016" else []
     assert kinds(load_inputs(path).race) == expected
 
 
 def test_a_wind_above_the_race_rule_is_remarked_on_for_the_race_as_a_whole() -> None:
     remark = only(race(GOOD, wind=StaticWind(0.0, 31.0 * KNOT)))
-    assert (remark.passage, remark.kind) == ("", Kind.WIND)
+    assert (remark.passage, remark.kind) == ("", RemarkKind.WIND)
     assert "31 kt" in remark.text
     assert reviewed(race(GOOD, wind=StaticWind(0.0, 30.0 * KNOT))) == reviewed(race(GOOD)) == []
 
 
 @pytest.mark.parametrize("n_z", [Interval(-2.0, 13.0), Interval(-13.0, 10.0)])
 def test_a_load_factor_the_aircraft_cannot_bear_is_remarked_on(n_z: Interval) -> None:
-    assert kinds(of([one.element for one in GOOD.passages], Rules(n_z))) == [("", Kind.LOAD_FACTOR)]
+    assert kinds(of([one.element for one in GOOD.passages], Rules(n_z))) == [("", RemarkKind.LOAD_FACTOR)]
 
 
 def test_a_start_speed_that_limits_nothing_is_remarked_on_but_where_a_figure_begins_in_the_air() -> None:
     for limit in (math.inf, 300.0 * KNOT):
-        assert kinds(changed(0, speed=Interval(upper=limit))) == [("a", Kind.START_SPEED)]
+        assert kinds(changed(0, speed=Interval(upper=limit))) == [("a", RemarkKind.START_SPEED)]
     entry = Manoeuvre("entry", climb=0.0, heading=0.0, height=Interval.exactly(80.0))
     assert kinds(changed(0, element=entry, speed=Interval())) == []
 
@@ -95,31 +94,31 @@ def test_a_start_speed_that_limits_nothing_is_remarked_on_but_where_a_figure_beg
 def test_a_width_that_no_racing_gate_has_is_remarked_on_once(width: float, remarked: bool) -> None:
     wide = dataclasses.replace(level("b", 500.0, 0.0, 0.0), width=width)
     around = [level("c", 500.0, 900.0, 180.0), level("d", 0.0, 900.0, 180.0)]
-    assert kinds(of([level("a", 0.0, 0.0, 0.0), wide, *around, wide])) == [("b", Kind.WIDTH)] * remarked
+    assert kinds(of([level("a", 0.0, 0.0, 0.0), wide, *around, wide])) == [("b", RemarkKind.WIDTH)] * remarked
 
 
 def test_a_gate_flown_against_the_way_of_the_course_is_remarked_on() -> None:
     against = level("b", 500.0, 0.0, 180.0)
     ends = level("a", 0.0, 0.0, 0.0), level("c", 1000.0, 0.0, 0.0)
     remarks = {remark.kind: remark for remark in reviewed(of([ends[0], against, ends[1]]))}
-    assert remarks[Kind.AXIS].passage == "b"
-    assert "180 deg" in remarks[Kind.AXIS].text
+    assert remarks[RemarkKind.AXIS].passage == "b"
+    assert "180 deg" in remarks[RemarkKind.AXIS].text
     reversed_ = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.REVERSE)
     planned = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.PLANNED)
     assert reviewed(reversed_) == reviewed(planned) == []
     for end in (0, 2):
-        assert Kind.AXIS in {kind for _, kind in kinds(changed(end, direction=Direction.REVERSE))}
+        assert RemarkKind.AXIS in {kind for _, kind in kinds(changed(end, direction=Direction.REVERSE))}
 
 
 def test_a_high_turn_or_a_roll_above_the_ceiling_is_remarked_on() -> None:
     top = Manoeuvre("top", height=Interval(lower=150.0), kind="high-turn")
-    for ceiling, expected in ((140.0, [("top", Kind.CEILING)]), (160.0, [])):
+    for ceiling, expected in ((140.0, [("top", RemarkKind.CEILING)]), (160.0, [])):
         rules = Rules(RULES.n_z, height=Interval(10.0, ceiling))
         assert kinds(of([level("a", 0.0, 0.0, 0.0), top, level("b", 500.0, 0.0, 0.0)], rules)) == expected
     tall = changed(1, roll=Roll(2.0 * math.pi, Interval(), gain=100.0))
     low = dataclasses.replace(tall.course, rules=Rules(RULES.n_z, height=Interval(10.0, 100.0)))
     assert kinds(tall) == []
-    assert kinds(race(low)) == [("b", Kind.CEILING)]
+    assert kinds(race(low)) == [("b", RemarkKind.CEILING)]
 
 
 def stair(rise: float, passing: Passing = Passing.WINDOW) -> Gate:
@@ -132,20 +131,20 @@ def stair(rise: float, passing: Passing = Passing.WINDOW) -> Gate:
 @pytest.mark.parametrize(("rise", "steep"), [(109.0, False), (111.0, True)])
 def test_gates_at_heights_that_the_allowed_climb_does_not_connect_are_remarked_on(rise: float, steep: bool) -> None:
     below, above = level("a", 0.0, 0.0, 0.0), stair(rise)
-    assert kinds(of([below, above])) == [("b", Kind.CLIMB)] * steep
+    assert kinds(of([below, above])) == [("b", RemarkKind.CLIMB)] * steep
     down = dataclasses.replace(below, heading=math.pi), dataclasses.replace(above, heading=math.pi)
-    assert kinds(of([down[1], down[0]])) == [("a", Kind.CLIMB)] * steep
+    assert kinds(of([down[1], down[0]])) == [("a", RemarkKind.CLIMB)] * steep
     assert reviewed(of([level("a", 0.0, 0.0, 0.0, Passing.POINT), stair(200.0, Passing.POINT)])) == []
 
 
 def test_a_turn_without_room_is_remarked_on_and_says_how_much_it_needs() -> None:
     cramped = of([level("a", 0.0, 0.0, 0.0), level("b", 60.0, 60.0, 90.0)])
     remark = only(cramped)
-    assert (remark.passage, remark.kind) == ("b", Kind.TURN)
+    assert (remark.passage, remark.kind) == ("b", RemarkKind.TURN)
     assert "stands 85 m from `a`" in remark.text
     assert f"radius of {tightest(cramped).radius:.0f} m" in remark.text
     slow = of([one.element for one in cramped.course.passages], dataclasses.replace(RULES, n_z=Interval(-1.0, 1.2)))
-    (text,) = (remark.text for remark in reviewed(slow) if remark.kind is Kind.TURN)
+    (text,) = (remark.text for remark in reviewed(slow) if remark.kind is RemarkKind.TURN)
     assert " and 1.2 g it has a radius of " in text
     assert tightest(slow).n == 1.2
 
@@ -153,8 +152,8 @@ def test_a_turn_without_room_is_remarked_on_and_says_how_much_it_needs() -> None
 def test_a_gate_nearer_than_a_turn_radius_is_remarked_on_only_where_the_course_turns() -> None:
     first, straight, turned = level("a", 0.0, 0.0, 0.0), level("b", 100.0, 0.0, 0.0), level("b", -50.0, -118.0, 70.0)
     assert reviewed(of([first, straight])) == []
-    found = [kind for kind in kinds(of([first, turned])) if kind[1] in (Kind.CLOSE, Kind.TURN)]
-    assert found == [("b", Kind.CLOSE)]
+    found = [kind for kind in kinds(of([first, turned])) if kind[1] in (RemarkKind.CLOSE, RemarkKind.TURN)]
+    assert found == [("b", RemarkKind.CLOSE)]
 
 
 def test_two_passings_of_one_spot_are_a_quad_and_no_turn_without_room() -> None:
@@ -179,10 +178,10 @@ def test_a_planned_turn_across_a_safety_line_is_remarked_on() -> None:
     """The way from a to b leads to the west; it starts towards the north, 20 m west of the line."""
     for kept, expected in (
         (line(keep_right=False), []),
-        (line(keep_right=False, margin=25.0), [("b", Kind.SAFETY_LINE)]),
-        (line(keep_right=True), [("b", Kind.SAFETY_LINE)]),
+        (line(keep_right=False, margin=25.0), [("b", RemarkKind.SAFETY_LINE)]),
+        (line(keep_right=True), [("b", RemarkKind.SAFETY_LINE)]),
         (line(keep_right=True, east=-550.0), []),
-        (line(keep_right=True, east=-400.0), [("b", Kind.SAFETY_LINE)]),
+        (line(keep_right=True, east=-400.0), [("b", RemarkKind.SAFETY_LINE)]),
     ):
         flown = course("line", *TURN_AROUND)
         last = dataclasses.replace(flown.passages[1], safety_lines=(kept,))
@@ -198,7 +197,7 @@ def with_crowd(crowd: Crowd) -> Race:
 def test_a_crowd_too_near_to_a_leg_is_remarked_on(shape: CrowdShape) -> None:
     corners = [Point(250.0, -80.0), Point(300.0, -120.0), Point(200.0, -120.0)]
     corners = corners[: {CrowdShape.POINT: 1, CrowdShape.LINE: 2, CrowdShape.AREA: 3}[shape]]
-    for distance, expected in ((79.0, []), (90.0, [("b", Kind.CROWD)])):
+    for distance, expected in ((79.0, []), (90.0, [("b", RemarkKind.CROWD)])):
         flown = with_crowd(Crowd("stands", shape, tuple(corners), distance, slant=False))
         assert kinds(flown) == expected
     assert "within 80 m of `stands`; 90 m are to be kept" in only(flown).text
@@ -206,9 +205,9 @@ def test_a_crowd_too_near_to_a_leg_is_remarked_on(shape: CrowdShape) -> None:
 
 def test_a_slant_distance_counts_the_height() -> None:
     corner = (Point(250.0, -80.0),)
-    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=False))) == [("b", Kind.CROWD)]
+    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=False))) == [("b", RemarkKind.CROWD)]
     slant = only(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=True)))  # hypot(80, 20) = 82.5
-    assert slant.kind is Kind.CROWD
+    assert slant.kind is RemarkKind.CROWD
     assert slant.text.endswith("leads through the zone of `stands`; only its height keeps it 82 m away")
     assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 80.0, slant=True))) == []
 
@@ -228,7 +227,7 @@ def test_a_turn_over_a_crowd_is_remarked_on_where_the_straight_line_is_not() -> 
 
 
 def test_a_turn_that_leaves_the_airspace_is_remarked_on() -> None:
-    for north, expected in ((300.0, []), (100.0, [("b", Kind.AIRSPACE)])):
+    for north, expected in ((300.0, []), (100.0, [("b", RemarkKind.AIRSPACE)])):
         corners = (Point(-50.0, -600.0), Point(north, -600.0), Point(north, 50.0), Point(-50.0, 50.0))
         for border in (corners, corners[::-1]):
             assert kinds(race(dataclasses.replace(course("turn", *TURN_AROUND), airspace=border))) == expected
@@ -238,7 +237,7 @@ def test_a_leg_flown_in_every_lap_is_remarked_on_once() -> None:
     crowd = Crowd("stands", CrowdShape.POINT, (Point(250.0, 0.0),), 50.0, slant=False)
     elements = [level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), pylon("c", 250.0, 900.0, 90.0)]
     laps = course("laps", *elements, *elements, *elements)
-    assert kinds(race(dataclasses.replace(laps, crowd=(crowd,)))) == [("b", Kind.CROWD)]
+    assert kinds(race(dataclasses.replace(laps, crowd=(crowd,)))) == [("b", RemarkKind.CROWD)]
 
 
 def heavy(factor: float) -> Race:
@@ -250,7 +249,7 @@ def heavy(factor: float) -> Race:
 @pytest.mark.parametrize("factor", [7.0, 20.0])
 def test_aircraft_that_cannot_fly_level_is_said_to(factor: float) -> None:
     assert top_speed(heavy(factor).aircraft) == 0.0
-    texts = [remark.text for remark in reviewed(heavy(factor)) if remark.kind is not Kind.LOAD_FACTOR]
+    texts = [remark.text for remark in reviewed(heavy(factor)) if remark.kind is not RemarkKind.LOAD_FACTOR]
     assert any("cannot fly level" in text for text in texts)
     assert not any("in level flight" in text for text in texts)
     # A propeller that hardly pulls: the speed falls until a power of it overflows.
@@ -275,9 +274,9 @@ def exchanged(flown: Race) -> Race:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_exchanged_latitudes_and_longitudes_are_remarked_on(path: Path) -> None:
     flown = load_inputs(path).race
-    assert not exchanged_axes(flown.course.passages)
+    assert not swapped_axes(flown.course.passages)
     directed = sum(passage.element.directed for passage in flown.course.passages)
-    assert exchanged_axes(exchanged(flown).course.passages) == (directed >= 4)
+    assert swapped_axes(exchanged(flown).course.passages) == (directed >= 4)
 
 
 def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
@@ -295,7 +294,7 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
 @pytest.mark.parametrize("apart", [0.0, 0.05, 1.0])
 def test_two_gates_in_one_place_are_asked_about(apart: float) -> None:
     remark = only(of([level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), level("c", 500.0 + apart, 0.0, 0.0)]))
-    assert (remark.passage, remark.kind) == ("c", Kind.CLOSE)
+    assert (remark.passage, remark.kind) == ("c", RemarkKind.CLOSE)
     where = f"{apart:.3g} m from `b`: that is flown in {apart / EDGE_540.envelope.V.lower:.2g} s"
     assert remark.text.startswith(f"`c` stands {where if apart else 'in the same place as `b`: only a circle'}")
     assert remark.text.endswith("are they one gate?")
@@ -303,7 +302,7 @@ def test_two_gates_in_one_place_are_asked_about(apart: float) -> None:
 
 def test_gates_that_can_be_flown_one_after_the_other_are_not_asked_about() -> None:
     shortest = 0.1 * EDGE_540.envelope.V.lower
-    assert only(of([level("a", 0.0, 0.0, 0.0), level("b", 0.99 * shortest, 0.0, 0.0)])).kind is Kind.CLOSE
+    assert only(of([level("a", 0.0, 0.0, 0.0), level("b", 0.99 * shortest, 0.0, 0.0)])).kind is RemarkKind.CLOSE
     assert review(of([level("a", 0.0, 0.0, 0.0), level("b", 1.01 * shortest, 0.0, 0.0)])) == []
 
 
@@ -311,7 +310,7 @@ def test_gates_that_can_be_flown_one_after_the_other_are_not_asked_about() -> No
 def test_floor_and_ceiling_without_room_between_them_are_remarked_on(ceiling: float, remarks: int) -> None:
     gates = [level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0)]
     narrow = of(gates, dataclasses.replace(RULES, height=Interval(20.0, ceiling)))
-    assert kinds(narrow) == [("", Kind.CEILING)] * remarks
+    assert kinds(narrow) == [("", RemarkKind.CEILING)] * remarks
 
 
 def raised(gate: Gate, by: float) -> Gate:
@@ -324,7 +323,7 @@ def raised(gate: Gate, by: float) -> Gate:
 def test_climb_that_no_energy_pays_for_is_remarked_on() -> None:
     start, top = level("a", 0.0, 0.0, 0.0), level("b", 1500.0, 0.0, 0.0)
     remark = only(of([start, raised(top, 900.0)]))
-    assert (remark.passage, remark.kind) == ("b", Kind.CLIMB)
+    assert (remark.passage, remark.kind) == ("b", RemarkKind.CLIMB)
     assert "890 m are to be climbed" in remark.text  # from the top of the one window to the bottom of the other
     assert review(of([start, raised(top, 300.0)])) == []
     assert review(of([raised(start, 900.0), top])) == []  # downhill nothing has to be paid
@@ -333,7 +332,7 @@ def test_climb_that_no_energy_pays_for_is_remarked_on() -> None:
 def test_gate_below_the_floor_is_remarked_on() -> None:
     low = raised(level("b", 500.0, 0.0, 0.0), -12.0)
     remark = only(of([level("a", 0.0, 0.0, 0.0), low], dataclasses.replace(RULES, height=Interval(lower=14.0))))
-    assert (remark.passage, remark.kind) == ("b", Kind.CEILING)
+    assert (remark.passage, remark.kind) == ("b", RemarkKind.CEILING)
 
 
 def test_remarks_are_the_same_in_a_mirror_and_follow_the_order_of_the_race() -> None:

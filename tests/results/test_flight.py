@@ -34,26 +34,16 @@ from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
 
-def test_states_between_the_nodes_are_those_of_an_independent_integration() -> None:
+def test_a_flight_of_an_optimum_has_its_nodes_and_an_independent_integration_between_them() -> None:
     run = half_cuban()
-    flight, result = run.flight(), run["point-mass"].result
-    integrated = results_api.sampler(run.race, result)(flight.time)
+    flight, flown = run.flight(), run["point-mass"].trajectory
+    integrated = results_api.sampler(run.race, run["point-mass"].result)(flight.time)
     for name, tolerance in (("x", 2e-3), ("y", 2e-3), ("z", 2e-3), ("V_K", 2e-4), ("n_z", 1e-7), ("q0", 2e-4)):
         np.testing.assert_allclose(flight[name], integrated[name], rtol=0.0, atol=tolerance)
-
-
-def test_nodes_are_among_the_times_and_no_step_is_longer_than_asked() -> None:
-    flight, flown = half_cuban().flight(), half_cuban()["point-mass"].trajectory
     assert np.isin(flown.time, flight.time).all()
     assert np.diff(flight.time).max() <= 0.02 + 1e-12
     assert np.diff(flight.time).min() > 0.0
-    rows = np.searchsorted(flight.time, flown.time)
-    np.testing.assert_array_equal(flight["x"][rows], flown.of("x"))
-
-
-def test_crossings_are_the_gate_splits() -> None:
-    run = half_cuban()
-    flight = run.flight()
+    np.testing.assert_array_equal(flight["x"][np.searchsorted(flight.time, flown.time)], flown.of("x"))
     for crossing, split in zip(flight.crossings, run.splits, strict=True):
         assert (crossing.name, crossing.time) == (split.name, split.time)
         assert crossing.value("height") == pytest.approx(split.height, abs=1e-9)
@@ -62,57 +52,47 @@ def test_crossings_are_the_gate_splits() -> None:
         assert crossing.value("gamma") == pytest.approx(split.climb, abs=1e-9)
 
 
-def test_splits_add_up_to_the_race_time() -> None:
+def test_legs_share_their_passings_and_add_up_to_the_race_time() -> None:
     flight = circling(rovinj())
-    legs, laps = legs_of(flight), laps_of(flight)
-    assert sum(leg.time for leg in legs) == pytest.approx(flight.race_time, abs=1e-9)
-    assert sum(lap.time for lap in laps) == pytest.approx(flight.race_time, abs=1e-9)
-    assert half_cuban().flight().race_time == pytest.approx(half_cuban().race_time, abs=1e-12)
-
-
-def test_neighbouring_legs_share_the_time_of_their_passing() -> None:
-    legs = legs_of(half_cuban().flight())
-    for leg, following in pairwise(legs):
+    for parts in (legs_of(flight), laps_of(flight)):
+        assert sum(one.time for one in parts) == pytest.approx(flight.race_time, abs=1e-9)
+    optimum = half_cuban().flight()
+    assert optimum.race_time == pytest.approx(half_cuban().race_time, abs=1e-12)
+    for leg, following in pairwise(legs_of(optimum)):
         assert leg.rows[-1] == following.rows[0]
 
 
 def test_energy_height_changes_by_the_work_of_what_acts_along_the_path() -> None:
     """`h_E' = V_K n_x`: nothing but thrust and drag changes the energy."""
     flight = half_cuban().flight()
-    work = np.concatenate(
-        ([0.0], np.cumsum(np.diff(flight.time) * 0.5 * (flight["V_K"] * flight["n_x"])[:-1]))
-    ) + np.concatenate(([0.0], np.cumsum(np.diff(flight.time) * 0.5 * (flight["V_K"] * flight["n_x"])[1:])))
+    power = flight["V_K"] * flight["n_x"]
+    work = np.concatenate(([0.0], np.cumsum(np.diff(flight.time) * 0.5 * (power[:-1] + power[1:]))))
     np.testing.assert_allclose(flight["h_E"] - flight["h_E"][0], work, atol=0.05)
     np.testing.assert_allclose(flight["h_E"], flight["height"] + flight["V_K"] ** 2 / (2 * g0), rtol=1e-15)
 
 
-def test_airspeed_is_ground_speed_in_still_air() -> None:
+def test_airspeeds_follow_from_wind_and_density() -> None:
+    """In still air they are the ground speed, else the wind triangle: `V_A^2 = V_K^2 + W^2 + 2 V_K W cos(chi)`.
+
+    Density at 1000 m is 0.90746 of that at sea level [ISO 2533]; compressibility adds less than 0.2 percent.
+    """
     flight = half_cuban().flight()
     np.testing.assert_allclose(flight["V_A"], flight["V_K"], rtol=1e-12)
-
-
-def test_airspeed_in_wind_is_the_wind_triangle() -> None:
-    """A level circle over ground in a steady wind from the north: `V_A^2 = V_K^2 + W^2 + 2 V_K W cos(chi)`."""
     flight = circling(rovinj(StaticWind(origin=0.0, speed=12.0)))
     expected = np.sqrt(80.0**2 + 12.0**2 + 2.0 * 80.0 * 12.0 * np.cos(flight["chi"]))
     np.testing.assert_allclose(flight["V_A"], expected, rtol=1e-12)
-
-
-def test_indicated_airspeed_is_true_airspeed_in_the_standard_air_of_sea_level() -> None:
-    flight = circling(rovinj(), height=-rovinj().course.origin.elevation)
-    np.testing.assert_allclose(flight["V_I"], flight["V_A"], rtol=1e-9)
-
-
-def test_indicated_airspeed_falls_with_the_density() -> None:
-    """Density at 1000 m is 0.90746 of that at sea level [ISO 2533]; compressibility adds less than 0.2 percent."""
-    flight = circling(rovinj(), height=1000.0 - rovinj().course.origin.elevation)
-    np.testing.assert_allclose(flight["V_I"] / flight["V_A"], math.sqrt(0.90746), rtol=2e-3)
+    for altitude, density, tolerance in ((0.0, 1.0, 1e-9), (1000.0, 0.90746, 2e-3)):
+        flight = circling(rovinj(), height=altitude - rovinj().course.origin.elevation)
+        np.testing.assert_allclose(flight["V_I"] / flight["V_A"], math.sqrt(density), rtol=tolerance)
 
 
 def test_the_body_lies_where_lift_and_angle_of_attack_put_it() -> None:
     """In still air and without sideslip x_B is turned up from the path by the angle of attack, wings along y_Kbar."""
     flight = half_cuban().flight()
-    R_OB = np.array([rotation([flight[f"b{i}"][k] for i in range(4)]) for k in range(len(flight.time))])
+    b = np.array([flight[f"b{i}"] for i in range(4)])
+    np.testing.assert_allclose(np.linalg.norm(b, axis=0), 1.0, atol=1e-12)
+    assert (np.sum(b[:, 1:] * b[:, :-1], axis=0) > 0.9).all()  # it does not flip
+    R_OB = np.array([rotation(column) for column in b.T.tolist()])
     R_OK = np.array([rotation([flight[f"q{i}"][k] for i in range(4)]) for k in range(len(flight.time))])
     between = np.einsum("nij,nij->n", R_OB[:, :, :1], R_OK[:, :, :1])
     np.testing.assert_allclose(between, np.cos(flight["alpha_A"]) * np.cos(flight["beta_A"]), atol=1e-9)
@@ -124,22 +104,15 @@ def test_the_body_points_into_the_wind() -> None:
     """The velocity relative to the air, seen from the body, makes the angles of attack and of sideslip."""
     flight = windy().flight()
     assert np.abs(flight["V_A"] - flight["V_K"]).max() > 3.0
+    wind = windy().race.air.wind
+    assert wind is not None
     for k in range(0, len(flight.time), 37):
         R = np.array(rotation([flight[f"b{i}"][k] for i in range(4)]))
         chi, gamma = flight["chi"][k], flight["gamma"][k]
         e = np.array([math.cos(gamma) * math.cos(chi), math.cos(gamma) * math.sin(chi), -math.sin(gamma)])
-        wind = windy().race.air.wind
-        assert wind is not None
         u, v, w = R.T @ (flight["V_K"][k] * e - np.array([wind.north, wind.east, 0.0]))
         assert math.atan2(w, u) == pytest.approx(flight["alpha_A"][k], abs=1e-9)
         assert math.asin(v / flight["V_A"][k]) == pytest.approx(flight["beta_A"][k], abs=1e-9)
-
-
-def test_attitudes_do_not_flip_and_have_unit_length() -> None:
-    flight = half_cuban().flight()
-    b = np.array([flight[f"b{i}"] for i in range(4)])
-    np.testing.assert_allclose(np.linalg.norm(b, axis=0), 1.0, atol=1e-12)
-    assert (np.sum(b[:, 1:] * b[:, :-1], axis=0) > 0.9).all()
 
 
 def test_resampling_keeps_angles_continuous_and_quaternions_of_unit_length() -> None:
@@ -152,28 +125,19 @@ def test_resampling_keeps_angles_continuous_and_quaternions_of_unit_length() -> 
     assert finer.time[-1] == flight.time[-1]
 
 
-def test_what_a_flight_does_not_have_is_not_a_number() -> None:
+def test_histories_say_where_they_come_from_and_what_bounds_held_and_others_are_not_there() -> None:
     flight = half_cuban().flight()
+    assert (flight.basis("x"), flight.basis("V_I")) == (Basis.SOLVED, Basis.DERIVED)
+    rules, envelope = flight.course.rules, flight.aircraft.envelope
+    assert flight.limit("n_z").upper == min(rules.n_z.upper, envelope.n_z.upper)
+    assert flight.limit("height").lower == rules.height.lower
+    assert circling(rovinj()).has("latitude", "longitude")
+    assert not flight.has("latitude")  # this course has no origin
     assert "eta" not in flight
     assert np.isnan(flight.values("eta")).all()
     assert not flight.limit("eta").bounded
     with pytest.raises(KeyError):
         flight["eta"]
-
-
-def test_histories_say_where_they_come_from_and_what_bounds_held() -> None:
-    flight = half_cuban().flight()
-    assert flight.basis("x") is Basis.SOLVED
-    assert flight.basis("V_I") is Basis.DERIVED
-    rules, envelope = flight.course.rules, flight.aircraft.envelope
-    assert flight.limit("n_z").upper == min(rules.n_z.upper, envelope.n_z.upper)
-    assert flight.limit("height").lower == rules.height.lower
-
-
-def test_positions_on_the_globe_are_there_where_the_course_has_an_origin() -> None:
-    placed = circling(rovinj())
-    assert placed.has("latitude", "longitude")
-    assert not half_cuban().flight().has("latitude")
 
 
 def test_a_stage_without_a_flight_is_refused() -> None:
@@ -198,9 +162,8 @@ def nearest(flight: Flight, kind: str, leg: int = 1) -> Clearance:
     return min((one for one in found if one.kind == kind), key=lambda one: one.distance)
 
 
-def test_a_level_circle_is_the_same_on_every_leg() -> None:
-    flight = circling(rovinj())
-    for facts in leg_facts(flight):
+def test_facts_of_a_level_circle_are_known_and_extremes_of_a_race_are_those_of_a_leg() -> None:
+    for facts in leg_facts(circling(rovinj())):
         assert facts.n_z.least == pytest.approx(1.0 / math.cos(BANK))
         assert facts.n_z.greatest == pytest.approx(1.0 / math.cos(BANK))
         assert (facts.height.least, facts.height.greatest) == (50.0, 50.0)
@@ -208,16 +171,12 @@ def test_a_level_circle_is_the_same_on_every_leg() -> None:
         assert facts.energy_in == pytest.approx(50.0 + SPEED**2 / (2.0 * g0))
         assert facts.energy_out == facts.energy_in
         assert math.isnan(facts.roll_rate)
-
-
-def test_extremes_of_the_race_are_extremes_of_a_leg() -> None:
     flight = half_cuban().flight()
-    facts = leg_facts(flight)
-    assert max(one.n_z.greatest for one in facts) == flight["n_z"].max()
-    assert min(one.height.least for one in facts) == flight["height"].min()
-    assert max(one.roll_rate for one in facts) == np.abs(flight["p_Kbar"]).max()
-    assert sum(one.leg.time for one in facts) == pytest.approx(flight.race_time, abs=1e-12)
-    for one, following in pairwise(facts):
+    every = leg_facts(flight)
+    assert max(one.n_z.greatest for one in every) == flight["n_z"].max()
+    assert min(one.height.least for one in every) == flight["height"].min()
+    assert max(one.roll_rate for one in every) == np.abs(flight["p_Kbar"]).max()
+    for one, following in pairwise(every):
         assert one.energy_out == following.energy_in
 
 
@@ -238,9 +197,8 @@ def test_a_safety_line_counts_on_the_legs_that_name_it(*, keep_right: bool, side
     passages = list(flight.course.passages)
     passages[1] = replace(passages[1], safety_lines=(line,))
     flight = with_course(flight, passages=tuple(passages))
-    found = nearest(flight, "safety line")
     rows = legs_of(flight)[0].rows
-    assert found.distance == pytest.approx(min(side * flight["y"][rows]), abs=1e-9)
+    assert nearest(flight, "safety line").distance == pytest.approx(min(side * flight["y"][rows]), abs=1e-9)
     assert not [one for one in least(flight, legs_of(flight)[1], distances(flight)) if one.kind == "safety line"]
 
 
@@ -253,29 +211,17 @@ def test_floor_and_airspace() -> None:
     assert nearest(flight, "floor").distance == pytest.approx(50.0 - flight.course.rules.height.lower)
 
 
-def beside_a_pylon(bank: float, height: float) -> tuple[Flight, np.ndarray]:
-    """A circle with a pylon 20 m to the left of its beginning, and the distance from it all along."""
+@pytest.mark.parametrize(("bank", "height"), [(0.1, 10.0), (0.7, 10.0), (1.3, 10.0), (1.0, 100.0)])
+def test_distance_from_a_pylon_is_that_of_the_wing_tip_and_of_its_top_above_it(bank: float, height: float) -> None:
+    """A pylon stands 20 m to the left of the beginning of a circle to the right, so the left tip is the nearest."""
     flight = circling(rovinj(), bank=bank, height=height)
     pylon = replace(flight.course.passages[1].element, north=0.0, east=-20.0)
     passages = (flight.course.passages[0], replace(flight.course.passages[1], element=pylon))
     flight = replace(with_course(flight, passages=passages), crossings=flight.crossings[:2])
     (found,) = [one for one in distances(flight) if one.name == pylon.name]
-    return flight, found.values
-
-
-@pytest.mark.parametrize("bank", [0.1, 0.7, 1.3])
-def test_wing_tips_reach_half_a_span_times_the_cosine_of_the_bank(bank: float) -> None:
-    """The turn goes to the right, so the left tip is the nearest; the body is nose up by a few degrees."""
-    flight, away = beside_a_pylon(bank, 10.0)
-    half = 0.5 * flight.aircraft.airframe.b * math.cos(bank)
-    assert away[0] == pytest.approx(20.0 - half, abs=1e-6)
-
-
-def test_above_a_pylon_its_top_is_what_counts() -> None:
-    flight, away = beside_a_pylon(1.0, 100.0)
     half = 0.5 * flight.aircraft.airframe.b
-    lowest = 100.0 - half * math.sin(1.0)
-    assert away[0] == pytest.approx(math.hypot(20.0 - half * math.cos(1.0), lowest - PYLON_HEIGHT), abs=1e-6)
+    above = max(height - half * math.sin(bank) - PYLON_HEIGHT, 0.0)
+    assert found.values[0] == pytest.approx(math.hypot(20.0 - half * math.cos(bank), above), abs=1e-6)
 
 
 @pytest.fixture

@@ -15,13 +15,12 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.inputs import load_inputs
-from airrace.planning.lint import Kind
+from airrace.planning.lint import RemarkKind
 from airrace.planning.race import Race
 from airrace.procedure.guess import leg_seconds
 from airrace.results import Flight, legs_of
 from airrace.results.clearances import BESIDE, TOLERANCE, UNASKED, near_misses
-from airrace.results.plan_review import plan_clearances, remarks_on_line
-from airrace.results.planned import is_planned, planned_flight
+from airrace.results.planned import is_planned, plan_clearances, planned_flight, remarks_on_line
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import Point
 from airrace.views.map_model import map_model
@@ -92,7 +91,7 @@ def test_no_line_is_drawn_through_the_zone_of_a_crowd_without_a_remark(tmp_path:
         ):
             visited = replace(flown, course=replace(flown.course, crowd=(crowd,)))
             planned = planned_flight(visited)
-            told = " ".join(one.text for one in remarks_on_line(planned) if one.kind is Kind.CROWD)
+            told = " ".join(one.text for one in remarks_on_line(planned) if one.kind is RemarkKind.CROWD)
             away = from_corners(np.concatenate([way.line for way in map_model(visited, planned).ways]), crowd)
             if away.min() < crowd.distance - 1.0:
                 met += 1
@@ -149,11 +148,11 @@ def test_a_pylon_in_the_way_of_a_leg_that_does_not_pass_it_is_remarked_on() -> N
     there = replace(
         there, crossings=tuple(replace(c, passage=p) for c, p in zip(planned.crossings, passages, strict=True))
     )
-    told = [one for one in remarks_on_line(there) if one.kind is Kind.PYLON]
+    told = [one for one in remarks_on_line(there) if one.kind is RemarkKind.PYLON]
     assert (
         f"from `{leg.before.name}` to `{leg.after.name}` leads the wing past a pylon of `g1` at 0.0 m" in told[0].text
     )
-    assert not [one for one in remarks_on_line(planned) if one.kind is Kind.PYLON]
+    assert not [one for one in remarks_on_line(planned) if one.kind is RemarkKind.PYLON]
 
 
 def beside_a_gate(east: float, seconds: float) -> Flight:

@@ -44,6 +44,11 @@ class ConflictSettings:
         freeing_steps: by which the parameters of other places are freed besides those of all together.
         local_shares: shares of the largest attribution from which local parameters belong to the first conflict, tried
             in turn: two conflicts that ask for about as much both have attribution.
+        margins: factors on the least relaxation, and the usual steps on top, with which a repair is tried in turn. The
+            least relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine
+            ones: with ceilings of 182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 1603, 1440 and
+            276 intervals; 179 m are the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 and
+            41 deg/s were not certified in 28 s, 65 deg/s in 2 s.
     """
 
     conflicts_max: int = 4
@@ -54,6 +59,7 @@ class ConflictSettings:
     estimate_slack: float = 1.0
     freeing_steps: float = 5.0
     local_shares: tuple[float, ...] = (0.2, 1.0)
+    margins: tuple[tuple[float, float], ...] = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
 
 
 SETTINGS = ConflictSettings()
@@ -82,22 +88,13 @@ RULES_AND_GATES = RepairKind(of_aircraft=False, single_max=5, suggested_max=3)
 AIRCRAFT = RepairKind(of_aircraft=True, single_max=3, suggested_max=2)
 KINDS = (RULES_AND_GATES, AIRCRAFT)
 """In the order in which they are tried and suggested: a director's first; the aircraft may be at fault as much."""
-MARGINS = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
-"""The factors on the least relaxation, and the usual steps on top, with which a repair is tried in turn.
-
-The least relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine ones: with
-ceilings of 182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 1603, 1440 and 276 intervals; 179 m are
-the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 and 41 deg/s were not certified in 28 s,
-65 deg/s in 2 s.
-"""
 
 
 @record
 class Repair:
-    """A parameter that resolves a conflict alone, with the relaxed flight, and what relaxed it."""
+    """A parameter that resolves a conflict alone, with the relaxed flight."""
 
     parameter: Parameter[Race]
-    solver: ElasticSolver
     relaxed: Relaxed
 
     @property
@@ -105,31 +102,17 @@ class Repair:
         """The order of repairs: those that the inputs allow, rules and gates, then by usual steps."""
         parameter = self.parameter
         steps = abs((parameter.at_steps(self.relaxed.steps) - parameter.value) / parameter.relaxing_step)
-        not_allowed = self.value(MARGINS[0]) < parameter.bounds.lower
+        not_allowed = self.value(0) < parameter.bounds.lower
         return not_allowed, AIRCRAFT.includes(parameter), steps, parameter.key
 
-    def value(self, margin: tuple[float, float]) -> float:
-        """Return the value that is tried with a margin: see `MARGINS`."""
-        factor, extra = margin
+    def value(self, margin: int) -> float:
+        """Return the value that is tried with the margin of that number."""
+        factor, extra = SETTINGS.margins[margin]
         return self.parameter.round_milder(self.parameter.at_steps(factor * self.relaxed.steps + extra))
 
     def apply(self, race: Race) -> Race:
         """Return a race in which the conflict is resolved, with a margin to spare."""
-        return self.parameter.set(race, self.value(MARGINS[1]))
-
-
-@record
-class Relaxation:
-    """A race whose limits give way together, and what relaxed it along one route."""
-
-    solver: ElasticSolver
-    relaxed: Relaxed
-
-
-def relax(race: Race, solver: ElasticSolver, start: Iterate) -> Relaxation | None:
-    """Return a race with all its limits relaxed, from a flight to begin with; None if that is not found."""
-    relaxed = solver.solve_all(race, relaxable_parameters(race), start)
-    return None if relaxed is None else Relaxation(solver, relaxed)
+        return self.parameter.set(race, self.value(1))
 
 
 class RelaxedRoutes:
@@ -139,36 +122,37 @@ class RelaxedRoutes:
     """
 
     def __init__(self, race: Race, flight: StageProblem, session: SolverSession) -> None:
-        self._found: list[Relaxation | None] = []
-        self._coming = (relax(race, solver, start) for solver, start in _routes(race, flight, session))
+        self._found: list[Relaxed | None] = []
+        self._coming = _relax_routes(race, flight, session)
 
-    def __iter__(self) -> Iterator[Relaxation | None]:
+    def __iter__(self) -> Iterator[Relaxed | None]:
         yield from tuple(self._found)
-        for relaxation in self._coming:
-            self._found.append(relaxation)
-            yield relaxation
+        for relaxed in self._coming:
+            self._found.append(relaxed)
+            yield relaxed
 
 
-def _routes(race: Race, flight: StageProblem, session: SolverSession) -> Iterator[tuple[ElasticSolver, Iterate]]:
-    milder = race
-    for parameter in relaxable_parameters(race):
+def _relax_routes(race: Race, flight: StageProblem, session: SolverSession) -> Iterator[Relaxed | None]:
+    milder, parameters = race, relaxable_parameters(race)
+    for parameter in parameters:
         milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
     before: Iterate | None = None
     for plan in (flight.plan, with_passages(milder.plan, race.course)):
         mesh = first_mesh(plan, session.settings.mesh)
         start = guess(plan, mesh)
         if before is None or not np.array_equal(before.state, start.state):
-            yield ElasticSolver(session, race, dataclasses.replace(flight, plan=plan), mesh), start
+            solver = ElasticSolver(session, race, dataclasses.replace(flight, plan=plan), mesh)
+            yield solver.solve_all(race, parameters, start)
         before = start
 
 
-def conflict_location(routes: Iterable[Relaxation | None]) -> str:
+def conflict_location(routes: Iterable[Relaxed | None]) -> str:
     """Return the place of a conflict that is plain on every route; empty if there is none."""
     where = ""
     for route in routes:
-        if route is None or route.relaxed.steps < SETTINGS.plain_steps:
+        if route is None or route.steps < SETTINGS.plain_steps:
             return ""
-        where = where or route.relaxed.where
+        where = where or route.where
     return where
 
 
@@ -191,75 +175,70 @@ class ConflictSearch:
     """
 
     race: Race
-    certify: Callable[[ElasticSolver, Relaxed], StageResult | None]
+    certify: Callable[[Relaxed], StageResult | None]
     flight: StageResult | None = None
 
-    def conflicts(self, routes: Iterable[Relaxation | None]) -> Iterator[Conflict]:
+    def conflicts(self, routes: Iterable[Relaxed | None]) -> Iterator[Conflict]:
         """Yield the conflicts on the route with the least relaxation."""
         found = [one for one in routes if one is not None]
-        race, relaxation = self.race, min(found, key=lambda one: one.relaxed.steps, default=None)
+        race, relaxed = self.race, min(found, key=lambda one: one.steps, default=None)
         for _ in range(SETTINGS.conflicts_max):
-            if relaxation is None or self._needs_nothing(race, relaxation.solver, relaxation.relaxed):
+            if relaxed is None or self._needs_nothing(race, relaxed):
                 return
             parameters = relaxable_parameters(race)
-            repairs, is_last = self._repairs(race, parameters, relaxation), True
+            repairs, is_last = self._repairs(race, parameters, relaxed), True
             for share in SETTINGS.local_shares:
                 if self.flight is None and not repairs:
-                    freed = _free_other_places(race, parameters, relaxation, share)
-                    repairs, is_last = self._repairs(freed, parameters, relaxation), False
+                    freed = _free_other_places(race, parameters, relaxed, share)
+                    repairs, is_last = self._repairs(freed, parameters, relaxed), False
             if self.flight is not None:
                 return
-            yield Conflict(relaxation.relaxed.where, repairs)
+            yield Conflict(relaxed.where, repairs)
             if is_last or not repairs:
                 return
             race = repairs[0].apply(race)
-            relaxation = relax(race, relaxation.solver, relaxation.relaxed.flight)
+            relaxed = relaxed.solver.solve_all(race, relaxable_parameters(race), relaxed.flight)
 
-    def _repairs(self, race: Race, parameters: Sequence[Parameter[Race]], relaxation: Relaxation) -> list[Repair]:
+    def _repairs(self, race: Race, parameters: Sequence[Parameter[Race]], relaxed: Relaxed) -> list[Repair]:
         """Return the parameters that resolve the conflict alone, the least change first."""
-        solver, relaxed = relaxation.solver, relaxation.relaxed
-        shares = [(solver.attribution(race, one, relaxed), one) for one in parameters]
-        estimates = [(relaxed.steps / share, one) for share, one in shares if share > SETTINGS.share_min]
-        possible = sorted(
-            ((steps, one) for steps, one in estimates if steps <= SETTINGS.estimate_slack * one.steps_max),
-            key=lambda one: (one[0], one[1].key),
-        )
+        possible: list[tuple[float, Parameter[Race]]] = []
+        for parameter in parameters:
+            share = relaxed.solver.attribution(race, parameter, relaxed)
+            if share > SETTINGS.share_min and relaxed.steps / share <= SETTINGS.estimate_slack * parameter.steps_max:
+                possible.append((relaxed.steps / share, parameter))
+        possible.sort(key=lambda one: (one[0], one[1].key))
         repairs: list[Repair] = []
         for kind in KINDS:
             own = [one for one in possible if kind.includes(one[1])][: kind.single_max]
             likely = [one for one in own if one[0] <= SETTINGS.estimate_ratio_max * own[0][0]]
-            repairs += itertools.islice(self._solve_single(race, likely, relaxation), kind.suggested_max)
+            repairs += itertools.islice(self._relax_singly(race, likely, relaxed), kind.suggested_max)
             if self.flight is not None:
                 break
         return sorted(repairs, key=lambda one: one.rank)
 
-    def _solve_single(
-        self, race: Race, estimates: Sequence[tuple[float, Parameter[Race]]], relaxation: Relaxation
+    def _relax_singly(
+        self, race: Race, estimates: Sequence[tuple[float, Parameter[Race]]], near: Relaxed
     ) -> Iterator[Repair]:
         """Yield the parameters that help alone, until one shows that no limit has to give way."""
         for estimate, parameter in estimates:
-            relaxed = relaxation.solver.solve_single(race, parameter, relaxation.relaxed, estimate)
-            if relaxed is None:
-                continue
-            if self._needs_nothing(race, relaxation.solver, relaxed):
-                return
-            yield Repair(parameter, relaxation.solver, relaxed)
+            relaxed = near.solver.solve_single(race, parameter, near, estimate)
+            if relaxed is not None:
+                if self._needs_nothing(race, relaxed):
+                    return
+                yield Repair(parameter, relaxed)
 
-    def _needs_nothing(self, race: Race, solver: ElasticSolver, relaxed: Relaxed) -> bool:
+    def _needs_nothing(self, race: Race, relaxed: Relaxed) -> bool:
         """Tell whether a race needs no relaxation after all; the race as it is given is then flown."""
-        if relaxed.needed:
+        if relaxed.is_needed:
             return False
         if race is self.race and self.flight is None:
-            self.flight = self.certify(solver, relaxed)
+            self.flight = self.certify(relaxed)
         return race is not self.race or self.flight is not None
 
 
-def _free_other_places(
-    race: Race, parameters: Sequence[Parameter[Race]], relaxation: Relaxation, share_min: float
-) -> Race:
+def _free_other_places(race: Race, parameters: Sequence[Parameter[Race]], relaxed: Relaxed, share_min: float) -> Race:
     """Return the race without the local limits whose attribution is less than a share of the largest."""
-    solver, relaxed = relaxation.solver, relaxation.relaxed
-    local = [(solver.attribution(race, one, relaxed), one) for one in parameters if one.local]
+    local = [(relaxed.solver.attribution(race, one, relaxed), one) for one in parameters if one.local]
     most = max((share for share, _ in local), default=0.0)
     for share, parameter in local:
         if share < share_min * most:

@@ -1,19 +1,19 @@
 """The diagnosis of a race for which no flight was found: its conflicts, and changes that resolve them.
 
 It is asked for once all starts of a stage have failed, with all solvers. Every suggestion is flown on the whole race
-before it is told; a race that turns out to have a flight after all is flown.
+before it is reported; a race that turns out to have a flight after all is flown.
 """
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from airrace.errors import InputError
 from airrace.planning.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.infeasibility.conflicts import KINDS, MARGINS, ConflictSearch, RelaxedRoutes, Repair, RepairKind
-from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
+from airrace.procedure.infeasibility.conflicts import KINDS, SETTINGS, ConflictSearch, RelaxedRoutes, Repair
+from airrace.procedure.infeasibility.elastic import Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
@@ -36,8 +36,6 @@ WORK_MAX = 4.0
 
 Without a certified flight the first one is repeated all the same.
 """
-NO_FLIGHT = "no flight was found: "
-ROUTES_HINT = "other routes were not tried (--search quick tries them)"
 
 
 def diagnose_infeasibility(
@@ -63,26 +61,22 @@ def diagnose_infeasibility(
     changes: list[SuggestedChange] = []
     for number, conflict in enumerate(conflicts, start=1):
         others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
-        flown = Validation(race, trials.fly, others).validate(conflict.repairs)
+        valid = validate(race, trials.fly, conflict.repairs, others)
         nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
-        changes += [one.suggested_change(number, conflict.where) for one in flown] or [nothing]
+        changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
     message = describe_conflicts(changes)
-    if not any(one.text for one in changes):
+    is_resolved = any(one.text for one in changes)
+    if not is_resolved:
         problem, end = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
         limit = diagnose_window(session, problem, end, end, "")
-        if limit is None:
-            return _with_record(result, session)
-        message = "; ".join(text for text in (message, limit) if text)
+        message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
-        message = f"{message}; {ROUTES_HINT}"
-    diagnosed = dataclasses.replace(
-        result, outcome=Status.INFEASIBLE, message=NO_FLIGHT + message, suggested_changes=tuple(changes)
-    )
-    return _with_record(diagnosed, session)
-
-
-def _with_record(result: StageResult, session: SolverSession) -> StageResult:
-    return dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
+        message = f"{message}; other routes were not tried (--search quick tries them)"
+    result = dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
+    if message is None:
+        return result
+    message = f"no flight was found: {message}"
+    return dataclasses.replace(result, outcome=Status.INFEASIBLE, message=message, suggested_changes=tuple(changes))
 
 
 def describe_conflicts(changes: Sequence[SuggestedChange]) -> str:
@@ -98,16 +92,17 @@ def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
     def amount(value: float, change: SuggestedChange) -> str:
         return f"{value:g} {change.unit}".rstrip()
 
-    def needed(change: SuggestedChange) -> str:
+    def how_to_set(change: SuggestedChange) -> str:
         return f" ({change.key}={change.needed:g})" if change.key else ""
 
     verb = "flown" if " -> " in first.where else "passed"
-    repairs = [f"it takes {amount(first.needed, first)}{needed(first)}"]
+    repairs = [f"it takes {amount(first.needed, first)}{how_to_set(first)}"]
     repairs += [
-        f"{one.text} of {amount(one.needed, one)} instead of {amount(one.given, one)}{needed(one)}" for one in others
+        f"{one.text} of {amount(one.needed, one)} instead of {amount(one.given, one)}{how_to_set(one)}"
+        for one in others
     ]
-    begin = f"{first.where} cannot be {verb} with {first.text} of {amount(first.given, first)}: "
-    return begin + ", or ".join(repairs)
+    given = f"{first.where} cannot be {verb} with {first.text} of {amount(first.given, first)}: "
+    return given + ", or ".join(repairs)
 
 
 @record
@@ -133,30 +128,24 @@ class _Trials:
     race: Race
     stage: Stage
 
-    def certify(self, solver: ElasticSolver, near: Relaxed) -> StageResult | None:
+    def certify(self, near: Relaxed) -> StageResult | None:
         """Return a certified flight of the race as it is; None if none is found near a relaxed one."""
-        start = self._start(self.race, solver, near)
-        found = solve_certified(self.session, start, self.session.settings.solver.primary)
+        found = solve_certified(self.session, _start_near(self.race, near), self.session.settings.solver.primary)
         return found if isinstance(found, StageResult) and found.certified else None
 
-    def fly(self, race: Race, solver: ElasticSolver, near: Relaxed) -> TrialFlight:
+    def fly(self, race: Race, near: Relaxed) -> TrialFlight:
         """Return the flight of a race.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        first = self._fly(self._start(race, solver, near))
+        first = self._fly(_start_near(race, near))
         if first.race_time is not None:
             return first
         flight = formulate(self.stage, race, self.session.settings)
         mesh = first_mesh(flight.plan, self.session.settings.mesh)
         planned = self._fly(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD))
         return dataclasses.replace(planned, work=first.work + planned.work)
-
-    @staticmethod
-    def _start(race: Race, solver: ElasticSolver, near: Relaxed) -> Start:
-        flight = solver.flight(race)
-        return Start(flight, flight.problem(solver.mesh), near.flight, InitialBarrier.PIECES)
 
     def _fly(self, start: Start) -> TrialFlight:
         settings = self.session.settings
@@ -167,9 +156,13 @@ class _Trials:
         found = solve_certified(session, start, settings.solver.primary)
         work = budget.spent / budget.work
         if isinstance(found, StageResult):
-            return TrialFlight(found.trajectory.race_time, certified=found.certified, work=work)
-        race_time = None if found.coarser is None else found.coarser.race_time
-        return TrialFlight(race_time, certified=False, work=work)
+            return TrialFlight(found.trajectory.race_time, found.certified, work)
+        return TrialFlight(None if found.coarser is None else found.coarser.race_time, certified=False, work=work)
+
+
+def _start_near(race: Race, near: Relaxed) -> Start:
+    flight = near.solver.flight(race)
+    return Start(flight, flight.problem(near.solver.mesh), near.flight, InitialBarrier.PIECES)
 
 
 @record
@@ -190,58 +183,50 @@ class RepairTrial:
         return SuggestedChange(number, where, key, label, unit, parameter.value, value, time)
 
 
-@record
-class Validation:
-    """The validation of the repairs of one conflict in flight.
+def validate(
+    race: Race, fly: Callable[[Race, Relaxed], TrialFlight], repairs: Sequence[Repair], others: Sequence[Repair] = ()
+) -> list[RepairTrial]:
+    """Return the repairs of one conflict that flew, those that were certified first.
 
-    Attributes:
+    All are tried with the least margin before any is tried with larger ones. Where none is certified, the largest value
+    that flew is reported, for it is the likeliest to be certified in the end.
+
+    Args:
         race: without a flight.
         fly: flies a whole race, from its plan or near a relaxed flight.
+        repairs: the least change first.
         others: the first repairs of the other conflicts, which are made meanwhile.
     """
 
-    race: Race
-    fly: Callable[[Race, ElasticSolver, Relaxed], TrialFlight]
-    others: Sequence[Repair] = ()
-
-    def validate(self, repairs: Sequence[Repair]) -> list[RepairTrial]:
-        """Return the repairs that flew, those that were certified first.
-
-        All are tried with the least margin before any is tried with larger ones. Where none is certified, the largest
-        value that flew is told, for it is the likeliest to be certified in the end.
-        """
-        found: list[RepairTrial] = []
-        trials = [one for kind in KINDS for one in self._with_least_margin(repairs, kind)]
-        work = sum(one.flight.work for one in trials)
-        certified = any(one.flight.certified for one in trials)
-        for one in trials:
-            last = one
-            for margin in MARGINS[1:]:
-                if last.flight.certified or (work > WORK_MAX and (certified or one is not trials[0])):
-                    break
-                milder = self._trial(one.repair, margin)
-                work += milder.flight.work
-                last = last if milder.flight.race_time is None else milder
-            certified = certified or last.flight.certified
-            if last.flight.race_time is not None:
-                found.append(last)
-        return sorted(found, key=lambda one: not one.flight.certified)
-
-    def _with_least_margin(self, repairs: Iterable[Repair], kind: RepairKind) -> Iterator[RepairTrial]:
-        """Yield the trials of one kind until enough of them flew."""
-        flown = 0
-        for repair in repairs:
-            if kind.includes(repair.parameter) and flown < kind.suggested_max:
-                trial = self._trial(repair, MARGINS[0])
-                flown += trial.flight.race_time is not None
-                yield trial
-
-    def _trial(self, repair: Repair, margin: tuple[float, float]) -> RepairTrial:
+    def attempt(repair: Repair, margin: int) -> RepairTrial:
         value = repair.value(margin)
-        race = repair.parameter.set(self.race, value)
-        for other in self.others:
-            race = other.apply(race)
+        changed = repair.parameter.set(race, value)
+        for other in others:
+            changed = other.apply(changed)
         try:
-            return RepairTrial(repair, value, self.fly(race, repair.solver, repair.relaxed))
+            return RepairTrial(repair, value, fly(changed, repair.relaxed))
         except InputError:  # the inputs do not allow this value
             return RepairTrial(repair, value, TrialFlight(None, certified=False, work=0.0))
+
+    trials: list[RepairTrial] = []
+    for kind in KINDS:
+        flying = 0
+        for repair in repairs:
+            if kind.includes(repair.parameter) and flying < kind.suggested_max:
+                trials.append(attempt(repair, 0))
+                flying += trials[-1].flight.race_time is not None
+    work = sum(one.flight.work for one in trials)
+    certified = any(one.flight.certified for one in trials)
+    found: list[RepairTrial] = []
+    for one in trials:
+        last = one
+        for margin in range(1, len(SETTINGS.margins)):
+            if last.flight.certified or (work > WORK_MAX and (certified or one is not trials[0])):
+                break
+            milder = attempt(one.repair, margin)
+            work += milder.flight.work
+            last = last if milder.flight.race_time is None else milder
+        certified = certified or last.flight.certified
+        if last.flight.race_time is not None:
+            found.append(last)
+    return sorted(found, key=lambda one: not one.flight.certified)

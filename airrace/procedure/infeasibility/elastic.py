@@ -2,7 +2,7 @@
 
 A race is stated along one plan and on one mesh, with its numbers and with milder ones; the problem between the two is
 solved for the least relaxation (`airrace.optimal_control.elastic`). The multipliers of its limits tell what a usual
-step of each parameter would spare.
+step of each parameter would save.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from airrace.optimal_control.elastic import (
 )
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import costates
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
@@ -45,7 +45,7 @@ class ElasticSettings:
     Attributes:
         weight: of a usual step of every parameter.
         original_weight: factor on the weights of race time and controls. A step is then worth 10,000 s, so that no
-            limit is relaxed for the sake of time: with 1, Rovinj with 1.2 g was relaxed to 1.4 g, which spares 40 s.
+            limit is relaxed for the sake of time: with 1, Rovinj with 1.2 g was relaxed to 1.4 g, which saves 40 s.
         single_iterations_max: iterations in which one limit alone must help. Those that helped on eight courses spoilt
             by one limit each took 17 to 161; those that did not took 116 to 300 to fail.
         steps_max: the most usual steps by which all parameters give way at once.
@@ -61,7 +61,7 @@ class ElasticSettings:
     multiplier_min: float = 1e-7
 
 
-ELASTIC = ElasticSettings()
+SETTINGS = ElasticSettings()
 
 
 @record
@@ -69,6 +69,7 @@ class Relaxed:
     """A flight with limits that have given way.
 
     Attributes:
+        solver: what relaxed them.
         flight: on the mesh that was solved on.
         steps: how far they gave way, in steps from the numbers as they are to the milder ones.
         multipliers: of limits, by owner and name.
@@ -78,6 +79,7 @@ class Relaxed:
             one would do, what cannot be flown comes later.
     """
 
+    solver: "ElasticSolver"
     flight: Iterate
     steps: float
     multipliers: Mapping[tuple[Owner, str], float]
@@ -86,9 +88,9 @@ class Relaxed:
     places: Mapping[str, float]
 
     @property
-    def needed(self) -> bool:
+    def is_needed(self) -> bool:
         """Whether limits had to give way at all."""
-        return self.steps > ELASTIC.needed
+        return self.steps > SETTINGS.needed
 
     @property
     def where(self) -> str:
@@ -112,11 +114,11 @@ class ElasticSolver:
 
     def solve_all(self, race: Race, parameters: Sequence[Parameter[Race]], start: Iterate) -> Relaxed | None:
         """Return the least relaxation of all parameters at once, each by as many steps; None if none is found."""
-        mild = race
+        milder = race
         for parameter in parameters:
-            mild = parameter.set(mild, parameter.milder)
-        limits = OPTIONS.iterations_max, 1.0, ELASTIC.steps_max
-        return self._least(race, mild, start, "every limit giving way", *limits)
+            milder = parameter.set(milder, parameter.milder)
+        start = augment(start, 1.0)
+        return self._solve(race, milder, start, "every limit giving way", OPTIONS.iterations_max, SETTINGS.steps_max)
 
     def solve_single(self, race: Race, parameter: Parameter[Race], near: Relaxed, estimate: float) -> Relaxed | None:
         """Return the least relaxation of one parameter; None if that alone does not help, or is not found.
@@ -127,128 +129,121 @@ class ElasticSolver:
             near: the race with all parameters relaxed.
             estimate: the steps that are expected.
         """
-        mild, begin = parameter.set(race, parameter.milder), min(max(estimate, 1.0), 0.9 * parameter.steps_max)
-        limits = ELASTIC.single_iterations_max, begin, parameter.steps_max
-        return self._least(race, mild, near.flight, f"{parameter.key} giving way", *limits)
+        start = augment(near.flight, min(max(estimate, 1.0), 0.9 * parameter.steps_max))
+        milder, purpose = parameter.set(race, parameter.milder), f"{parameter.key} giving way"
+        return self._solve(race, milder, start, purpose, SETTINGS.single_iterations_max, parameter.steps_max)
 
     def attribution(self, race: Race, parameter: Parameter[Race], at: Relaxed) -> float:
-        """Return what a usual step of a parameter would spare, in steps of all parameters together."""
+        """Return what a usual step of a parameter would save, in steps of all parameters together."""
         nominal = self._perturbed.problem(race)
         change = difference(nominal, self._perturbed.problem(parameter.set(race, parameter.milder)))
-        return _spared(change, nominal, at) / ELASTIC.weight
+        return _saving(change, nominal, at) / SETTINGS.weight
 
-    def _problem(self, race: Race) -> Problem:
-        """Return the problem of a race in which race time hardly counts beside the relaxation."""
-        problem, weight = self._perturbed.problem(race), ELASTIC.original_weight
-        regularisation = {name: weight * own for name, own in problem.objective.regularisation.items()}
-        objective = Objective(time=weight * problem.objective.time, regularisation=regularisation)
-        return dataclasses.replace(problem, objective=objective)
-
-    def _least(
-        self, nominal: Race, mild: Race, start: Iterate, purpose: str, most: int, begin: float, furthest: float
+    def _solve(
+        self, race: Race, milder: Race, start: Iterate, purpose: str, iterations_max: int, steps_max: float
     ) -> Relaxed | None:
-        problem = elastic(self._problem(nominal), self._problem(mild), weight=ELASTIC.weight, furthest=furthest)
+        nominal, relaxed = self._perturbed.problem(race), self._perturbed.problem(milder)
+        objectives = _with_small_objective(nominal), _with_small_objective(relaxed)
+        problem = elastic(*objectives, weight=SETTINGS.weight, furthest=steps_max)
         session = self._session
         session.progress.activity(f"no flight found; {purpose}", 0, 0)
-        most = min(most, session.settings.solver.iterations_max)
-        options = dataclasses.replace(OPTIONS, iterations_max=most)
-        solution = session.attempt(problem, augment(start, begin), purpose, session.settings.solver.primary, options)
+        iterations_max = min(iterations_max, session.settings.solver.iterations_max)
+        options = dataclasses.replace(OPTIONS, iterations_max=iterations_max)
+        solution = session.attempt(problem, start, purpose, session.settings.solver.primary, options)
         if solution is None or not solution.success:
             return None
-        return _with_places(
-            _relaxed(problem, solution), self._perturbed.problem(nominal), self._perturbed.problem(mild)
-        )
+        return self._relaxed(problem, solution, nominal, relaxed)
+
+    def _relaxed(self, problem: Problem, solution: Solution, nominal: Problem, milder: Problem) -> Relaxed:
+        """Return the relaxed flight with the multipliers of its limits and the attribution of each place."""
+        layout, lam = Layout(problem), solution.multipliers.constraints
+        owners = {id(one.bounds): owner for owner, one in _observers(problem)}
+        amounts = _amounts(problem)
+        multipliers: dict[tuple[Owner, str], float] = {}
+        along: dict[str, Array] = {}
+        places: dict[str, float] = {}
+        for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
+            multiplier = float(lam[place]) / row.quantity.scale
+            if abs(multiplier) < SETTINGS.multiplier_min:
+                continue
+            owner = PATH if row.source < 0 else owners[id(layout.output_samples[row.source].bounds)]
+            name = row.quantity.name
+            multipliers[owner, name] = multipliers.get((owner, name), 0.0) + multiplier
+            if owner == PATH:
+                along.setdefault(name, np.zeros(layout.intervals + 1))[row.node] += multiplier
+            phase = problem.phases[int(layout.phase_of_interval[max(row.node - 1, 0)])]
+            at = layout.output_samples[row.source].name if owner[0] == "boundary" else phase.name
+            places[at] = places.get(at, 0.0) + abs(multiplier * amounts.get((owner, name), 0.0))
+        flight, steps = project(solution.iterate)
+        found = Relaxed(self, flight, steps, multipliers, along, costates(layout, lam)[:-1], {})
+        for boundary, cost in _costs_at_boundaries(difference(nominal, milder), nominal, found):
+            places[boundary.name] = places.get(boundary.name, 0.0) + abs(cost)
+        places.pop(nominal.start.name, None)
+        return dataclasses.replace(found, places={name: share for name, share in places.items() if share > 0.0})
 
 
-def _relaxed(problem: Problem, solution: Solution) -> Relaxed:
-    """Return the relaxed flight with the multipliers of its limits and the attribution of each place."""
-    layout, lam = Layout(problem), solution.multipliers.constraints
-    owners: dict[int, Owner] = {id(one.bounds): owner for owner, one in boundaries_of(problem)}
+def _with_small_objective(problem: Problem) -> Problem:
+    """Return a problem in which race time hardly counts beside the relaxation."""
+    weight, own = SETTINGS.original_weight, problem.objective
+    regularisation = {name: weight * each for name, each in own.regularisation.items()}
+    return dataclasses.replace(problem, objective=Objective(time=weight * own.time, regularisation=regularisation))
+
+
+def _observers(problem: Problem) -> Iterator[tuple[Owner, Boundary | PathConstraint]]:
+    """Yield all boundaries and watches by what they are called as owners of limits."""
+    yield from boundaries_of(problem)
     for index, phase in enumerate(problem.phases):
-        owners |= {id(watch.bounds): ("watch", index, number) for number, watch in enumerate(phase.watches)}
-    amounts = _amounts(problem)
-    multipliers: dict[tuple[Owner, str], float] = {}
-    along: dict[str, Array] = {}
-    places: dict[str, float] = {}
-    for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
-        multiplier = float(lam[place]) / row.quantity.scale
-        if abs(multiplier) < ELASTIC.multiplier_min:
-            continue
-        owner = PATH if row.source < 0 else owners[id(layout.output_samples[row.source].bounds)]
-        name = row.quantity.name
-        multipliers[owner, name] = multipliers.get((owner, name), 0.0) + multiplier
-        if owner == PATH:
-            along.setdefault(name, np.zeros(layout.intervals + 1))[row.node] += multiplier
-        phase = problem.phases[int(layout.phase_of_interval[max(row.node - 1, 0)])]
-        at = layout.output_samples[row.source].name if owner[0] == "boundary" else phase.name
-        places[at] = places.get(at, 0.0) + abs(multiplier * amounts.get((owner, name), 0.0))
-    flight, steps = project(solution.iterate)
-    return Relaxed(flight, steps, multipliers, along, costates(layout, lam)[:-1], places)
+        for number, watch in enumerate(phase.watches):
+            yield ("watch", index, number), watch
 
 
 def _amounts(problem: Problem) -> dict[tuple[Owner, str], float]:
     """Return by how much each limit of an elastic problem gives way in a step, by owner and name."""
-    named = [(PATH, problem.system.parameters, problem.parameters)]
-    named += [
+    parts = [(PATH, problem.system.parameters, problem.parameters)]
+    parts += [
         (owner, one.observation.parameters, one.values)
-        for owner, one in boundaries_of(problem)
+        for owner, one in _observers(problem)
         if one.observation is not None
-    ]
-    named += [
-        (("watch", index, number), watch.observation.parameters, watch.values)
-        for index, phase in enumerate(problem.phases)
-        for number, watch in enumerate(phase.watches)
     ]
     return {
         (owner, one.name.removeprefix("d_")): value
-        for owner, declared, values in named
+        for owner, declared, values in parts
         for one, value in zip(declared, values, strict=True)
         if one.name.endswith((AT_MOST, AT_LEAST))
     }
 
 
-def _with_places(at: Relaxed, nominal: Problem, mild: Problem) -> Relaxed:
-    """Return a relaxation whose places include what changes in the parameters of boundaries."""
-    places = dict(at.places)
-    for boundary, spared in _spared_at_boundaries(difference(nominal, mild), nominal, at):
-        places[boundary.name] = places.get(boundary.name, 0.0) + abs(spared)
-    places.pop(nominal.start.name, None)
-    return dataclasses.replace(at, places={name: share for name, share in places.items() if share > 0.0})
-
-
-def _spared(change: Moves, nominal: Problem, at: Relaxed) -> float:
-    """Return what a change of numbers would spare: of limits, of what boundaries observe, and in the equations."""
-    spared = 0.0
+def _saving(change: Moves, nominal: Problem, at: Relaxed) -> float:
+    """Return what a change of numbers would save: of limits, of what boundaries observe, and in the equations."""
+    saving = 0.0
     for owner, shifts in change.ranges.items():
         for name, shift in shifts.items():
-            spared += at.multipliers.get((owner, f"{name}{AT_MOST}"), 0.0) * shift.upper
-            spared += at.multipliers.get((owner, f"{name}{AT_LEAST}"), 0.0) * shift.lower
-    for _, value in _spared_at_boundaries(change, nominal, at):
-        spared -= value
+            saving += at.multipliers.get((owner, f"{name}{AT_MOST}"), 0.0) * shift.upper
+            saving += at.multipliers.get((owner, f"{name}{AT_LEAST}"), 0.0) * shift.lower
+    for _, cost in _costs_at_boundaries(change, nominal, at):
+        saving -= cost
     if change.parameters.any():
-        spared -= _in_equations(change.parameters, nominal, at)
-    return max(spared, 0.0)
+        saving -= _cost_in_equations(change.parameters, nominal, at)
+    return max(saving, 0.0)
 
 
-def _spared_at_boundaries(change: Moves, nominal: Problem, at: Relaxed) -> Iterator[tuple[Boundary, float]]:
+def _costs_at_boundaries(change: Moves, nominal: Problem, at: Relaxed) -> Iterator[tuple[Boundary, float]]:
     """Yield the multipliers' sum over what a change of each boundary's parameters does to what it observes."""
     for owner, boundary in boundaries_of(nominal):
         step, observation = change.values.get(owner), boundary.observation
         if step is None or observation is None:
             continue
         state, b = at.flight.state[:, nominal.first_node[owner[1]]], np.asarray(boundary.values)
-        values = np.asarray(observation.values(state, b + step) - observation.values(state, b)).ravel()
-        yield (
-            boundary,
-            sum(
-                at.multipliers.get((owner, f"{one.name}{end}"), 0.0) * float(value)
-                for one, value in zip(observation.quantities, values, strict=True)
-                for end in ("", AT_MOST, AT_LEAST)
-            ),
+        values = np.asarray(observation.values(state, b + step) - observation.values(state, b)).ravel().tolist()
+        costs = (
+            at.multipliers.get((owner, f"{one.name}{end}"), 0.0) * value
+            for one, value in zip(observation.quantities, values, strict=True)
+            for end in ("", AT_MOST, AT_LEAST)
         )
+        yield boundary, sum(costs)
 
 
-def _in_equations(change: Array, nominal: Problem, at: Relaxed) -> float:
+def _cost_in_equations(change: Array, nominal: Problem, at: Relaxed) -> float:
     """Return what the relaxation would be more, to first order, with other parameters in the equations of flight."""
     system, intervals = nominal.system, nominal.intervals
     before = np.repeat(np.asarray(nominal.parameters)[:, None], intervals, axis=1)

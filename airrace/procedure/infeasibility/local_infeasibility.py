@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.problem import Iterate, Phase, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.formulation import without_trim
@@ -69,7 +69,7 @@ def find_local_infeasibility(
     options = dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX)
     for solver in (primary,) if primary_only else (primary, *others):
         for guess in guesses:
-            window, start, _ = window_around(problem, phase, guess)
+            window, start, _ = _window(problem, phase, guess)
             solution = session.attempt(window, start, "the legs around it alone", solver, options)
             if solution is None or solution.success or (solver != primary and not solution.infeasible):
                 return None
@@ -85,13 +85,13 @@ def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, gues
         problem: without a solution.
         end: where the solver gave up.
         guess: where it started.
-        worst: the condition that is violated most there; told where no limit is found, for a solver spreads a conflict
-            over what gives way most easily.
+        worst: the condition that is violated most there; reported where no limit is found, for a solver spreads a
+            conflict over what gives way most easily.
     """
     defects = np.abs(replay(problem, end).defect).max(axis=0)
     interval = int(np.nanargmax(defects)) if np.isfinite(defects).any() else 0
     phase = int(np.searchsorted(problem.first_node, interval, side="right")) - 1
-    window, start, _ = window_around(problem, phase, guess)
+    window, start, _ = _window(problem, phase, guess)
     if _is_feasible(session, window, start, "the legs around it alone"):
         return None
     return binding_limit(session, LocalInfeasibility(problem, guess, phase, worst))
@@ -99,16 +99,16 @@ def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, gues
 
 def binding_limit(session: SolverSession, found: LocalInfeasibility) -> str:
     """Return the sentence of `diagnose_window` for a window that is known to be infeasible."""
-    window, start, first = window_around(found.problem, found.phase, found.guess)
+    window, start, first = _window(found.problem, found.phase, found.guess)
     where = f"the limits contradict each other at {found.problem.phases[found.phase].name}"
-    for what, relaxed in without_one_limit(window, found.phase - first):
+    for what, problem in without_one_limit(window, found.phase - first):
         session.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
-        if _is_feasible(session, relaxed, start, f"without {what}"):
+        if _is_feasible(session, problem, start, f"without {what}"):
             return f"{where}; without the limit of {what} there is a flight"
     return f"{where}; no single limit is to blame" + (f"; most violated: {found.worst}" if found.worst else "")
 
 
-def window_around(problem: Problem, phase: int, guess: Iterate) -> tuple[Problem, Iterate, int]:
+def _window(problem: Problem, phase: int, guess: Iterate) -> tuple[Problem, Iterate, int]:
     """Return the problem of the legs around a phase, a guess's part of it, and the index of its first leg."""
     first, last = max(0, phase - REACH), min(len(problem.phases), phase + REACH + 1)
     start = problem.start
@@ -126,6 +126,12 @@ def _is_feasible(session: SolverSession, problem: Problem, guess: Iterate, purpo
 
 def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
     """Yield what a limit is, and the problem without it: lines and crowd, the path, the ends, gates around a phase."""
+
+    def with_phase(index: int, changed: Phase) -> Problem:
+        phases = (*problem.phases[:index], changed, *problem.phases[index + 1 :])
+        return dataclasses.replace(problem, phases=phases)
+
+    system, last = problem.system, len(problem.phases) - 1
     for name in dict.fromkeys(watch.name for one in problem.phases for watch in one.watches):
         phases = (
             dataclasses.replace(one, watches=tuple(watch for watch in one.watches if watch.name != name))
@@ -133,43 +139,34 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
         )
         yield name, dataclasses.replace(problem, phases=tuple(phases))
     for name, text, unit, factor in LIMITS:
-        for quantity in (*problem.system.states, *problem.system.path):
+        for quantity in (*system.states, *system.path):
             if quantity.name == name:
                 lower, upper = sorted((factor * quantity.lower, factor * quantity.upper))
                 allowed = f"{lower:.4g} to {upper:.4g}" if math.isfinite(upper) else f"at least {lower:.4g}"
-                yield f"{text} ({f'{allowed} {unit}'.rstrip()})", _without_path_limit(problem, name)
-    start, last = without_trim(problem.start), problem.phases[-1]
+                states, path = _without_limit(system.states, name), _without_limit(system.path, name)
+                free = dataclasses.replace(system, states=states, path=path)
+                yield f"{text} ({f'{allowed} {unit}'.rstrip()})", dataclasses.replace(problem, system=free)
+    start, finish = without_trim(problem.start), without_trim(problem.phases[last].end)
     if start.bounds != problem.start.bounds:
         yield "a settled start", dataclasses.replace(problem, start=start)
-    finish = without_trim(last.end)
-    if finish.bounds != last.end.bounds:
-        phases = (*problem.phases[:-1], dataclasses.replace(last, end=finish))
-        yield "a settled finish", dataclasses.replace(problem, phases=phases)
+    if finish.bounds != problem.phases[last].end.bounds:
+        yield "a settled finish", with_phase(last, dataclasses.replace(problem.phases[last], end=finish))
     for index in (phase, phase - 1):
         if index >= 0:
-            name = problem.phases[index].end.name
-            yield f"attitude and course at gate {name}", _position_only(problem, index)
+            one = problem.phases[index]
+            position = {name: bounds for name, bounds in one.end.bounds.items() if name in POSITION}
+            end = dataclasses.replace(one.end, bounds=position)
+            yield (
+                f"attitude and course at gate {one.end.name}",
+                with_phase(index, dataclasses.replace(one, end=end)),
+            )
 
 
-def _without_path_limit(problem: Problem, name: str) -> Problem:
-    """Return the problem without a limit along the path; speeds stay positive, which the equations need."""
-
-    def free(declared: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
-        return tuple(
-            dataclasses.replace(one, lower=0.3 * one.lower if one.unit == "m/s" else -math.inf, upper=math.inf)
-            if one.name == name
-            else one
-            for one in declared
-        )
-
-    system = problem.system
-    system = dataclasses.replace(system, states=free(system.states), path=free(system.path))
-    return dataclasses.replace(problem, system=system)
-
-
-def _position_only(problem: Problem, index: int) -> Problem:
-    """Return the problem with only the position prescribed at the end of a phase."""
-    phase = problem.phases[index]
-    position = {name: bounds for name, bounds in phase.end.bounds.items() if name in POSITION}
-    changed = dataclasses.replace(phase, end=dataclasses.replace(phase.end, bounds=position))
-    return dataclasses.replace(problem, phases=(*problem.phases[:index], changed, *problem.phases[index + 1 :]))
+def _without_limit(quantities: Sequence[Quantity], name: str) -> tuple[Quantity, ...]:
+    """Return quantities with one of them free along the path; speeds stay positive, which the equations need."""
+    return tuple(
+        dataclasses.replace(one, lower=0.3 * one.lower if one.unit == "m/s" else -math.inf, upper=math.inf)
+        if one.name == name
+        else one
+        for one in quantities
+    )
