@@ -32,7 +32,7 @@ from airrace.checkpoint.run_layout import encode
 from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Item
-from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult, Status, SuggestedChange
+from airrace.procedure.result import Route, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
@@ -91,31 +91,21 @@ def test_a_quantity_whose_name_cannot_name_a_dataset_is_refused(tmp_path: Path, 
     assert list(tmp_path.iterdir()) == []
 
 
+CONTRADICTORY = replace(example_result().trajectory, first_node=np.array([0, 2, 99], np.int64))
+
+
 def test_what_could_not_be_read_again_never_replaces_a_good_checkpoint(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    write_checkpoint(path, example_checkpoint())
-    before = path.read_bytes()
-    contradictory = replace(example_result().trajectory, first_node=np.array([0, 2, 99], np.int64))
-    with pytest.raises(CheckpointError, match="first_node"):
-        write_checkpoint(path, checkpoint_of(contradictory))
+    path, good = tmp_path / "run.h5", example_checkpoint()
+    write_checkpoint(path, good)
+    before, unchanged = path.read_bytes(), {one.result.stage for one in good.stages}
+    longer = good.with_stage(replace(example_result(Stage.STATE_SPACE), trajectory=CONTRADICTORY))
     nul = Checkpoint(replace(INPUTS, resolved="a\0b"), VERSIONS)
-    with pytest.raises(CheckpointError, match="NUL"):
-        write_checkpoint(path, nul)
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_stage_that_could_not_be_read_is_refused_although_the_others_are_unchanged(tmp_path: Path) -> None:
-    path, kept = tmp_path / "run.h5", example_checkpoint()
-    write_checkpoint(path, kept)
-    before = path.read_bytes()
-    unchanged = {one.result.stage for one in kept.stages}
-    contradictory = replace(example_result().trajectory, first_node=np.array([0, 2, 99], np.int64))
-    longer = kept.with_stage(replace(example_result(Stage.STATE_SPACE), trajectory=contradictory))
-    with pytest.raises(CheckpointError, match="first_node"):
-        write_checkpoint(path, longer, unchanged=unchanged)
-    assert path.read_bytes() == before
-    sound = kept.with_stage(example_result(Stage.STATE_SPACE))
+    for refused, words in ((checkpoint_of(CONTRADICTORY), "first_node"), (nul, "NUL"), (longer, "first_node")):
+        with pytest.raises(CheckpointError, match=words):
+            write_checkpoint(path, refused, unchanged=unchanged if refused is longer else ())
+        assert path.read_bytes() == before
+        assert list(tmp_path.iterdir()) == [path]
+    sound = good.with_stage(example_result(Stage.STATE_SPACE))
     write_checkpoint(path, sound, unchanged=unchanged)
     write_checkpoint(tmp_path / "read_back.h5", sound)
     assert path.read_bytes() == (tmp_path / "read_back.h5").read_bytes()
@@ -181,20 +171,13 @@ def explored_results(draw: st.DrawFn) -> StageResult:
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(result=explored_results())
-def test_ways_and_rivals_are_read_back_in_every_bit(
+def test_routes_and_alternatives_are_read_back_in_every_bit(
     result: StageResult, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    path = tmp_path_factory.getbasetemp() / "ways.h5"
+    path = tmp_path_factory.getbasetemp() / "routes.h5"
     write_checkpoint(path, checkpoint_with(result))
     (stored,) = read_checkpoint(path).stages
     assert_same(stored.result, result)
-
-
-def test_stage_that_explored_nothing_is_read_back_as_such(tmp_path: Path) -> None:
-    write_checkpoint(tmp_path / "run.h5", example_checkpoint())
-    for stored in read_checkpoint(tmp_path / "run.h5").stages:
-        assert stored.result.search == NOT_SEARCHED
-        assert stored.result.alternatives == ()
 
 
 def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_told(tmp_path: Path) -> None:
@@ -212,16 +195,15 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
             assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
 
 
-def test_more_than_nine_rivals_keep_their_order(tmp_path: Path) -> None:
-    alternatives = tuple(replace(example_result(), message=f"alternative {number}") for number in range(12))
+def test_more_than_nine_alternatives_keep_their_order(tmp_path: Path) -> None:
+    messages = [f"alternative {number}" for number in range(12)]
+    alternatives = tuple(replace(example_result(), message=message) for message in messages)
     write_checkpoint(tmp_path / "run.h5", checkpoint_with(replace(example_result(), alternatives=alternatives)))
     (stored,) = read_checkpoint(tmp_path / "run.h5").stages
-    assert [alternative.message for alternative in stored.result.alternatives] == [
-        alternative.message for alternative in alternatives
-    ]
+    assert [alternative.message for alternative in stored.result.alternatives] == messages
 
 
-def test_plain_hdf5_shows_ways_and_rivals(tmp_path: Path) -> None:
+def test_plain_hdf5_shows_routes_and_alternatives(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "run.h5", checkpoint_with(contested()))
     with h5py.File(tmp_path / "run.h5", "r") as file:
         stage = file[STAGE]
@@ -285,7 +267,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
 
 
 @pytest.mark.parametrize("name", FORGERIES)
-def test_forged_ways_and_rivals_are_refused(tmp_path: Path, name: str) -> None:
+def test_forged_routes_and_alternatives_are_refused(tmp_path: Path, name: str) -> None:
     path, image = tmp_path / "run.h5", tmp_path / "image.h5"
     write_checkpoint(path, checkpoint_with(contested()))
     image.write_bytes(unseal(path.read_bytes()))
@@ -298,7 +280,7 @@ def test_forged_ways_and_rivals_are_refused(tmp_path: Path, name: str) -> None:
     assert str(caught.value).startswith(f"{path}: ")
 
 
-def test_stage_stands_on_its_ways_and_rivals() -> None:
+def test_a_stage_stands_on_its_routes_and_alternatives() -> None:
     """What is computed from them is stale where they are others."""
     link = checkpoint_with(contested()).stages[0].chain_hash
     first, second = contested().alternatives
@@ -318,11 +300,12 @@ CURRENT = inputs_hash(INPUTS.resolved)
 LADDER = (Stage.HOMOTOPY, Stage.POINT_MASS, Stage.TRANSFER_FUNCTION)
 
 
-def test_nothing_is_stale_while_nothing_changed() -> None:
-    assert stale_stages(example_checkpoint(*LADDER), CURRENT) == []
+def stale_names(checkpoint: Checkpoint) -> list[Stage]:
+    return [stage for stage, _ in stale_stages(checkpoint, CURRENT)]
 
 
 def test_another_configuration_makes_every_stage_stale() -> None:
+    assert stale_stages(example_checkpoint(*LADDER), CURRENT) == []
     stale = stale_stages(example_checkpoint(*LADDER), inputs_hash("{}"))
     assert [stage for stage, _ in stale] == list(LADDER)
     assert all(reason == "the resolved configuration changed since it was computed" for _, reason in stale)
@@ -355,38 +338,26 @@ def test_a_stage_exchanged_for_another_run_s_does_not_fit_the_chain() -> None:
     checkpoint = example_checkpoint(*LADDER)
     other = example_checkpoint(Stage.HOMOTOPY, intervals=8)
     mixed = replace(checkpoint, stages=(other.stages[0], *checkpoint.stages[1:]))
-    assert [stage for stage, _ in stale_stages(mixed, CURRENT)] == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
+    assert stale_names(mixed) == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
 
 
-def test_a_stage_computed_again_replaces_itself_and_drops_what_stood_on_it() -> None:
+def test_a_stage_computed_again_replaces_itself_and_drops_what_stood_on_it_but_one_that_was_checked_does_not() -> None:
     checkpoint = example_checkpoint(*LADDER)
-    again = checkpoint.with_stage(example_result(Stage.POINT_MASS, intervals=8))
-    assert [stored.result.stage for stored in again.stages] == [Stage.HOMOTOPY, Stage.POINT_MASS]
-    assert again.stages[0] is checkpoint.stages[0]
-    assert len(again.stages[1].result.trajectory.time) == 9
-    assert stale_stages(again, CURRENT) == []
+    result = example_result(Stage.POINT_MASS, intervals=8)
+    for replaced, stages in ((checkpoint.with_stage(result), LADDER[:2]), (checkpoint.with_proof(result), LADDER)):
+        assert [stored.result.stage for stored in replaced.stages] == list(stages)
+        assert replaced.stages[0] is checkpoint.stages[0]
+        assert len(replaced.stages[1].result.trajectory.time) == 9
+        assert [one.result for one in replaced.stages[2:]] == [one.result for one in checkpoint.stages[2 : len(stages)]]
+        assert stale_names(replaced) == []
 
 
-def test_a_completed_proof_takes_the_place_of_its_stage_and_what_stood_above_stands() -> None:
-    checkpoint = example_checkpoint(*LADDER)
-    proved = checkpoint.with_proof(example_result(Stage.POINT_MASS, intervals=8))
-    assert [stored.result.stage for stored in proved.stages] == list(LADDER)
-    assert proved.stages[0] is checkpoint.stages[0]
-    assert len(proved.stages[1].result.trajectory.time) == 9
-    assert proved.stages[2].result is checkpoint.stages[2].result
-    assert stale_stages(proved, CURRENT) == []
-
-
-def test_a_completed_proof_makes_no_stale_stage_good_again() -> None:
-    checkpoint = example_checkpoint(*LADDER)
+def test_a_completed_mesh_check_makes_no_stale_stage_good_again() -> None:
+    checkpoint, result = example_checkpoint(*LADDER), example_result(Stage.POINT_MASS, intervals=8)
     first, second, third = checkpoint.stages
     altered = replace(third, result=replace(third.result, message="altered"))
-    proved = replace(checkpoint, stages=(first, second, altered)).with_proof(
-        example_result(Stage.POINT_MASS, intervals=8)
-    )
-    assert [stage for stage, _ in stale_stages(proved, CURRENT)] == [Stage.TRANSFER_FUNCTION]
-    computed_otherwise = checkpoint.with_proof(example_result(Stage.POINT_MASS, intervals=8))
-    assert len(stale_stages(computed_otherwise, inputs_hash("{}"))) == len(LADDER)
+    assert stale_names(replace(checkpoint, stages=(first, second, altered)).with_proof(result)) == [third.result.stage]
+    assert len(stale_stages(checkpoint.with_proof(result), inputs_hash("{}"))) == len(LADDER)
 
 
 def test_a_stage_is_found_by_its_name() -> None:
@@ -412,6 +383,8 @@ def test_a_digest_sees_numbers_as_they_are_stored() -> None:
     assert content_digest(np.arange(3, dtype=np.int32)) == content_digest(np.arange(3, dtype=np.int64))
     assert content_digest(np.arange(3)) != content_digest(np.arange(3.0))
     assert content_digest(True) != content_digest(1)
+    with pytest.raises(TypeError, match="set"):
+        content_digest({1})
 
 
 def test_a_digest_leaves_out_what_a_quantity_does_not_declare() -> None:
@@ -419,8 +392,3 @@ def test_a_digest_leaves_out_what_a_quantity_does_not_declare() -> None:
     before = dataclasses.make_dataclass("Quantity", fields)
     assert content_digest(Quantity("eta", "rad")) == content_digest(before("eta", "rad", 1.0, -math.inf, math.inf, ""))
     assert content_digest(Quantity("eta", "rad")) != content_digest(Quantity("eta", "rad", rate_of="xi"))
-
-
-def test_a_digest_of_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(TypeError, match="set"):
-        content_digest({1})

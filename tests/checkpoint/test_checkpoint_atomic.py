@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -98,29 +99,28 @@ def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
-def test_a_failed_rename_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("call", "raised", "caught"),
+    [
+        ("replace", PermissionError(13, "Permission denied"), pytest.raises(StorageError, match="Permission denied")),
+        ("fsync", KeyboardInterrupt(), pytest.raises(KeyboardInterrupt)),
+    ],
+)
+def test_a_failed_rename_and_an_interrupt_leave_the_old_file_alone(
+    call: str,
+    raised: BaseException,
+    caught: AbstractContextManager[object],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     path = tmp_path / "run.h5"
     path.write_bytes(b"old")
 
     def refuse(*_: object) -> None:
-        raise PermissionError(13, "Permission denied")
+        raise raised
 
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.raises(StorageError, match=r"run\.h5: Permission denied"):
-        replace_file(path, b"new")
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_interrupt_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "run.h5"
-    path.write_bytes(b"old")
-
-    def interrupt(_: int) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "fsync", interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    monkeypatch.setattr(os, call, refuse)
+    with caught:
         replace_file(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
@@ -214,24 +214,18 @@ for _ in range(100):
     assert path.read_bytes() == b"x" * 10_000
 
 
-def test_where_files_cannot_be_locked_they_are_written_and_nothing_is_removed(
+def test_where_files_cannot_be_locked_they_are_written_and_only_without_any_locks_what_was_left_goes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(atomic.fcntl, "flock", refuse)
-    left = tmp_path / ".run.h5.0123abcd.partial"
+    path, left = tmp_path / "run.h5", tmp_path / ".run.h5.0123abcd.partial"
     left.write_bytes(b"half of it")
-    replace_file(tmp_path / "run.h5", b"new")
-    assert sorted(tmp_path.iterdir()) == [left, tmp_path / "run.h5"]
-
-
-def test_without_posix_locks_files_are_replaced_and_what_was_left_goes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(atomic, "fcntl", None)
-    (tmp_path / ".run.h5.0123abcd.partial").write_bytes(b"half of it")
-    replace_file(tmp_path / "run.h5", b"new")
-    assert list(tmp_path.iterdir()) == [tmp_path / "run.h5"]
-    assert (tmp_path / "run.h5").read_bytes() == b"new"
+    monkeypatch.setattr(atomic.fcntl, "flock", refuse)
+    replace_file(path, b"new")
+    assert sorted(tmp_path.iterdir()) == [left, path]
+    monkeypatch.setattr(atomic, "fcntl", None)  # as on Windows
+    replace_file(path, b"newer")
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == b"newer"
