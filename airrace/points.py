@@ -29,8 +29,8 @@ def at_points(function: ca.Function, *arguments: Array) -> Array:
     given = [_by_point(argument, count) for argument in arguments]
     found = np.zeros((count, function.size1_out(0)))
     for place, array in enumerate(given):
-        if array.shape[1] != function.size1_in(place):
-            raise ValueError(f"argument {place} of {function.name()} has {array.shape[1]} rows")
+        if array.shape != (count, function.size1_in(place)):
+            raise ValueError(f"argument {place} of {function.name()} has {array.shape[1]} rows at {len(array)} points")
         if array.size:  # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers
             buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
     buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]

@@ -28,8 +28,8 @@ from airrace.inputs.inputs import load_inputs
 from airrace.native.interpreter import Interpreter
 from airrace.native.library import library_path, open_library
 from airrace.optimal_control.kernels import Callee, Part, casadi_kernels, native_kernels
-from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
+from airrace.points import at_points
 
 ROOT = Path(__file__).resolve().parent.parent
 WIND = Air(
@@ -77,7 +77,7 @@ def evaluation(step: Callee, part: Part, model: FlightModel, count: int) -> Call
     if part is Part.HESSIAN:
         given.append(random.normal(size=(count, len(x))))
     arrays = [np.ascontiguousarray(one).ravel() for one in given]
-    call, results = step.bound(part, count // step.lanes, 1, arrays)
+    call, results = step.bind(part, count // step.lanes, 1, arrays)
     call()
     if not all(np.isfinite(one).all() for one in results):
         raise SystemExit("the step is not finite at the points of the benchmark")
@@ -101,7 +101,7 @@ def rates_calls(natives: Sequence[Interpreter], model: FlightModel, count: int) 
     x, u = points(model, count)
     p = np.ascontiguousarray(model.parameter_values, dtype=np.float64)
     functions = [native.at_points(model.system.rates, u, p) for native in natives]
-    functions.append(casadi_function_at_points(model.system.rates, u, p))
+    functions.append(lambda x: at_points(model.system.rates, x, u, p))
     return [lambda at=at: at(x) for at in functions]
 
 

@@ -9,16 +9,16 @@ limits have to give way is one more state `relaxed`, without a rate: 0 for what 
 and minimising it gives the least relaxation in that direction.
 """
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, System
@@ -41,19 +41,11 @@ PATH: Owner = ("path", 0, 0)
 """The owner of the ranges that hold all along the flight."""
 
 
-@record
-class Shift:
+class Shift(NamedTuple):
     """The change of both ends of a range from the one problem to the milder one; 0 where both are infinite."""
 
     lower: float = 0.0
     upper: float = 0.0
-
-    @classmethod
-    def between(cls, nominal: Interval, relaxed_problem: Interval) -> "Shift":
-        return cls(_change(nominal.lower, relaxed_problem.lower), _change(nominal.upper, relaxed_problem.upper))
-
-    def __bool__(self) -> bool:
-        return self.lower != 0.0 or self.upper != 0.0
 
 
 NO_SHIFT = Shift()
@@ -84,46 +76,80 @@ def difference(nominal: Problem, relaxed_problem: Problem) -> Moves:
     """Return what differs between two problems that a change of numbers has made of one."""
     ranges: dict[Owner, Mapping[str, Shift]] = {}
     values: dict[Owner, Array] = {}
-    for (owner, one), (_, other) in zip(_owners(nominal), _owners(relaxed_problem), strict=True):
-        shifts = {name: Shift.between(at, other.bounds.get(name, at)) for name, at in one.bounds.items()}
-        if shifted := {name: shift for name, shift in shifts.items() if shift}:
-            ranges[owner] = shifted
-        change = np.asarray(other.values, dtype=float) - np.asarray(one.values, dtype=float)
+    for (owner, bounds, numbers), (_, other_bounds, other_numbers) in zip(
+        _ranges(nominal), _ranges(relaxed_problem), strict=True
+    ):
+        shifts: dict[str, Shift] = {}
+        for name, at in bounds.items():
+            other = other_bounds.get(name, at)
+            shifts[name] = Shift(_change(at.lower, other.lower), _change(at.upper, other.upper))
+        if nonzero := {name: shift for name, shift in shifts.items() if any(shift)}:
+            ranges[owner] = nonzero
+        change = np.asarray(other_numbers, dtype=float) - np.asarray(numbers, dtype=float)
         if change.any():
             values[owner] = change
     parameters = np.asarray(relaxed_problem.parameters, dtype=float) - np.asarray(nominal.parameters, dtype=float)
     return Moves(parameters, ranges, values)
 
 
+def _ranges(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
+    """Yield all ranges and parameters by their owner, in the same order for problems of the same structure."""
+    system = problem.system
+    yield PATH, {one.name: Interval(one.lower, one.upper) for one in (*system.states, *system.path)}, ()
+    for owner, boundary in boundaries_of(problem):
+        yield owner, boundary.bounds, boundary.values
+    for index, phase in enumerate(problem.phases):
+        for number, watch in enumerate(phase.watches):
+            yield ("watch", index, number), watch.bounds, watch.values
+
+
+def boundaries_of(problem: Problem) -> list[tuple[Owner, Boundary]]:
+    """Return the start and the ends of all phases, with what they are called as owners of ranges."""
+    return [(("boundary", number, 0), one) for number, one in enumerate(problem.boundaries)]
+
+
+def _change(nominal: float, relaxed_problem: float) -> float:
+    """Return by how much an end of a range moves; one that is gone at once moves by one unit."""
+    if math.isinf(nominal):
+        return 0.0
+    return relaxed_problem - nominal if math.isfinite(relaxed_problem) else math.copysign(1.0, relaxed_problem)
+
+
 def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthest: float = math.inf) -> Problem:
     """Return the problem of giving way as little as possible.
 
     Args:
-        strict: what is asked for.
-        mild: the same with milder numbers.
+        nominal: what is asked for.
+        relaxed_problem: the same with milder numbers.
         weight: of a whole step from the one to the other, in the unit of the objective.
         furthest: the largest number of such steps.
     """
-    moved = difference(nominal, relaxed_problem)
-    augment = _lifted(nominal.system, _limited(nominal.system))
-    along = moved.ranges.get(PATH, {})
-    boundaries = [_elastic(one, moved, owner, nominal.system) for owner, one in boundaries_of(nominal)]
-    phases = tuple(
-        dataclasses.replace(phase, end=end, watches=_watches(phase, index, moved, nominal.system))
-        for index, (phase, end) in enumerate(zip(nominal.phases, boundaries[1:], strict=True))
-    )
-    objective = Objective(
-        time=nominal.objective.time,
-        terminal={RELAXED.name: weight},
-        regularisation=nominal.objective.regularisation,
-    )
-    return dataclasses.replace(
+    moves, system = difference(nominal, relaxed_problem), nominal.system
+    shifts = [moves.ranges.get(PATH, {}).get(name, NO_SHIFT) for name in _limited(system)]
+    start, *ends = (_elastic(one, moves, owner, system) for owner, one in boundaries_of(nominal))
+    phases = [
+        replace(
+            phase,
+            end=end,
+            watches=tuple(
+                replace(_elastic(watch, moves, ("watch", index, number), system), exact=None)
+                for number, watch in enumerate(phase.watches)
+            ),
+        )
+        for index, (phase, end) in enumerate(zip(nominal.phases, ends, strict=True))
+    ]
+    upper, lower = [shift.upper for shift in shifts], [shift.lower for shift in shifts]
+    return replace(
         nominal,
-        system=_bounded(augment, nominal.system, along, furthest),
-        parameters=(*nominal.parameters, *moved.parameters.tolist(), *_shifts(nominal.system, along)),
-        start=boundaries[0],
-        phases=phases,
-        objective=objective,
+        system=_elastic_system(system, moves.ranges.get(PATH, {}), furthest),
+        parameters=(*nominal.parameters, *moves.parameters.tolist(), *upper, *lower),
+        start=start,
+        phases=tuple(phases),
+        objective=Objective(
+            time=nominal.objective.time,
+            terminal={RELAXED.name: weight},
+            regularisation=nominal.objective.regularisation,
+        ),
     )
 
 
@@ -138,20 +164,54 @@ def project(iterate: Iterate) -> tuple[Iterate, float]:
     return Iterate(iterate.durations, iterate.state[:-1], iterate.control), float(iterate.state[-1, -1])
 
 
-# The functions, made once for all directions in which limits give way.
-
-
 def _limited(system: System) -> tuple[str, ...]:
     """Return the names of states and path quantities that may have limits which give way, in order."""
     states = [one.name for one in system.states if math.isfinite(one.lower) or math.isfinite(one.upper)]
     return (*states, *(one.name for one in system.path))
 
 
+def _elastic_system(system: System, shifts: Mapping[str, Shift], furthest: float) -> System:
+    """Return a system with the state `relaxed`; the limits that give way are those of path quantities."""
+    names, path_names = _limited(system), {one.name for one in system.path}
+    rows = tuple(row for row, one in enumerate(system.states) if one.name in names)
+    rates, path, projection = _elastic_functions(system.rates, system.path_values, system.projection, rows)
+    declared = {one.name: one for one in (*system.states, *system.path)}
+    sides = [(name, end) for end in (AT_MOST, AT_LEAST) for name in names]
+
+    def limit(name: str, end: str) -> Quantity:
+        one, shift = declared[name], shifts.get(name, NO_SHIFT)
+        holds = name in path_names or (shift.upper if end == AT_MOST else shift.lower) != 0.0
+        lower = one.lower if holds and end == AT_LEAST else -math.inf
+        upper = one.upper if holds and end == AT_MOST else math.inf
+        return replace(one, name=f"{name}{end}", lower=lower, upper=upper)
+
+    def state(one: Quantity) -> Quantity:
+        shift = shifts.get(one.name, NO_SHIFT)
+        lowest = SLOWEST * one.lower if one.unit == "m/s" else -math.inf
+        lower, upper = lowest if shift.lower else one.lower, math.inf if shift.upper else one.upper
+        return replace(one, lower=lower, upper=upper)
+
+    return System(
+        name=f"{system.name}+elastic",
+        states=(*(state(one) for one in system.states), replace(RELAXED, upper=furthest)),
+        controls=system.controls,
+        parameters=(
+            *system.parameters,
+            *(replace(one, name=f"d_{one.name}") for one in system.parameters),
+            *(replace(declared[name], name=f"d_{name}{end}") for name, end in sides),
+        ),
+        rates=rates,
+        path=tuple(limit(name, end) for name, end in sides),
+        path_values=path,
+        projection=projection,
+    )
+
+
 @functools.lru_cache(maxsize=16)
-def _functions(
+def _elastic_functions(
     rates: ca.Function, path: ca.Function | None, projection: ca.Function | None, rows: tuple[int, ...]
 ) -> tuple[ca.Function, ca.Function, ca.Function | None]:
-    """Return rates, path quantities and projection of a system with the state `relaxed`.
+    """Return rates, path quantities and projection of a system with the state `relaxed`, once for all directions.
 
     Args:
         rates: of the system.
@@ -165,181 +225,73 @@ def _functions(
     now = p + relaxed * change
     along += path(x, u, now).elements() if path is not None else []
     lower, upper = ca.SX.sym("d_lower", len(along)), ca.SX.sym("d_upper", len(along))
-    column = _vertcat(*along)
+    column, options = _vertcat(*along), {"cse": True}
     arguments = [_vertcat(x, relaxed), u, _vertcat(p, change, upper, lower)]
     values = [_vertcat(column - relaxed * upper, column - relaxed * lower)]
     projected = None
     if projection is not None:
-        projected = ca.Function("project", [arguments[0]], [_vertcat(projection(x), relaxed)], {"cse": True})
+        projected = ca.Function("project", [arguments[0]], [_vertcat(projection(x), relaxed)], options)
     return (
-        ca.Function("rates", arguments, [_vertcat(rates(x, u, now), 0.0)], {"cse": True}),
-        ca.Function("path", arguments, values, {"cse": True}),
+        ca.Function("rates", arguments, [_vertcat(rates(x, u, now), 0.0)], options),
+        ca.Function("path", arguments, values, options),
         projected,
     )
 
 
-def _lifted(system: System, names: tuple[str, ...]) -> System:
-    """Return a system with the state `relaxed`; the limits that may give way are those of path quantities."""
-    states = {one.name: row for row, one in enumerate(system.states)}
-    rows = tuple(states[name] for name in names if name in states)
-    rates, path, projection = _functions(system.rates, system.path_values, system.projection, rows)
-    declared = {one.name: one for one in (*system.states, *system.path)}
-    return System(
-        name=f"{system.name}+elastic",
-        states=(*system.states, RELAXED),
-        controls=system.controls,
-        parameters=(
-            *system.parameters,
-            *(dataclasses.replace(one, name=f"d_{one.name}") for one in system.parameters),
-            *(dataclasses.replace(declared[name], name=f"d_{name}{AT_MOST}") for name in names),
-            *(dataclasses.replace(declared[name], name=f"d_{name}{AT_LEAST}") for name in names),
-        ),
-        rates=rates,
-        path=(
-            *(dataclasses.replace(declared[name], name=f"{name}{AT_MOST}") for name in names),
-            *(dataclasses.replace(declared[name], name=f"{name}{AT_LEAST}") for name in names),
-        ),
-        path_values=path,
-        projection=projection,
-    )
-
-
-def _shifts(system: System, along: Mapping[str, Shift]) -> Iterator[float]:
-    """Yield the changes of the limits along the path, first those of all upper, then those of all lower ends."""
-    names = _limited(system)
-    yield from (along.get(name, NO_SHIFT).upper for name in names)
-    yield from (along.get(name, NO_SHIFT).lower for name in names)
-
-
-def _bounded(augment: System, system: System, along: Mapping[str, Shift], furthest: float) -> System:
-    """Return the lifted system with bounds: of states where they stay, of path quantities where they give way."""
-    path_names = {one.name for one in system.path}
-    declared = {one.name: one for one in (*system.states, *system.path)}
-
-    def limit(row: Quantity) -> Quantity:
-        upper_end = row.name.endswith(AT_MOST)
-        name = row.name.removesuffix(AT_MOST).removesuffix(AT_LEAST)
-        shift, one = along.get(name, NO_SHIFT), declared[name]
-        gives_way = (shift.upper if upper_end else shift.lower) != 0.0
-        held = gives_way or name in path_names
-        lower = one.lower if held and not upper_end else -math.inf
-        return dataclasses.replace(row, lower=lower, upper=one.upper if held and upper_end else math.inf)
-
-    def state(one: Quantity) -> Quantity:
-        shift = along.get(one.name, NO_SHIFT)
-        lowest = SLOWEST * one.lower if one.unit == "m/s" else -math.inf
-        lower, upper = lowest if shift.lower else one.lower, math.inf if shift.upper else one.upper
-        return dataclasses.replace(one, lower=lower, upper=upper)
-
-    return dataclasses.replace(
-        augment,
-        states=(*(state(one) for one in system.states), dataclasses.replace(RELAXED, upper=furthest)),
-        path=tuple(limit(row) for row in augment.path),
-    )
-
-
-# Boundaries and watches.
-
-
-def boundaries_of(problem: Problem) -> list[tuple[Owner, Boundary]]:
-    """Return the start and the ends of all phases, with what they are called as owners of ranges."""
-    every = [problem.start, *(phase.end for phase in problem.phases)]
-    return [(("boundary", number, 0), one) for number, one in enumerate(every)]
-
-
-def _owners(problem: Problem) -> Iterator[tuple[Owner, "Boundary | PathConstraint | _Along"]]:
-    """Yield all that owns ranges, in the same order for problems of the same structure."""
-    system = problem.system
-    yield PATH, _Along({one.name: Interval(one.lower, one.upper) for one in (*system.states, *system.path)})
-    yield from boundaries_of(problem)
-    for index, phase in enumerate(problem.phases):
-        for number, watch in enumerate(phase.watches):
-            yield ("watch", index, number), watch
-
-
-@record
-class _Along:
-    """The ranges that hold all along a flight."""
-
-    bounds: Mapping[str, Interval]
-    values: tuple[float, ...] = ()
-
-
-def _watches(phase: Phase, index: int, moved: Moves, system: System) -> tuple[PathConstraint, ...]:
-    return tuple(
-        dataclasses.replace(_elastic(watch, moved, ("watch", index, number), system), exact=None)
-        for number, watch in enumerate(phase.watches)
-    )
-
-
-def _elastic(place: Place, moved: Moves, owner: Owner, system: System) -> Place:
+def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
     """Return a boundary or a watch whose ranges and parameters give way."""
-    shifts, change = moved.ranges.get(owner, {}), moved.values.get(owner)
-    giving: list[tuple[str, str, float]] = []  # what gives way, at which end, and how much
+    shifts, change = moves.ranges.get(owner, {}), moves.values.get(owner)
+    sides: list[tuple[str, str]] = []  # what gives way, and at which end
+    amounts: list[float] = []
     bounds: dict[str, Interval] = {}
     for name, at in place.bounds.items():
         shift = shifts.get(name, NO_SHIFT)
-        if shift and at.lower == at.upper and shift.lower == shift.upper:
-            giving.append((name, AT_MOST, shift.upper))
-            bounds[f"{name}{AT_MOST}"] = at
-            continue
-        upper, lower = (name, AT_MOST, shift.upper), (name, AT_LEAST, shift.lower)
-        giving += [one for one in (upper, lower) if one[2]]
-        if shift.upper:
-            bounds[f"{name}{AT_MOST}"] = Interval(upper=at.upper)
-        if shift.lower:
-            bounds[f"{name}{AT_LEAST}"] = Interval(lower=at.lower)
-        stays = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
+        if any(shift) and at.lower == at.upper and shift.lower == shift.upper:
+            stays, giving = Interval(), [(AT_MOST, shift.upper, at)]
+        else:
+            stays = Interval(-math.inf if shift.lower else at.lower, math.inf if shift.upper else at.upper)
+            upper, lower = Interval(upper=at.upper), Interval(lower=at.lower)
+            giving = [(AT_MOST, shift.upper, upper), (AT_LEAST, shift.lower, lower)]
+        for end, amount, limit in giving:
+            if amount:
+                sides.append((name, end))
+                amounts.append(amount)
+                bounds[f"{name}{end}"] = limit
         if stays.bounded:
             bounds[name] = stays
-    seen = place.observation
-    if seen is None and not giving:
+    if place.observation is None and not sides:
         return place
-    ends = tuple((name, end) for name, end, _ in giving)
-    values = (*place.values, *(() if change is None else change.tolist()), *(amount for _, _, amount in giving))
-    observation = _seen(seen, system.states, ends, changing=change is not None)
-    return dataclasses.replace(place, bounds=bounds, observation=observation, values=values)
+    values = (*place.values, *(() if change is None else change.tolist()), *amounts)
+    observation = _observe_relaxed(place.observation, system.states, tuple(sides), changing=change is not None)
+    return replace(place, bounds=bounds, observation=observation, values=values)
 
 
 @functools.lru_cache(maxsize=256)
-def _seen(
-    observation: Observation | None, states: tuple[Quantity, ...], ends: tuple[tuple[str, str], ...], *, changing: bool
+def _observe_relaxed(
+    observation: Observation | None, states: tuple[Quantity, ...], sides: tuple[tuple[str, str], ...], *, changing: bool
 ) -> Observation:
     """Return an observation that sees `relaxed` as well.
 
     Args:
         observation: what is observed; None for nothing but states.
         states: of the system.
-        ends: names of states or observed quantities that give way, and which end of theirs.
+        sides: names of states or observed quantities that give way, and which end of theirs.
         changing: whether the parameters move as well.
     """
     quantities, parameters = (observation.quantities, observation.parameters) if observation else ((), ())
+    moving = parameters if changing else ()
     x, relaxed, b = ca.SX.sym("x", len(states)), ca.SX.sym("relaxed"), ca.SX.sym("b", len(parameters))
-    change = ca.SX.sym("db", len(parameters) if changing else 0)
-    amount = ca.SX.sym("amount", len(ends))
-    now = b + relaxed * change if changing else b
-    seen = observation.values(x, now).elements() if observation else []
+    change, amount = ca.SX.sym("db", len(moving)), ca.SX.sym("amount", len(sides))
+    seen = observation.values(x, b + relaxed * change if changing else b).elements() if observation else []
     declared = {one.name: one for one in (*states, *quantities)}
     symbols: dict[str, Any] = {one.name: x[row] for row, one in enumerate(states)}  # Any: casadi's elements of SX
     symbols |= dict(zip((one.name for one in quantities), seen, strict=True))
-    giving = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(ends)]
-    rows = [dataclasses.replace(declared[name], name=f"{name}{end}") for name, end in ends]
+    giving = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(sides)]
+    rows = [replace(declared[name], name=f"{name}{end}") for name, end in sides]
+    arguments, values = [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*seen, *giving)]
     return Observation(
         name=f"{observation.name if observation else 'states'}, giving way",
         quantities=(*quantities, *rows),
-        parameters=(
-            *parameters,
-            *(dataclasses.replace(one, name=f"d_{one.name}") for one in (parameters if changing else ())),
-            *(dataclasses.replace(one, name=f"d_{one.name}") for one in rows),
-        ),
-        values=ca.Function(
-            "seen", [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*seen, *giving)], {"cse": True}
-        ),
+        parameters=(*parameters, *(replace(one, name=f"d_{one.name}") for one in (*moving, *rows))),
+        values=ca.Function("seen", arguments, values, {"cse": True}),
     )
-
-
-def _change(nominal: float, relaxed_problem: float) -> float:
-    """Return by how much an end of a range moves; one that is gone at once moves by one unit."""
-    if math.isinf(nominal):
-        return 0.0
-    return relaxed_problem - nominal if math.isfinite(relaxed_problem) else math.copysign(1.0, relaxed_problem)

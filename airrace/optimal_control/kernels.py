@@ -13,7 +13,6 @@ library, or for an operation that it does not know, casadi evaluates the graphs 
 import logging
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -49,40 +48,6 @@ BoundCall = tuple[Callable[[], None], list[Array]]
 """A call of a function with its arguments in arrays that stay, and the arrays that it writes its results to."""
 
 
-class Callee(Protocol):
-    """A kernel as the evaluation of a program sees it: what it takes and returns stands interval after interval.
-
-    Attributes:
-        lanes: the number of intervals in a call.
-        values: the number of values.
-        jacobian_pattern: of the Jacobian.
-        hessian_pattern: of the Hessian's upper triangle.
-    """
-
-    @property
-    def lanes(self) -> int: ...
-    @property
-    def values(self) -> int: ...
-    @property
-    def jacobian_pattern(self) -> ca.Sparsity: ...
-    @property
-    def hessian_pattern(self) -> ca.Sparsity: ...
-
-    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
-        """Return all calls of a function at once.
-
-        Args:
-            part: which function.
-            calls: number of calls, each with as many intervals as there are lanes.
-            threads: number of threads that the calls are spread over.
-            arguments: (y, own, shared[, lam]) of all intervals; `shared` once per call.
-
-        Raises:
-            SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
-        """
-        ...
-
-
 @record
 class Kernel:
     """A function and its derivatives in y as casadi's functions, shapes (n_y,), (n_own,), (n_shared,) -> (n_c,).
@@ -114,20 +79,37 @@ class Kernel:
         return self.hessian.sparsity_out(1)
 
     def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
-        """Return all calls of a function at once, see `Callee`.
+        """Return all calls of a function at once.
 
         Where threads do not have equally many calls each, casadi copies everything, which takes as much memory again.
         So what is left over is called after the rest.
+
+        Args:
+            part: which function.
+            calls: number of calls, each with as many intervals as there are lanes.
+            threads: number of threads that the calls are spread over.
+            arguments: (y, own, shared[, lam]) of all intervals; `shared` once per call.
+
+        Raises:
+            SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
         """
         function = (self.value, self.jacobian, self.hessian)[part]
         threads = _threads_for(calls, self.lanes, threads)
         results = [np.zeros(calls * function.nnz_out(place)) for place in range(function.n_out())]
         whole = calls - calls % threads
         pieces: list[Callable[[], None]] = []
+
+        def cut(arrays: Sequence[Array], first: int, end: int) -> list[Array]:
+            """Return what belongs to some of the calls, not copied."""
+            return [
+                one.reshape(-1)[first * (one.size // calls) : end * (one.size // calls) if end < calls else None]
+                for one in arrays
+            ]
+
         for first, end, count in ((0, whole, threads), (whole, calls, 1)):
             if first < end:
-                given, found = ([_part(one, calls, first, end) for one in arrays] for arrays in (arguments, results))
-                pieces.append(bind(map_calls(function, end - first, count), given, found)[0])
+                mapped = map_calls(function, end - first, count)
+                pieces.append(bind(mapped, cut(arguments, first, end), cut(results, first, end))[0])
 
         def call() -> None:
             for piece in pieces:
@@ -138,7 +120,7 @@ class Kernel:
 
 @record
 class NativeKernel:
-    """A kernel that the native interpreter evaluates, see `Callee`.
+    """A kernel that the native interpreter evaluates.
 
     Attributes:
         name: for messages.
@@ -161,7 +143,7 @@ class NativeKernel:
         return self.jacobian_pattern.size1()
 
     def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
-        """Return all calls of a function at once, see `Callee`."""
+        """Return all calls of a function at once, as `Kernel.bind` does."""
         intervals = calls * self.lanes
         for place, (array, size) in enumerate(zip(arguments, self.sizes, strict=False)):
             if array.size != size * (calls if place == 2 else intervals):
@@ -175,10 +157,8 @@ class NativeKernel:
         return self.entries[part].bind(arguments, results, _threads_for(calls, self.lanes, threads), calls), results
 
 
-def _part(array: Array, calls: int, first: int, end: int) -> Array:
-    """Return what belongs to some of the calls, not copied."""
-    size = array.size // calls
-    return array.reshape(-1)[first * size : end * size if end < calls else None]
+Callee = Kernel | NativeKernel
+"""A kernel as the evaluation of a program sees it: what it takes and returns stands interval after interval."""
 
 
 def _threads_for(calls: int, lanes: int, threads: int) -> int:
@@ -246,77 +226,59 @@ def native_kernels(native: Interpreter, system: System, scheme: RungeKutta) -> K
     Raises:
         KernelError: the system has an operation that the interpreter does not know.
     """
-    path = path_functions(system)
-    return Kernels(native_step(native, system, scheme), native_function(native, list(path.values())) if path else None)
-
-
-def native_step(native: Interpreter, system: System, scheme: RungeKutta) -> NativeKernel:
-    """Return the kernel of a step.
-
-    Raises:
-        KernelError: the system has an operation that the interpreter does not know.
-    """
-    parts = step_parts(system, scheme)
-    entries = native.step(step_tables(parts), scheme_numbers(scheme), [parts.alone, *parts.generated])
+    parts, path = step_parts(system, scheme), path_functions(system)
     n_x, n_p = len(system.states), len(system.parameters)
-    sizes = (n_x + len(system.controls) + 1, 1, n_p, n_x)
-    return NativeKernel("step", native.lanes, sizes, parts.jacobian, parts.hessian, entries)
-
-
-def native_function(native: Interpreter, functions: Sequence[ca.Function]) -> NativeKernel:
-    """Return the kernel of a function, its Jacobian and its Hessian.
-
-    Raises:
-        KernelError: they have an operation that the interpreter does not know.
-    """
-    value, jacobian, hessian = functions
+    step = NativeKernel(
+        name="step",
+        lanes=native.lanes,
+        sizes=(n_x + len(system.controls) + 1, 1, n_p, n_x),
+        jacobian_pattern=parts.jacobian,
+        hessian_pattern=parts.hessian,
+        entries=native.step(step_tables(parts), scheme_numbers(scheme), [parts.alone, *parts.generated]),
+    )
+    if not path:
+        return Kernels(step, None)
+    value, jacobian, hessian = path
     y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
-    entries = [native.function(function) for function in functions]
     patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
-    return NativeKernel(value.name(), native.lanes, (y, own, shared, lam), *patterns, entries)
+    entries = [native.function(function) for function in path]
+    return Kernels(step, NativeKernel(value.name(), native.lanes, (y, own, shared, lam), *patterns, entries))
 
 
 def casadi_kernels(system: System, scheme: RungeKutta) -> Kernels:
     """Return the kernels of a system as casadi's functions."""
     n_x = len(system.states)
-    y, fraction, p = _arguments(system)
+    y, p = ca.SX.sym("y", n_x + len(system.controls) + 1), ca.SX.sym("p", len(system.parameters))
+    fraction = ca.SX.sym("fraction")
     x_next: ca.SX = scheme.advance(system.rates, y[:n_x], y[n_x:-1], p, y[-1] * fraction)
     if system.projection is not None:
         x_next = system.projection(x_next)
-    step, path = differentiate("step", y, fraction, p, x_next), path_functions(system)
-    return Kernels(Kernel(*step.values()), Kernel(*path.values()) if path else None)
+    path = path_functions(system)
+    return Kernels(Kernel(*_differentiate("step", y, fraction, p, x_next)), Kernel(*path) if path else None)
 
 
 def observation_kernel(observation: Observation, states: int) -> Kernel:
     """Return the kernel of a boundary's observation: y = x, own = the boundary's values, nothing shared."""
     x, values, nothing = ca.SX.sym("x", states), ca.SX.sym("b", len(observation.parameters)), ca.SX.sym("none", 0)
-    return Kernel(*differentiate("observe", x, values, nothing, observation.values(x, values)).values())
+    return Kernel(*_differentiate("observe", x, values, nothing, observation.values(x, values)))
 
 
-def path_functions(system: System) -> dict[str, ca.Function]:
-    """Return value, Jacobian and Hessian of a system's path quantities by name, none for a system without."""
+def path_functions(system: System) -> list[ca.Function]:
+    """Return value, Jacobian and Hessian of a system's path quantities; nothing for a system without."""
     if system.path_values is None:
-        return {}
-    y, _, p = _arguments(system)
-    n_x, both = len(system.states), y[:-1]
-    values = system.path_values(both[:n_x], both[n_x:], p)
-    return differentiate("path", both, ca.SX.sym("none", 0), p, values)
+        return []
+    n_x = len(system.states)
+    y, p = ca.SX.sym("y", n_x + len(system.controls)), ca.SX.sym("p", len(system.parameters))
+    return _differentiate("path", y, ca.SX.sym("none", 0), p, system.path_values(y[:n_x], y[n_x:], p))
 
 
-def differentiate(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> dict[str, ca.Function]:
-    """Return the functions of a kernel by their names `name`, `name_jacobian`, `name_hessian`."""
+def _differentiate(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> list[ca.Function]:
+    """Return the functions of a kernel, `name`, `name_jacobian` and `name_hessian`."""
     lam = ca.SX.sym("lam", c.numel())
     hessian, gradient = ca.hessian(ca.dot(lam, c), y)
     arguments = [y, own, shared]
-    functions = [
+    return [
         ca.Function(name, arguments, [ca.densify(c)]),
         ca.Function(f"{name}_jacobian", arguments, [ca.densify(c), ca.jacobian(c, y)]),
         ca.Function(f"{name}_hessian", [*arguments, lam], [ca.densify(gradient), ca.triu(hessian)]),
     ]
-    return {function.name(): function for function in functions}
-
-
-def _arguments(system: System) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return symbols of y = (x, u, T), of the interval's share of T, and of p."""
-    y = ca.SX.sym("y", len(system.states) + len(system.controls) + 1)
-    return y, ca.SX.sym("fraction"), ca.SX.sym("p", len(system.parameters))

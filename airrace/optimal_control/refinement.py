@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.constraint_rows import Indices
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.problem import Iterate, uniform
 from airrace.optimal_control.replay import SAMPLES, Replay
 from airrace.trajectory import Array
 
@@ -16,7 +16,7 @@ Mesh = list[Fractions]
 Marks = NDArray[np.bool_]
 
 
-def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay | None, parts: Indices) -> tuple[Mesh, Iterate]:
+def divide(mesh: Sequence[Fractions], iterate: Iterate, replay: Replay | None, parts: Indices) -> tuple[Mesh, Iterate]:
     """Cut every interval into so many equal parts; `parts` has shape (N,).
 
     Returns:
@@ -26,32 +26,38 @@ def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay | None, pa
     counts = iter(parts.tolist())
     finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
     parent = np.repeat(np.arange(len(parts)), parts)
-    share = _numbers_within(parts) / parts[parent]
-    between = _straight(iterate, parent, share) if flown is None else _between(flown, parent, share)
+    share = (np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[parent]
+    if replay is None:
+        between = iterate.state[:, parent] * (1.0 - share) + iterate.state[:, parent + 1] * share
+    else:
+        place = share * SAMPLES
+        before = np.minimum(place.astype(np.int64), SAMPLES - 1)
+        weight = place - before
+        between = replay.state[:, parent, before] * (1.0 - weight) + replay.state[:, parent, before + 1] * weight
     state = np.hstack([between, iterate.state[:, -1:]])
-    state[:, :-1][:, share == 0.0] = iterate.state[:, :-1]
+    state[:, inherited_nodes(parts)] = iterate.state
     return finer, Iterate(iterate.durations, state, iterate.control[:, parent])
 
 
-def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[Mesh, Iterate]:
+def restrict(mesh: Sequence[Fractions], iterate: Iterate, nodes: Marks) -> tuple[Mesh, Iterate]:
     """Drop nodes: intervals without a node between them become one, with the mean of their controls.
 
     Args:
-        kept: which nodes remain, shape (N + 1,); those between phases have to.
+        nodes: which nodes remain, shape (N + 1,); those between phases have to.
 
     Raises:
         ValueError: a node between phases is to be dropped.
     """
     first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
-    if not kept[first_node].all():
+    if not nodes[first_node].all():
         raise ValueError("the nodes between phases cannot be dropped")
     fractions = np.concatenate([np.asarray(phase) for phase in mesh])
-    group = np.cumsum(kept[:-1]) - 1
+    group = np.cumsum(nodes[:-1]) - 1
     sums = np.bincount(group, weights=fractions)
-    held = np.stack([np.bincount(group, weights=fractions * row) for row in iterate.control]) / sums
-    ends = (np.cumsum(kept) - 1)[first_node].tolist()
+    means = np.stack([np.bincount(group, weights=fractions * row) for row in iterate.control]) / sums
+    ends = (np.cumsum(nodes) - 1)[first_node].tolist()
     coarser = [tuple(sums[first:last].tolist()) for first, last in itertools.pairwise(ends)]
-    return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
+    return coarser, Iterate(iterate.durations, iterate.state[:, nodes], means)
 
 
 def resample(
@@ -78,10 +84,10 @@ def resample(
             x = np.hstack([x[:, :-1], x[:, -1:] - jumps[:, index : index + 1]])
         if len(phase) != count:
             old, new = np.concatenate([[0.0], np.cumsum(phase)]), np.linspace(0.0, 1.0, count + 1)
-            added = np.hstack([np.zeros((len(u), 1)), np.cumsum(u * np.asarray(phase), axis=1)])
+            sums = np.hstack([np.zeros((len(u), 1)), np.cumsum(u * np.asarray(phase), axis=1)])
             x = np.array([np.interp(new, old, row) for row in x], dtype=np.float64)
-            u = np.diff(np.array([np.interp(new, old, row) for row in added], dtype=np.float64), axis=1) * count
-        fractions.append(phase if len(phase) == count else (1.0 / count,) * count)
+            u = np.diff(np.array([np.interp(new, old, row) for row in sums], dtype=np.float64), axis=1) * count
+        fractions.append(phase if len(phase) == count else uniform(count))
         state.append(x[:, :-1])
         control.append(u)
     state.append(iterate.state[:, -1:])
@@ -90,9 +96,9 @@ def resample(
 
 def inherited_nodes(parts: Indices) -> Marks:
     """Tell which nodes of a mesh that was divided into these parts were nodes before; shape (parts.sum() + 1,)."""
-    kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
-    kept[np.concatenate([[0], np.cumsum(parts)])] = True
-    return kept
+    inherited = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
+    inherited[np.concatenate([[0], np.cumsum(parts)])] = True
+    return inherited
 
 
 def widen(marked: Marks) -> Marks:
@@ -101,22 +107,3 @@ def widen(marked: Marks) -> Marks:
     wider[1:] |= marked[:-1]
     wider[:-1] |= marked[1:]
     return wider
-
-
-def _numbers_within(parts: Indices) -> Indices:
-    """Return 0, 1, ... within each of the parts, shape (parts.sum(),)."""
-    first = np.repeat(np.cumsum(parts) - parts, parts)
-    return np.arange(len(first)) - first
-
-
-def _between(flown: Replay, interval: Indices, share: Array) -> Array:
-    """Return states at shares of intervals, straight between the samples of a replay; shape (n_x, n)."""
-    place = share * SAMPLES
-    before = np.minimum(place.astype(np.int64), SAMPLES - 1)
-    weight = place - before
-    return flown.state[:, interval, before] * (1.0 - weight) + flown.state[:, interval, before + 1] * weight
-
-
-def _straight(iterate: Iterate, interval: Indices, share: Array) -> Array:
-    """Return states at shares of intervals, straight between their nodes; shape (n_x, n)."""
-    return iterate.state[:, interval] * (1.0 - share) + iterate.state[:, interval + 1] * share

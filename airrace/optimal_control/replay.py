@@ -8,7 +8,6 @@ their own share of time, so one call serves a whole race; restarted at every pha
 import dataclasses
 import logging
 from collections.abc import Callable
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -19,67 +18,12 @@ from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import integrate
 from airrace.optimal_control.runge_kutta import VERNER_7
-from airrace.points import dense
+from airrace.points import at_points, dense
 from airrace.records import record
 from airrace.system import System
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
-
-AtPoints = Callable[[Array], Array]
-"""A function from states (n_x, n) to values (n_v, n), a new array."""
-
-
-def function_at_points(function: ca.Function, control: Array, p: Array) -> AtPoints:
-    """Return a function (x, u, p) -> values as a function of the states alone.
-
-    Args:
-        function: of SX, with one result.
-        control, p: shapes (n_u, n), (n_p,).
-
-    Raises:
-        ValueError: on a call, if the states are not those of as many points as the controls.
-    """
-    parameters = np.ascontiguousarray(p, dtype=np.float64)
-    native = interpreter()
-    if native is not None:
-        try:
-            return native.at_points(dense(function), control, parameters)
-        except KernelError as error:
-            logger.info("casadi evaluates %s: %s", function.name(), error)
-    return casadi_function_at_points(function, control, parameters)
-
-
-def casadi_function_at_points(function: ca.Function, control: Array, p: Array) -> AtPoints:
-    """Return the same, evaluated by casadi.
-
-    Raises:
-        KernelError: on a call, if the function reports a failure.
-    """
-    count = control.shape[1]
-    mapped = dense(function).map(count)
-    # one point after another, as casadi stores them
-    given = (
-        np.zeros((count, function.size1_in(0))),
-        np.ascontiguousarray(control.T, dtype=np.float64),
-        np.tile(p, (count, 1)),
-    )
-    found = np.zeros((count, function.size1_out(0)))
-    buffer, evaluate = mapped.buffer()
-    for place, array in enumerate(given):
-        if array.size:
-            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `points.py`
-    buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
-
-    def at(states: Array, owned: tuple[Array, ...] = given) -> Array:  # the buffer does not keep its arrays alive
-        owned[0][:] = states.T
-        evaluate()
-        if buffer.ret():
-            raise KernelError(f"{function.name()} could not be evaluated")
-        return found.T.copy()  # of a single point the transpose is contiguous, and would be written over
-
-    return at
-
 
 SAMPLES = 10
 """The number of equal parts into which a replayed interval is sampled.
@@ -89,33 +33,36 @@ and at twentieths 0.3 %. This was measured against 200 samples on the optima of 
 shuttle.
 """
 
-RELATIVE_TOLERANCE = 1e-10
-"""The tolerance of the replay from node to node, as a fraction of a state or of its scale.
 
-On the same optima the defects of all intervals are then known to 1e-10 of the scales, four orders below what a
-certificate allows; a tolerance of 1e-8 leaves errors of 6e-9 and takes hardly less time.
-"""
+@record
+class ReplaySettings:
+    """The accuracy of replays; tolerances are fractions of a state or of its scale.
 
-SHORTER = 4
-"""The number of steps that replace one when the shooting scheme estimates its own defect.
+    Attributes:
+        tolerance: of the replay from node to node. On the optima of the hang glider and the heated shuttle the defects
+            of all intervals are then known to 1e-10 of the scales, four orders below what a certificate allows; 1e-8
+            leaves errors of 6e-9 and takes hardly less time.
+        phase_tolerance: of the replay from phase to phase, for each of the intervals that follow one another. The
+            shuttle's 120 intervals end within 5e-8 of where a tolerance of 1e-11 leads, which is 5 mm at a scale of
+            100 km; 1e-6 leaves eight times as much and takes little less time.
+        steps_max: that an interval may take, where those of all shipped courses take up to 5. What needs more is no
+            flight, but a number that somebody has put into a file.
+        shorter: the number of steps that replace one when the shooting scheme estimates its own defect. On the same
+            optima the estimate is right within 0.1 % of the largest defect; with two steps within 2.5 %.
+        agreement: the largest difference between a sample and the same in half as many steps. Its own error is then a
+            hundred times smaller: on the shipped races samples differ by 5e-10 at most from DOP853's at 1e-10.
+        sample_steps_max: the largest number of steps to a sample; a flight that needs more between two nodes is none.
+    """
 
-On the same optima the estimate is right within 0.1 % of the largest defect; with two steps it is right within 2.5 %.
-"""
+    tolerance: float = 1e-10
+    phase_tolerance: float = 1e-7
+    steps_max: int = 100
+    shorter: int = 4
+    agreement: float = 1e-8
+    sample_steps_max: int = 256
 
-PHASE_TOLERANCE = 1e-7
-"""The tolerance of the replay from phase to phase, for each of the intervals that follow one another.
 
-It is a fraction of a state or of its scale, as the one above.
-
-The shuttle's 120 intervals end within 5e-8 of the states' scales of where a tolerance of 1e-11 leads, which is 5 mm at
-a scale of 100 km; 1e-6 leaves eight times as much and takes little less time.
-"""
-
-MOST_STEPS = 100
-"""The number of steps that an interval may take, where those of all shipped courses take up to 5.
-
-What needs more is no flight, but a number that somebody has put into a file.
-"""
+SETTINGS = ReplaySettings()
 
 
 @record
@@ -133,6 +80,26 @@ class Replay:
     defect: Array
 
 
+def function_at_points(function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
+    """Return a function (x, u, p) -> values as a function from states (n_x, n) alone to values (n_v, n), a new array.
+
+    Args:
+        function: of SX, with one result.
+        control, p: shapes (n_u, n), (n_p,).
+
+    Raises:
+        ValueError: on a call, if the states are not those of as many points as the controls.
+    """
+    parameters, whole = np.ascontiguousarray(p, dtype=np.float64), dense(function)
+    native = interpreter()
+    if native is not None:
+        try:
+            return native.at_points(whole, control, parameters)
+        except KernelError as error:
+            logger.info("casadi evaluates %s: %s", function.name(), error)
+    return lambda states: at_points(whole, states, control, parameters)
+
+
 def interval_durations(problem: Problem, durations: Array) -> Array:
     """Compute the duration of every interval from those of the phases, s; shapes (n,) -> (N,)."""
     parts = [np.asarray(phase.fractions) * T for phase, T in zip(problem.phases, durations, strict=True)]
@@ -141,38 +108,27 @@ def interval_durations(problem: Problem, durations: Array) -> Array:
 
 def replay(problem: Problem, iterate: Iterate) -> Replay:
     """Integrate every interval from its own node with its own control, by the independent integrator."""
-    system = problem.system
-    n_x, intervals = len(system.states), problem.intervals
-    scale = np.array([quantity.scale for quantity in system.states])
-    steps = interval_durations(problem, iterate.durations)
-    rates = _rates(problem, iterate.control)
-
-    def side_by_side(_: float, flat: Array) -> Array:
-        return (rates(flat.reshape(n_x, intervals) * scale[:, None]) * steps / scale[:, None]).ravel()
-
+    system, scale, intervals = problem.system, _scale(problem), problem.intervals
     # The integrator weighs the mean error of all intervals; one of them may hold all of it.
-    tolerance = RELATIVE_TOLERANCE / np.sqrt(intervals)
-    start = (iterate.state[:, :-1] / scale[:, None]).ravel()
-    grid = np.linspace(0.0, 1.0, SAMPLES + 1)
-    relative = max(tolerance, 1e-13)
-    histories = integrate(side_by_side, start, grid, relative=relative, absolute=tolerance, most_steps=MOST_STEPS)
-    state = histories.reshape(n_x, intervals, SAMPLES + 1)
-    defect = state[:, :, -1] - problem.states_before_jump(iterate.state) / scale[:, None]
-    state = state * scale[:, None, None]
-    return Replay(state, _path_values(problem, state, iterate.control), defect)
-
-
-def estimate_defect(problem: Problem, iterate: Iterate) -> Array:
-    """Estimate `Replay.defect` by the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
-
-    It takes a tenth of the time, and shares code with what it measures: enough to compare flights, not to certify one.
-    """
-    return (_stepped(problem, iterate, SHORTER) - problem.states_before_jump(iterate.state)) / _scale(problem)
-
-
-def estimate_error(problem: Problem, iterate: Iterate) -> Array:
-    """Estimate the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
-    return (_stepped(problem, iterate, SHORTER) - _stepped(problem, iterate, 1)) / _scale(problem)
+    tolerance = SETTINGS.tolerance / np.sqrt(intervals)
+    scaled = _integrate_side_by_side(
+        problem,
+        iterate.state[:, :-1] / scale,
+        iterate.control,
+        interval_durations(problem, iterate.durations),
+        np.linspace(0.0, 1.0, SAMPLES + 1),
+        relative=max(tolerance, 1e-13),
+        absolute=tolerance,
+    )
+    defect = scaled[:, :, -1] - problem.states_before_jump(iterate.state) / scale
+    state = scaled * scale[:, :, None]
+    if system.path_values is None:
+        return Replay(state, np.zeros((0, intervals, SAMPLES + 1)), defect)
+    held = np.repeat(iterate.control, SAMPLES + 1, axis=1)
+    values = function_at_points(system.path_values, held, np.asarray(problem.parameters))(
+        state.reshape(len(scale), held.shape[1])
+    )
+    return Replay(state, values.reshape(len(system.path), intervals, SAMPLES + 1), defect)
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
@@ -182,74 +138,80 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
         The end that is flown minus that node, in the states' units; shape (n_x, n phases).
     """
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
-    scale = _scale(problem)
+    scale, tolerance = _scale(problem), SETTINGS.phase_tolerance
     steps = interval_durations(problem, iterate.durations)
     x = iterate.state[:, first] / scale
     for number in range(int((ends - first).max())):
         flying = np.flatnonzero(first + number < ends)
         interval = first[flying] + number
-        x[:, flying] = _across(problem, x[:, flying], iterate.control[:, interval], steps[interval])
+        x[:, flying] = _integrate_side_by_side(
+            problem,
+            x[:, flying],
+            iterate.control[:, interval],
+            steps[interval],
+            np.array([0.0, 1.0]),
+            relative=tolerance,
+            absolute=tolerance,
+            first_step=1.0,
+        )[:, :, -1]
     return x * scale - problem.states_before_jump(iterate.state)[:, ends - 1]
 
 
-def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
+def _integrate_side_by_side(
+    problem: Problem,
+    start: Array,
+    control: Array,
+    seconds: Array,
+    shares: Array,
+    *,
+    relative: float,
+    absolute: float,
+    first_step: float | None = None,
+) -> Array:
+    """Return scaled states (n_x, n, m) at shares (m,) of so many seconds (n,) of held controls (n_u, n)."""
+    scale = _scale(problem)
+    rates = function_at_points(problem.system.rates, control, np.asarray(problem.parameters))
+
+    def scaled_rates(_: float, flat: Array) -> Array:
+        return (rates(flat.reshape(start.shape) * scale) * seconds / scale).ravel()
+
+    histories = integrate(
+        scaled_rates,
+        start.ravel(),
+        shares,
+        relative=relative,
+        absolute=absolute,
+        first_step=first_step,
+        most_steps=SETTINGS.steps_max,
+    )
+    return histories.reshape(*start.shape, len(shares))
+
+
+def estimate_defect(problem: Problem, iterate: Iterate) -> Array:
+    """Estimate `Replay.defect` by the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
+
+    It takes a tenth of the time, and shares code with what it measures: enough to compare flights, not to certify one.
+    """
+    before = problem.states_before_jump(iterate.state)
+    return (_advance(problem, iterate, SETTINGS.shorter) - before) / _scale(problem)
+
+
+def estimate_error(problem: Problem, iterate: Iterate) -> Array:
+    """Estimate the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
+    return (_advance(problem, iterate, SETTINGS.shorter) - _advance(problem, iterate, 1)) / _scale(problem)
+
+
+def _advance(problem: Problem, iterate: Iterate, shorter: int) -> Array:
     """Return the ends of all intervals by the shooting scheme, with so many steps in place of one; shape (n_x, N)."""
-    at = _rates(problem, iterate.control)
+    p, steps = np.asarray(problem.parameters), interval_durations(problem, iterate.durations)
+    rates = function_at_points(problem.system.rates, iterate.control, p)
     scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
-    steps = interval_durations(problem, iterate.durations)
-
-    def rates(x: Array, u: Array, p: Array) -> Array:
-        return at(x)
-
-    return scheme.advance(rates, iterate.state[:, :-1], iterate.control, np.asarray(problem.parameters), steps)
-
-
-def _rates(problem: Problem, control: Array) -> AtPoints:
-    return function_at_points(problem.system.rates, control, np.asarray(problem.parameters))
+    return scheme.advance(lambda x, _, __: rates(x), iterate.state[:, :-1], iterate.control, p, steps)
 
 
 def _scale(problem: Problem) -> Array:
     """Return the scales of the states, shape (n_x, 1)."""
     return np.array([quantity.scale for quantity in problem.system.states])[:, None]
-
-
-def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:
-    """Return scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
-    scale = _scale(problem)
-    rates = _rates(problem, control)
-
-    def side_by_side(_: float, flat: Array) -> Array:
-        return (rates(flat.reshape(x.shape) * scale) * steps / scale).ravel()
-
-    whole = np.array([0.0, 1.0])
-    tolerance = PHASE_TOLERANCE
-    ends = integrate(
-        side_by_side, x.ravel(), whole, relative=tolerance, absolute=tolerance, first_step=1.0, most_steps=MOST_STEPS
-    )
-    return ends[:, -1].reshape(x.shape)
-
-
-def _path_values(problem: Problem, state: Array, control: Array) -> Array:
-    """Return the path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
-    system = problem.system
-    n_x, intervals, samples = state.shape
-    if system.path_values is None:
-        return np.zeros((0, intervals, samples))
-    held = np.repeat(control, samples, axis=1)
-    values = function_at_points(system.path_values, held, np.asarray(problem.parameters))(
-        state.reshape(n_x, intervals * samples)
-    )
-    return values.reshape(len(system.path), intervals, samples)
-
-
-AGREEMENT = 1e-8
-"""The largest difference, in the states' scales, between a sample and the same in half as many steps.
-
-Its own error is then a hundred times smaller: on the shipped races samples differ by 5e-10 at most from those of
-scipy's DOP853 at a tolerance of 1e-10.
-"""
-STEPS_MAX = 256
-"""The largest number of steps to a sample; a flight that needs more of them between two nodes is none."""
 
 
 def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, times: Array) -> Array:
@@ -270,21 +232,18 @@ def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, 
     start, control, lengths = iterate.state[:, interval], iterate.control[:, interval], times - time[interval]
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
 
-    def flown(wanted: Indices, steps: int) -> Array:
+    def advance(wanted: Indices, steps: int) -> Array:
         rates = function_at_points(system.rates, control[:, wanted], parameters)
-
-        def held(x: Array, _: None, __: None) -> Array:
-            return rates(x)
-
+        scheme = dataclasses.replace(VERNER_7, steps=steps)
         with np.errstate(over="ignore", invalid="ignore"):  # of flights that are none
-            return replace(VERNER_7, steps=steps).advance(held, start[:, wanted], None, None, lengths[wanted])
+            return scheme.advance(lambda x, _, __: rates(x), start[:, wanted], None, None, lengths[wanted])
 
     apart, steps = np.arange(len(times)), 1
-    samples = flown(apart, steps)
-    while len(apart) and steps < STEPS_MAX:
+    samples = advance(apart, steps)
+    while len(apart) and steps < SETTINGS.sample_steps_max:
         steps *= 2
-        finer = flown(apart, steps)
-        agreeing = (np.abs(finer - samples[:, apart]) <= AGREEMENT * scale).all(axis=0)
+        finer = advance(apart, steps)
+        agreeing = (np.abs(finer - samples[:, apart]) <= SETTINGS.agreement * scale).all(axis=0)
         lost = ~np.isfinite(finer).all(axis=0)
         samples[:, apart] = np.where(lost, np.nan, finer)
         apart = apart[~agreeing & ~lost]

@@ -25,7 +25,9 @@ class RungeKutta:
     b: tuple[float, ...]
     steps: int = 1
 
-    def advance(self, rates: Callable[..., Column], x: Column, u: Column, p: Column, duration: Column) -> Column:
+    def advance(
+        self, rates: Callable[[Column, Column, Column], Column], x: Column, u: Column, p: Column, duration: Column
+    ) -> Column:
         """Return the state after `duration` seconds with the control held.
 
         Shapes are (n_x,), (n_u,), (n_p,), or these as columns.

@@ -29,9 +29,8 @@ from airrace.environment.wind import Weather, WindField
 from airrace.frames import rotation
 from airrace.native.interpreter import Interpreter
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels, native_kernels
-from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
-from airrace.points import dense
+from airrace.points import at_points, dense
 from airrace.track.course import Rules
 
 Array = NDArray[np.float64]
@@ -380,9 +379,7 @@ def test_all_variants_have_the_same_bits_and_rates_those_of_casadi(
         for function in (system.rates, system.path_values):
             assert function is not None
             x, u = y[:, :n_x].T, y[:, n_x:-1].T
-            assert_bitwise_equal(
-                [native.at_points(dense(function), u, p)(x)], [casadi_function_at_points(function, u, p)(x)]
-            )
+            assert_bitwise_equal([native.at_points(dense(function), u, p)(x)], [at_points(function, x, u, p)])
     for one in found[1:]:
         assert_bitwise_equal(one, found[0])
 

@@ -30,10 +30,10 @@ from airrace.optimal_control.kernels import (
     path_functions,
 )
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, VERNER_7, RungeKutta
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
+from airrace.points import at_points
 from airrace.procedure.fidelity import LONGEST_INTERVAL
 from airrace.quantities import Quantity
 from airrace.system import System
@@ -98,14 +98,14 @@ def test_functions_have_the_bits_of_casadi(variant: str, name: str) -> None:
     x, u = (random.normal(size=(len(part), COUNT)) for part in (system.states, system.controls))
     p = random.normal(size=len(system.parameters))
     for function in functions:
-        assert_as_casadi([native.at_points(function, u, p)(x)], [casadi_function_at_points(function, u, p)(x)])
+        assert_as_casadi([native.at_points(function, u, p)(x)], [at_points(function, x, u, p)])
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_path_quantities_and_derivatives_have_the_bits_of_casadi(variant: str) -> None:
     _, mine = kernels_of(VARIANTS[variant], rich_system(), RK4)
     given = intervals(mine)
-    theirs = Kernel(*path_functions(rich_system()).values())
+    theirs = Kernel(*path_functions(rich_system()))
     assert_as_casadi(all_results(mine, given), all_results(theirs, given))
 
 
