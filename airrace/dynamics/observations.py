@@ -219,11 +219,11 @@ def settled_observation(model: FlightModel) -> Observation:
     x, p = named_symbols(system.states), named_symbols(system.parameters)
     arguments = column(x.values()), column([0.0] * len(system.controls)), column(p.values())
     rates = dict(zip(x, system.rates(*arguments).elements(), strict=True))
-    if "n_y" in x:
-        n_y = x["n_y"]
-    else:
+    n_y: Scalar = x.get("n_y")
+    if n_y is None:
         assert system.path_values is not None  # models with angles have load factors among their path quantities
-        n_y = system.path_values(*arguments).elements()[[one.name for one in system.path].index("n_y")]
+        row = [one.name for one in system.path].index("n_y")
+        n_y = system.path_values(*arguments).elements()[row]
     declared = [_rate(one) for name in model.at_rest for one in system.states if one.name == name]
     values = column([g0 * n_y, *(rates[name] for name in model.at_rest)])
     return _observation("settled", [SIDE_ACCELERATION, *declared], x, system.parameters, p, values)

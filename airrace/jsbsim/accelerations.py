@@ -7,7 +7,7 @@ rest, 2.7e-6, is in the digits of the gas constant.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -117,10 +117,6 @@ def differences(
         flown.start(one)
         pairs.append((flown.accelerations(), own_accelerations(other, aircraft, flown.atmosphere)))
     return Differences(
-        _stacked(pairs, lambda one: one.specific_force / g0),
-        _stacked(pairs, lambda one: one.angular),
+        np.array([theirs.specific_force / g0 - ours.specific_force / g0 for theirs, ours in pairs]),
+        np.array([theirs.angular - ours.angular for theirs, ours in pairs]),
     )
-
-
-def _stacked(pairs: Sequence[tuple[Accelerations, Accelerations]], read: Callable[[Accelerations], Array]) -> Array:
-    return np.array([read(theirs) - read(ours) for theirs, ours in pairs])

@@ -49,56 +49,10 @@ INTEGRATORS = {
     "position/rotational": BUSS_2,
     "position/translational": ADAMS_BASHFORTH_3,
 }
-
-
-class Simulator:
-    """A simulation of one aircraft over one planet.
-
-    Properties are read and set by their names, `simulator["aero/alpha-rad"]`.
-    """
-
-    def __init__(self, folder: Path, step: float) -> None:
-        """Load the model that `write_model` wrote into the folder; `step` of the integration in s.
-
-        Raises:
-            UsageError: JSBSim is not installed, or does not take the model.
-        """
-        try:
-            import jsbsim
-        except ImportError as error:
-            raise UsageError("JSBSim is not installed; it comes with the extra `crosscheck` of airrace") from error
-        jsbsim.FGJSBBase().debug_lvl = 0
-        self._jsbsim = jsbsim.FGFDMExec(None)
-        self._jsbsim.set_debug_level(0)
-        if not self._jsbsim.load_model_with_paths(NAME, str(folder), str(folder), str(folder)):
-            raise UsageError(f"JSBSim does not take the model in {folder}")
-        self._jsbsim.set_dt(step)
-        for name, kind in INTEGRATORS.items():
-            self[f"simulation/integrator/{name}"] = kind
-
-    def __getitem__(self, name: str) -> float:
-        return self._jsbsim[name]
-
-    def __setitem__(self, name: str, value: float) -> None:
-        self._jsbsim[name] = value
-
-    def restart(self) -> None:
-        """Begin anew from the initial conditions, the properties `ic/...`."""
-        self._jsbsim.run_ic()
-
-    def advance(self) -> None:
-        """Advance by one step: first the state with the earlier rates, then the rates with the present controls."""
-        self._jsbsim.run()
-
-    def attitude(self) -> Array:
-        """Return the attitude `R_OB`, shape (3, 3)."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PendingDeprecationWarning)  # JSBSim's own use of numpy.matrix
-            return np.asarray(self._jsbsim.get_propagate().get_Tl2b(), dtype=np.float64).T
-
-
 STEP = 1e-3
 """The step of JSBSim's integration, s."""
+PIECE = 1.0
+"""The time for which JSBSim flies without being put back onto the optimum, s."""
 
 
 @record
@@ -117,25 +71,46 @@ def body_attitude(state: SixDofState[float]) -> Array:
     return np.array(rotation(state.q)) @ np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64).T
 
 
-@record
 class SimulatedAircraft:
-    """An aircraft flown by JSBSim in still air.
+    """An aircraft flown by JSBSim in still air."""
 
-    Attributes:
-        simulator: JSBSim with the aircraft loaded.
-        atmosphere: the atmosphere of the day.
-        own_density: whether JSBSim's atmosphere makes the density; else it is ours where the flight starts, and stays.
-    """
+    def __init__(
+        self, folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True
+    ) -> None:
+        """Load the model that `write_model` wrote.
 
-    simulator: Simulator
-    atmosphere: AtmosphereParameters[float]
-    own_density: bool = True
+        Args:
+            folder: holds the model.
+            atmosphere: the atmosphere of the day.
+            planet: what it flies over.
+            own_density: whether JSBSim's atmosphere makes the density; else it is ours where the flight starts, and
+                stays.
+
+        Raises:
+            UsageError: JSBSim is not installed, or does not take the model.
+        """
+        try:
+            import jsbsim
+        except ImportError as error:
+            raise UsageError("JSBSim is not installed; it comes with the extra `crosscheck` of airrace") from error
+        self.atmosphere, self._own_density = atmosphere, own_density
+        jsbsim.FGJSBBase().debug_lvl = 0
+        self._jsbsim = jsbsim.FGFDMExec(None)
+        self._jsbsim.set_debug_level(0)
+        if not self._jsbsim.load_model_with_paths(NAME, str(folder), str(folder), str(folder)):
+            raise UsageError(f"JSBSim does not take the model in {folder}")
+        self._jsbsim.set_dt(STEP)
+        for name, kind in INTEGRATORS.items():
+            self._jsbsim[f"simulation/integrator/{name}"] = kind
+        self._jsbsim["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
+        self._jsbsim["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE
+        self._jsbsim["ic/lat-geod-rad"] = planet.latitude
 
     def start(self, state: SixDofState[float]) -> None:
         """Put the aircraft into a state, deflections and lever included; its north and east are ignored."""
         self.control({name: getattr(state, name) for name in MOVED})
-        if not self.own_density:
-            self.simulator["atmosphere/override/density"] = density(state.z, self.atmosphere) / DENSITY
+        if not self._own_density:
+            self._jsbsim["atmosphere/override/density"] = density(state.z, self.atmosphere) / DENSITY
         psi, theta, phi = angles(body_attitude(state).tolist())
         u, v, w = state.V_K * np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64)[:, 0]
         initial = [("h-sl-ft", (self.atmosphere.elevation - state.z) / FOOT)]
@@ -144,37 +119,39 @@ class SimulatedAircraft:
         initial += [("u-fps", u / FOOT), ("v-fps", v / FOOT), ("w-fps", w / FOOT)]
         initial += [("p-rad_sec", state.p_K), ("q-rad_sec", state.q_K), ("r-rad_sec", state.r_K)]
         for name, value in initial:
-            self.simulator[f"ic/{name}"] = float(value)
-        self.simulator.restart()
+            self._jsbsim[f"ic/{name}"] = float(value)
+        self._jsbsim.run_ic()
 
     def control(self, moved: Mapping[str, float]) -> None:
         """Set deflections (rad) and power lever by name."""
         for name, value in moved.items():
-            self.simulator[f"{NAME}/{name}"] = value
+            self._jsbsim[f"{NAME}/{name}"] = value
 
     def advance(self) -> None:
-        """Advance the flight by one step."""
-        self.simulator.advance()
+        """Advance by one step: first the state with the earlier rates, then the rates with the present controls."""
+        self._jsbsim.run()
 
     def accelerations(self) -> Accelerations:
         """Return the accelerations that the present forces and moments cause."""
-        mass = self.simulator["inertia/mass-slugs"] * SLUG
-        force = np.array([self.simulator[f"forces/fb{axis}-total-lbs"] for axis in "xyz"]) * POUND_FORCE
-        angular = np.array([self.simulator[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"])
+        mass = self._jsbsim["inertia/mass-slugs"] * SLUG
+        force = np.array([self._jsbsim[f"forces/fb{axis}-total-lbs"] for axis in "xyz"]) * POUND_FORCE
+        angular = np.array([self._jsbsim[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"])
         return Accelerations(force / mass, angular)
 
     def density(self) -> float:
         """Return the density of the air, kg/m3."""
-        return self.simulator["atmosphere/rho-slugs_ft3"] * DENSITY
+        return self._jsbsim["atmosphere/rho-slugs_ft3"] * DENSITY
 
     def position(self) -> Array:
         """Return north and east of the start and down from the track's origin, m; shape (3,)."""
-        north, east, up = (self.simulator[f"position/from-start-neu-{axis}-ft"] * FOOT for axis in "neu")
+        north, east, up = (self._jsbsim[f"position/from-start-neu-{axis}-ft"] * FOOT for axis in "neu")
         return np.array([north, east, self.atmosphere.elevation - up])
 
     def attitude(self) -> Array:
         """Return the attitude `R_OB`, shape (3, 3)."""
-        return self.simulator.attitude()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # JSBSim's own use of numpy.matrix
+            return np.asarray(self._jsbsim.get_propagate().get_Tl2b(), dtype=np.float64).T
 
 
 def simulate(
@@ -185,35 +162,9 @@ def simulate(
     *,
     own_density: bool = True,
 ) -> SimulatedAircraft:
-    """Write the model into the folder and load it.
-
-    Args:
-        folder: receives the model.
-        aircraft: its numbers.
-        atmosphere: the atmosphere of the day; there is no wind.
-        planet: what it flies over.
-        own_density: see `SimulatedAircraft`.
-
-    Raises:
-        UsageError: JSBSim does not take the model.
-    """
+    """Write the model of an aircraft into the folder and load it; see `SimulatedAircraft`."""
     write_model(folder, aircraft, planet)
-    return loaded(folder, atmosphere, planet, own_density=own_density)
-
-
-def loaded(
-    folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True
-) -> SimulatedAircraft:
-    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `simulate`."""
-    simulator = Simulator(folder, STEP)
-    simulator["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
-    simulator["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE
-    simulator["ic/lat-geod-rad"] = planet.latitude
-    return SimulatedAircraft(simulator, atmosphere, own_density)
-
-
-PIECE = 1.0
-"""The time for which JSBSim flies without being put back onto the optimum, s."""
+    return SimulatedAircraft(folder, atmosphere, planet, own_density=own_density)
 
 
 @record
@@ -256,7 +207,9 @@ def fly_course(
             flown.control(moved)
             flown.advance()
         distance = np.linalg.norm(below + flown.position() - np.array([goal.x, goal.y, goal.z]))
-        angle = _angle(flown.attitude(), body_attitude(goal))
+        # of the rotation between two attitudes: |R_1 - R_2| = 2 sqrt(2) sin(angle / 2)
+        turned = np.linalg.norm(flown.attitude() - body_attitude(goal)) / np.sqrt(8.0)
+        angle = float(2.0 * np.arcsin(min(1.0, turned)))
         misses.append(Miss(begin * STEP, end * STEP, float(distance), angle))
     return tuple(misses)
 
@@ -279,11 +232,3 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
     histories["delta_T"] = commanded + (optimum.of("delta_T")[interval] - commanded) * np.exp(-since / tau_T)
     rows = zip(*(values.tolist() for values in histories.values()), strict=True)
     return [dict(zip(histories, row, strict=True)) for row in rows]
-
-
-def _angle(R_1: Array, R_2: Array) -> float:
-    """Return the angle of the rotation from one attitude to the other, rad.
-
-    It follows from `|R_1 - R_2| = 2 sqrt(2) sin(angle / 2)`.
-    """
-    return float(2.0 * np.arcsin(min(1.0, np.linalg.norm(R_1 - R_2) / np.sqrt(8.0))))

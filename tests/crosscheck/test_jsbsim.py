@@ -29,7 +29,7 @@ from airrace.jsbsim.accelerations import (
     random_states,
 )
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
-from airrace.jsbsim.simulation import fly_course, loaded, simulate
+from airrace.jsbsim.simulation import SimulatedAircraft, fly_course, simulate
 from airrace.trajectory import Array, Trajectory
 
 ROOT = Path(__file__).parents[2]
@@ -119,8 +119,6 @@ def test_the_vertical_is_an_attitude_like_any_other(tmp_path: Path, climb: float
     assert flown.accelerations().angular == pytest.approx(ours.angular, abs=1e-6)
 
 
-pytest.importorskip("jsbsim")
-
 ACCELERATED_STATES = random_states(100, seed=11)
 G, RAD_S2 = 1e-3, 1e-3
 EVERY = {"edge540": EDGE, "pc9": PC9, "complete": COMPLETE}
@@ -170,7 +168,7 @@ def test_the_densities_are_the_same_at_the_geopotential_height(
 def test_the_wrong_sign_of_any_coefficient_is_seen(tmp_path: Path, name: str) -> None:
     path = write_model(tmp_path, COMPLETE, FLAT)
     path.write_text(with_sign_changed(path.read_text(), name))
-    flown = loaded(tmp_path, STANDARD, FLAT, own_density=False)
+    flown = SimulatedAircraft(tmp_path, STANDARD, FLAT, own_density=False)
     force, angular = differences(flown, COMPLETE, ACCELERATED_STATES[:30], ACCELERATED_STATES[:30]).worst
     assert force > G or angular > RAD_S2
 
@@ -181,7 +179,7 @@ def test_the_wrong_sign_of_the_product_of_inertia_is_seen(tmp_path: Path) -> Non
     turned = text.replace('negated_crossproduct_inertia="false"', 'negated_crossproduct_inertia="true"')
     assert turned != text
     path.write_text(turned)
-    flown = loaded(tmp_path, STANDARD, FLAT, own_density=False)
+    flown = SimulatedAircraft(tmp_path, STANDARD, FLAT, own_density=False)
     assert differences(flown, COMPLETE, ACCELERATED_STATES[:30], ACCELERATED_STATES[:30]).worst[1] > RAD_S2
 
 
@@ -204,8 +202,6 @@ def with_sign_changed(text: str, name: str) -> str:
     assert count == 1
     return changed
 
-
-pytest.importorskip("jsbsim")
 
 STEP, INTERVALS = 0.1, 25  # the last piece lasts half a second
 q0, q1, q2, q3 = quaternion(0.7, 0.3, -0.4)
