@@ -31,7 +31,7 @@ def rotation(q: Sequence[Scalar]) -> Matrix:
     ]
 
 
-def normalised(q: Sequence[Scalar]) -> list[Scalar]:
+def normalise(q: Sequence[Scalar]) -> list[Scalar]:
     """Return `q / |q|`, the unit quaternion of the same rotation."""
     q0, q1, q2, q3 = q
     # a power, not math.sqrt: it serves symbols, too

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.frames import angle_between, angles, normalised, product, quaternion, quaternion_rates, rotation
+from airrace.frames import angle_between, angles, normalise, product, quaternion, quaternion_rates, rotation
 from airrace.points import at_points
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.records import record
@@ -235,7 +235,7 @@ def test_rotation_is_orthonormal_whatever_the_length_of_its_quaternion_and_compo
     assert pytest.approx(np.eye(3), abs=1e-12) == R @ R.T
     assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
     assert np.array(rotation(product(p, q))) == pytest.approx(np.array(rotation(p)) @ R, abs=1e-12)
-    unit = normalised(stretched)
+    unit = normalise(stretched)
     assert math.hypot(*unit) == pytest.approx(1.0, rel=1e-14)
     assert np.array(rotation(unit)) == pytest.approx(R, abs=1e-12)
 

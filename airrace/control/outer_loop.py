@@ -25,7 +25,7 @@ from airrace.control.reference import ReferencePoint, sum_of_products
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.atmosphere import g0
 from airrace.environment.elementary import atan2, cos, maximum, minimum, sin, sqrt
-from airrace.frames import Scalar, normalised, product, rotation
+from airrace.frames import Scalar, normalise, product, rotation
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
 
@@ -146,8 +146,8 @@ def _across(vector: Sequence[Scalar], here: ReferencePoint[Scalar]) -> list[Scal
 
 def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:
     """Return `e_t` (rad), the roll angle in the rotation from one attitude to another, the shorter way round."""
-    q0, q1, q2, q3 = normalised(q)
-    error = product((q0, -q1, -q2, -q3), normalised(q_ref))
+    q0, q1, q2, q3 = normalise(q)
+    error = product((q0, -q1, -q2, -q3), normalise(q_ref))
     shorter = 2.0 * (error[0] >= 0.0) - 1.0
     return 2.0 * atan2(shorter * error[1], shorter * error[0])
 

@@ -11,7 +11,7 @@ from airrace.control.outer_loop import Commands
 from airrace.control.reference import Reference, ReferencePoint
 from airrace.dynamics.flight_model import FlightModel, RollCounter
 from airrace.dynamics.outer_loop import ATTITUDE, PoweredState
-from airrace.frames import normalised
+from airrace.frames import normalise
 from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.system import System
@@ -51,7 +51,7 @@ def settle(model: FlightModel, inverse: InnerLoopInverse, reference: Reference, 
 def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
     """Return the reference at values of its clock (s), linear between its samples."""
     here = {name: _read(reference, name, nodes) for name in ReferencePoint.names()}
-    here |= zip(ATTITUDE, normalised([here[name] for name in ATTITUDE]), strict=True)
+    here |= zip(ATTITUDE, normalise([here[name] for name in ATTITUDE]), strict=True)
     return ReferencePoint[Array](**here)
 
 

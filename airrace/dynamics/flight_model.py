@@ -21,7 +21,7 @@ from airrace.dynamics.parameters import AircraftParameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters
 from airrace.environment.wind import Weather, WindField
-from airrace.frames import Scalar, normalised
+from airrace.frames import Scalar, normalise
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import System, column, named_symbols
@@ -191,7 +191,7 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     all_rates = list(rates.join())
     if of.counting:
         all_rates += [of.roll_rate(state, path_values) + u["Phi_reset"], u["gain_reset"] - rates.z]
-    unit = dict(zip(ATTITUDE, normalised([x[name] for name in ATTITUDE]), strict=True))
+    unit = dict(zip(ATTITUDE, normalise([x[name] for name in ATTITUDE]), strict=True))
     arguments = [column(symbols.values()) for symbols in (x, u, p)]
     return (
         ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),

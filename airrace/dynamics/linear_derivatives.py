@@ -15,7 +15,7 @@ import dataclasses
 from airrace.aircraft.aircraft import Aircraft, Mode
 from airrace.dynamics.aerodynamics import drag_coefficient
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.rigid_body import body_axes, stability_axes, uncoupled
+from airrace.dynamics.rigid_body import body_axes, roll_yaw_accelerations, stability_axes
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.frames import Scalar
 from airrace.records import record
@@ -102,7 +102,7 @@ def lateral_motion(
     dimensionless = aircraft.b / (2.0 * V_A)
 
     def column(C_l: Scalar, C_n: Scalar) -> Pair:
-        return stability_axes(alpha_K, *uncoupled(moment * C_l, moment * C_n, aircraft))
+        return stability_axes(alpha_K, *roll_yaw_accelerations(moment * C_l, moment * C_n, aircraft))
 
     def rate_column(p_s: float, r_s: float) -> Pair:
         p, r = body_axes(alpha_K, p_s * dimensionless, r_s * dimensionless)

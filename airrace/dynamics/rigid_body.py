@@ -87,11 +87,11 @@ def angular_accelerations(rates: Triple, moments: Triple, aircraft: InnerLoopPar
     roll = moments[0] - (q * h_z - r * h_y)
     pitch = moments[1] - (r * h_x - p * h_z)
     yaw = moments[2] - (p * h_y - q * h_x)
-    p_dot, r_dot = uncoupled(roll, yaw, aircraft)
+    p_dot, r_dot = roll_yaw_accelerations(roll, yaw, aircraft)
     return p_dot, pitch / aircraft.I_y, r_dot
 
 
-def uncoupled(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
+def roll_yaw_accelerations(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
     """Return the accelerations `(p', r')` (rad/s2) that moments about x_B and z_B (N m) make.
 
     The product of inertia couples the two axes, so each moment makes both.
@@ -103,8 +103,8 @@ def uncoupled(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) 
     )
 
 
-def coupled(p_dot: Scalar, r_dot: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
-    """Return the moments about x_B and z_B (N m) that make the accelerations (rad/s2): the inverse of `uncoupled`."""
+def roll_yaw_moments(p_dot: Scalar, r_dot: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
+    """Return the moments about x_B and z_B (N m) that make the accelerations (rad/s2)."""
     return aircraft.I_x * p_dot - aircraft.I_xz * r_dot, aircraft.I_z * r_dot - aircraft.I_xz * p_dot
 
 

@@ -31,7 +31,7 @@ from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bo
 from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
-from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, stability_axes, uncoupled
+from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, roll_yaw_accelerations, stability_axes
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density, g0
 from airrace.environment.wind import Weather
@@ -147,7 +147,7 @@ def linear_flight(
     M = pitching(here.flow.V_A, here.rho, aircraft)
     moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
     C_l, C_n = moment_coefficients(motion, C_L, aircraft)
-    p_dot, r_dot = stability_axes(state.alpha_K, *uncoupled(moment * C_l, moment * C_n, aircraft))
+    p_dot, r_dot = stability_axes(state.alpha_K, *roll_yaw_accelerations(moment * C_l, moment * C_n, aircraft))
     coefficients = LoadFactorPath[Scalar](C_L=C_L, beta_A=beta_A)
     n_x = axial_load_factor(n_z, n_y, coefficients, state.delta_T, here.flow, here.rho, aircraft)
     rates = LinearFlightState[Scalar](

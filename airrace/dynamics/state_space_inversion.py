@@ -28,7 +28,7 @@ from airrace.dynamics.limits import (
 from airrace.dynamics.linear_derivatives import Pair, linear_parameters, pitching
 from airrace.dynamics.outer_loop import turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
-from airrace.dynamics.rigid_body import body_axes, coupled
+from airrace.dynamics.rigid_body import body_axes, roll_yaw_moments
 from airrace.dynamics.state_space import (
     BODY_MOTION,
     LinearFlightState,
@@ -161,7 +161,7 @@ def surfaces_for(
     aircraft: InnerLoopParameters[Scalar],
 ) -> Pair:
     """Return `(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`, in rad and rad/s."""
-    roll, yaw = coupled(*body_axes(state.alpha_K, *accelerations), aircraft)
+    roll, yaw = roll_yaw_moments(*body_axes(state.alpha_K, *accelerations), aircraft)
     moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
     C_l, C_n = moment_coefficients(sideways(state, causes, (0.0, 0.0), here, aircraft), C_L, aircraft)
     missing = (roll / moment - C_l, yaw / moment - C_n)

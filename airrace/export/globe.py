@@ -13,7 +13,7 @@ from airrace.records import record
 from airrace.results import Basis, Flight, History
 from airrace.results.flight import GLOSSARY
 from airrace.track.course import Course, Origin
-from airrace.track.geodetic import geodetic, placed
+from airrace.track.geodetic import geodetic
 from airrace.track.polygons import Point
 
 BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)
@@ -58,7 +58,7 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
         UsageError: the course says nothing.
     """
     where = origin or flight.course.origin
-    if not placed(where):
+    if not where.has_coordinates:
         raise UsageError(
             f"the course of {flight.label} has no origin on the globe; say where it lies with --origin LAT,LON,ELEV"
         )

@@ -106,7 +106,7 @@ def own_accelerations(
 
 
 def differences(
-    flown: SimulatedAircraft,
+    simulation: SimulatedAircraft,
     aircraft: InnerLoopParameters[float],
     theirs: Iterable[SixDofState[float]],
     ours: Iterable[SixDofState[float]],
@@ -114,8 +114,8 @@ def differences(
     """Return JSBSim's accelerations in the one state minus ours in the other, pair by pair."""
     pairs: list[tuple[Accelerations, Accelerations]] = []
     for one, other in zip(theirs, ours, strict=True):
-        flown.start(one)
-        pairs.append((flown.accelerations(), own_accelerations(other, aircraft, flown.atmosphere)))
+        simulation.start(one)
+        pairs.append((simulation.accelerations(), own_accelerations(other, aircraft, simulation.atmosphere)))
     return Differences(
         np.array([theirs.specific_force / g0 - ours.specific_force / g0 for theirs, ours in pairs]),
         np.array([theirs.angular - ours.angular for theirs, ours in pairs]),

@@ -184,12 +184,12 @@ class Miss:
 
 
 def fly_course(
-    flown: SimulatedAircraft, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
+    simulation: SimulatedAircraft, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
 ) -> tuple[Miss, ...]:
     """Fly every piece of the optimum by JSBSim with the optimum's controls; the last piece may be shorter.
 
     Args:
-        flown: the aircraft in the air of the day.
+        simulation: the aircraft in the air of the day.
         optimum: an optimum of the six-dof model, in still air.
         at: states of the optimum at any times (s, shape (n,)), by name.
         tau_T: the time constant of the lever, s.
@@ -201,14 +201,14 @@ def fly_course(
     starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
     misses: list[Miss] = []
     for start, goal, begin, end in zip(starts, goals, first.tolist(), ends.tolist(), strict=True):
-        flown.start(start)
+        simulation.start(start)
         below = np.array([start.x, start.y, 0.0])
         for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * STEP, tau_T):
-            flown.control(moved)
-            flown.advance()
-        distance = np.linalg.norm(below + flown.position() - np.array([goal.x, goal.y, goal.z]))
+            simulation.control(moved)
+            simulation.advance()
+        distance = np.linalg.norm(below + simulation.position() - np.array([goal.x, goal.y, goal.z]))
         # of the rotation between two attitudes: |R_1 - R_2| = 2 sqrt(2) sin(angle / 2)
-        turned = np.linalg.norm(flown.attitude() - body_attitude(goal)) / np.sqrt(8.0)
+        turned = np.linalg.norm(simulation.attitude() - body_attitude(goal)) / np.sqrt(8.0)
         angle = float(2.0 * np.arcsin(min(1.0, turned)))
         misses.append(Miss(begin * STEP, end * STEP, float(distance), angle))
     return tuple(misses)

@@ -16,7 +16,7 @@ from airrace.logs.recording import Recording, count_of, refuse
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.track.course import Passage
-from airrace.track.geodetic import metres, placed
+from airrace.track.geodetic import metres
 from airrace.trajectory import Array
 
 
@@ -85,7 +85,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     """
     course, columns = race.course, dict(recording.columns)
     if "x" not in columns:
-        if not placed(course.origin):
+        if not course.origin.has_coordinates:
             refuse(
                 recording.path,
                 0,

@@ -84,7 +84,7 @@ class PhaseHomotopy:
         if self.path is not None:
             assert here is not None  # a level leg's ends have positions
             assert there is not None
-            bent = self.path.bent(part)
+            bent = self.path.bend(part)
             north, east, heading = (float(values[0]) for values in bent.points(np.array([self.path.length])))
             position, climb = (north, east, here[2] + part * (there[2] - here[2])), 0.0
             bank = None if self.end.bank is None else part * self.end.bank
@@ -108,7 +108,7 @@ class PhaseHomotopy:
 
     def guess(self, part: float, fractions: Sequence[float]) -> Iterate:
         """Return the member as planned, on a mesh."""
-        path = None if self.path is None else self.path.bent(part)
+        path = None if self.path is None else self.path.bend(part)
         member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0, self.counting)
         return guess(member, [tuple(fractions)])
 

@@ -28,7 +28,7 @@ from airrace.results.flight import (
     History,
     Source,
 )
-from airrace.track.geodetic import geodetic, placed
+from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array
 
 Values = Mapping[str, Array]
@@ -85,7 +85,7 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
     needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
     if not set(needed) <= set(names):
         return {}
-    columns = ("V_A", "V_I", *(("latitude", "longitude") if placed(race.course.origin) else ()))
+    columns = ("V_A", "V_I", *(("latitude", "longitude") if race.course.origin.has_coordinates else ()))
 
     def column(name: str) -> Callable[[Values], Array]:
         def values(known: Values) -> Array:
@@ -146,7 +146,7 @@ RULES = (
         ("x", "y"),
         ("latitude", "longitude"),
         lambda race, known: geodetic(known["x"], known["y"], race.course.origin),
-        lambda race: placed(race.course.origin),
+        lambda race: race.course.origin.has_coordinates,
     ),
     Rule(("height", "V_K"), ("h_E",), lambda _, known: (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)),
     Rule(PATH_ATTITUDE, ("chi", "gamma", "mu"), lambda _, known: attitude.euler_angles(_R_OKbar(known))),

@@ -142,6 +142,11 @@ class Origin:
     longitude: float | None = None
     elevation: float = 0.0
 
+    @property
+    def has_coordinates(self) -> bool:
+        """Whether latitude and longitude are known."""
+        return self.latitude is not None and self.longitude is not None
+
 
 @record
 class Course:

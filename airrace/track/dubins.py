@@ -45,7 +45,7 @@ class DubinsPath:
         edges = np.cumsum(self.lengths)[:-1]
         return np.asarray(self.curvatures)[np.searchsorted(edges, s, side="right")]
 
-    def bent(self, factor: float) -> "DubinsPath":
+    def bend(self, factor: float) -> "DubinsPath":
         """Return the path of the same piece lengths with all curvatures multiplied by `factor` (0: straight)."""
         first, second, third = (factor * one for one in self.curvatures)
         return DubinsPath(self.north, self.east, self.heading, self.lengths, (first, second, third))

@@ -14,7 +14,7 @@ from airrace.trajectory import Array
 
 
 def metres(latitude: Array, longitude: Array, origin: Origin) -> tuple[Array, Array, Array]:
-    """North, east and down (m) of places (rad) at the elevation of the origin, each of shape (n,).
+    """Return north, east and down (m) of places (rad) at the elevation of the origin, each of shape (n,).
 
     Raises:
         ValueError: the origin has no latitude and longitude.
@@ -22,43 +22,29 @@ def metres(latitude: Array, longitude: Array, origin: Origin) -> tuple[Array, Ar
     # Imported here: most courses are given in metres. ignore: the library leaves its arguments untyped.
     from pymap3d import geodetic2ned  # pyright: ignore[reportUnknownVariableType]
 
-    phi, lam, h = known(origin)
+    phi, lam, h = _coordinates(origin)
     return cast(tuple[Array, Array, Array], geodetic2ned(latitude, longitude, h, phi, lam, h, deg=False))
 
 
 def geodetic(north: Array, east: Array, origin: Origin) -> tuple[Array, Array]:
-    """Latitude and longitude (rad) of places (m), each of shape (n,); the inverse of
-    `metres`, whose `down` is ignored.
+    """Return latitude and longitude (rad) of places (m), each of shape (n,): the inverse of `metres` without its down.
 
     Raises:
         ValueError: the origin has no latitude and longitude.
     """
     from pymap3d import ned2geodetic  # pyright: ignore[reportUnknownVariableType]
 
-    phi, lam, h = known(origin)
-
-    def place(down: Array) -> tuple[Array, Array, Array]:
-        return cast(tuple[Array, Array, Array], ned2geodetic(north, east, down, phi, lam, h, deg=False))
-
+    phi, lam, h = _coordinates(origin)
     # The place is at the origin's elevation: its depth below the plane is found in two corrections.
     down = np.zeros_like(north)
-    for _ in range(2):
-        down = down + np.reshape(place(down)[2] - h, north.shape)
-    latitude, longitude, _ = place(down)
-    return np.reshape(latitude, north.shape), np.reshape(longitude, north.shape)
+    for correction in range(3):
+        place = cast(tuple[Array, Array, Array], ned2geodetic(north, east, down, phi, lam, h, deg=False))
+        if correction < 2:
+            down = down + np.reshape(place[2] - h, north.shape)
+    return np.reshape(place[0], north.shape), np.reshape(place[1], north.shape)
 
 
-def known(origin: Origin) -> tuple[float, float, float]:
-    """Latitude and longitude (rad) and elevation (m) of an origin that has them.
-
-    Raises:
-        ValueError: it has not.
-    """
+def _coordinates(origin: Origin) -> tuple[float, float, float]:
     if origin.latitude is None or origin.longitude is None:
         raise ValueError("the track's origin has no latitude and longitude")
     return origin.latitude, origin.longitude, origin.elevation
-
-
-def placed(origin: Origin) -> bool:
-    """Return whether the origin has a latitude and a longitude."""
-    return origin.latitude is not None and origin.longitude is not None

@@ -14,7 +14,7 @@ from airrace.quantities import Interval
 from airrace.track.course import Origin
 from airrace.track.element import Direction, Element
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
-from airrace.track.geodetic import geodetic, metres, placed
+from airrace.track.geodetic import geodetic, metres
 
 SPAN = 7.43
 HALF_TURN = math.pi
@@ -131,6 +131,6 @@ def test_a_minute_of_latitude_is_about_a_sea_mile() -> None:
 
 
 def test_a_course_without_an_origin_lies_nowhere() -> None:
-    assert not placed(Origin())
+    assert not Origin().has_coordinates
     with pytest.raises(ValueError, match="no latitude"):
         geodetic(np.zeros(1), np.zeros(1), Origin())
