@@ -32,18 +32,18 @@ const FENCE = 30; // m, the height at which airspace and safety lines are drawn
 /** All of the course as a group; `labels` are what is to be named in it, `restyle()` repaints. */
 export function courseOf(course) {
   const group = new Group();
-  const painters = [];
+  const painted = [];
   const labels = [];
-  const add = (mesh, paint) => {
+  const add = (mesh, colour) => {
     group.add(mesh);
-    painters.push(paint);
+    painted.push([mesh.material, colour]);
   };
   for (const element of course.elements) addElement(element, add, labels);
   course.crowd.forEach((crowd, number) => addCrowd(crowd, number, add, labels));
   for (const safety of course.lines) addSafetyLine(safety, add, labels);
   if (course.airspace.length) addAirspace(course.airspace, add, labels);
   group.labels = labels;
-  group.restyle = () => painters.forEach((paint) => paint());
+  group.restyle = () => painted.forEach(([material, colour]) => material.color.set(themed(colour)));
   return group;
 }
 
@@ -65,7 +65,7 @@ function addPylon(foot, top, add) {
     const geometry = new CylinderGeometry(radius(high), radius(low), top / BANDS, 16, 1, band < BANDS - 1);
     const mesh = new Mesh(geometry, new MeshLambertMaterial());
     mesh.position.set(foot.x, top * (low + high) * 0.5, foot.z);
-    add(mesh, () => mesh.material.color.set(themed(band % 2 ? "pylon-band" : "pylon")));
+    add(mesh, band % 2 ? "pylon-band" : "pylon");
   }
 }
 
@@ -80,9 +80,9 @@ function addWindow({ window, heights }, add) {
     placed(left[0], left[1], high),
   ];
   const mesh = new Mesh(polygon(corners), translucent(0.2));
-  const frame = new LineSegments(outline(corners), new LineBasicMaterial());
-  add(mesh, () => mesh.material.color.set(themed("accent")));
-  add(frame, () => frame.material.color.set(themed("accent")));
+  const frame = new LineSegments(segments(sidesOf(corners, true)), new LineBasicMaterial());
+  add(mesh, "accent");
+  add(frame, "accent");
 }
 
 /** How far beside a pylon its passing counts, on the ground. */
@@ -93,14 +93,14 @@ function addReach([from, to], add) {
     new LineDashedMaterial(dashes),
   );
   mesh.computeLineDistances();
-  add(mesh, () => mesh.material.color.set(themed("muted")));
+  add(mesh, "muted");
 }
 
 /** An attitude that is flown somewhere: a small diamond where the first flight passed it. */
 function addMark({ place }, add) {
   const mesh = new Mesh(new OctahedronGeometry(2.5), new MeshLambertMaterial({ flatShading: true }));
   mesh.position.copy(placed(...place));
-  add(mesh, () => mesh.material.color.set(themed("accent")));
+  add(mesh, "accent");
 }
 
 /** People, and the ground within their distance. */
@@ -108,21 +108,20 @@ function addCrowd({ name, corners, closed, distance, height }, number, add, labe
   const places = corners.map(([north, east]) => placed(north, east, height));
   const near = new Mesh(around(corners, closed, distance), once(translucent(0.14), number + 1));
   near.renderOrder = -10;
-  add(near, () => near.material.color.set(themed("limit")));
+  add(near, "limit");
   if (closed) {
     const area = new Mesh(flat(corners), translucent(0.6));
     area.renderOrder = -9;
-    add(area, () => area.material.color.set(themed("limit")));
+    add(area, "limit");
   }
-  const pairs = places.map((place, i) => [place, places[(i + 1) % places.length]]);
-  for (const [a, b] of closed || places.length === 1 ? pairs : pairs.slice(0, -1)) {
+  for (const [a, b] of sidesOf(places, closed || places.length === 1)) {
     const wall = new Mesh(upright(a, b, height + 4), translucent(0.85));
-    add(wall, () => wall.material.color.set(themed("limit")));
+    add(wall, "limit");
   }
   if (places.length === 1) {
     const post = new Mesh(new CylinderGeometry(3, 3, 4, 16), new MeshLambertMaterial());
     post.position.copy(places[0]).setY(height + 2);
-    add(post, () => post.material.color.set(themed("limit")));
+    add(post, "limit");
   }
   labels.push({ text: `${name}, ${Math.round(distance)} m`, place: middle(places).setY(height + 8), kind: "crowd" });
 }
@@ -141,21 +140,21 @@ function addSafetyLine({ name, start, end, keep_right: keepRight }, add, labels)
     pairs.push([from, from.clone().addScaledVector(beyond, 10)]);
   }
   const hatches = new LineSegments(segments(pairs), new LineBasicMaterial());
-  add(fence, () => fence.material.color.set(themed("caution")));
-  add(hatches, () => hatches.material.color.set(themed("caution")));
+  add(fence, "caution");
+  add(hatches, "caution");
   labels.push({ text: name, place: a.clone().lerp(b, 0.5).setY(FENCE), kind: "line" });
 }
 
 function addAirspace(corners, add, labels) {
   const places = corners.map(([north, east]) => placed(north, east, 0));
-  const pairs = places.map((place, i) => [place, places[(i + 1) % places.length]]);
+  const pairs = sidesOf(places, true);
   for (const [a, b] of pairs) {
     const wall = new Mesh(upright(a, b, FENCE), translucent(0.07));
-    add(wall, () => wall.material.color.set(themed("accent")));
+    add(wall, "accent");
   }
   const border = new LineSegments(segments(pairs), new LineDashedMaterial({ dashSize: 16, gapSize: 8 }));
   border.computeLineDistances();
-  add(border, () => border.material.color.set(themed("accent")));
+  add(border, "accent");
   labels.push({ text: "airspace", place: places[0].clone().setY(FENCE), kind: "line" });
 }
 
@@ -192,8 +191,10 @@ function upright(a, b, height) {
   return polygon([at(a, 0), at(b, 0), at(b, height), at(a, height)]);
 }
 
-function outline(corners) {
-  return segments(corners.map((corner, i) => [corner, corners[(i + 1) % corners.length]]));
+/** Every place with the next; closed, the last with the first as well. */
+function sidesOf(places, closed) {
+  const sides = places.map((place, i) => [place, places[(i + 1) % places.length]]);
+  return closed ? sides : sides.slice(0, -1);
 }
 
 function segments(pairs) {
@@ -205,8 +206,7 @@ function segments(pairs) {
 function around(corners, closed, distance) {
   const flatPlaces = corners.map(([north, east]) => placed(north, east, 0));
   const triangles = [];
-  const sides = flatPlaces.map((place, i) => [place, flatPlaces[(i + 1) % flatPlaces.length]]);
-  for (const [a, b] of closed ? sides : sides.slice(0, -1)) {
+  for (const [a, b] of sidesOf(flatPlaces, closed)) {
     const across = new Vector3(a.z - b.z, 0, b.x - a.x).setLength(distance);
     const [p, q, r, s] = [a, b].flatMap((one) => [one.clone().add(across), one.clone().sub(across)]);
     triangles.push(p, q, r, q, s, r);

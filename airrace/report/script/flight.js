@@ -1,10 +1,10 @@
 // One flight: its histories, read off at any instant.
 
 import { Quaternion, Vector3 } from "three";
-import { numbersOf } from "./numbers.js";
+import { indexBefore, numbersOf } from "./numbers.js";
 
 /** The rotation that takes north, east, down to the scene's axes: east, up, south. */
-export const FROM_NORTH_EAST_DOWN = new Quaternion(0.5, 0.5, -0.5, 0.5);
+const FROM_NORTH_EAST_DOWN = new Quaternion(0.5, 0.5, -0.5, 0.5);
 
 /** A place in the scene. */
 export function placed(north, east, height, target = new Vector3()) {
@@ -16,7 +16,6 @@ export class Flight {
     this.number = number;
     this.label = told.label;
     this.aircraft = told.aircraft;
-    this.raceTime = told.race_time;
     this.passings = told.passings;
     this.time = numbersOf(told.time);
     this.histories = new Map(Object.entries(told.histories).map(([name, text]) => [name, numbersOf(text)]));
@@ -32,14 +31,8 @@ export class Flight {
 
   /** The sample before a time, and the share of the way to the next. */
   at(time) {
-    let low = 0;
-    let high = this.count - 1;
-    if (time >= this.duration) return [Math.max(high - 1, 0), high > 0 ? 1 : 0];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (this.time[middle] <= time) low = middle;
-      else high = middle;
-    }
+    if (time >= this.duration) return [Math.max(this.count - 2, 0), this.count > 1 ? 1 : 0];
+    const low = indexBefore(this.time, time);
     const step = this.time[low + 1] - this.time[low];
     return [low, step > 0 ? Math.min(Math.max((time - this.time[low]) / step, 0), 1) : 0];
   }

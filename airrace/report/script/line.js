@@ -34,6 +34,16 @@ void main() {
   #include <colorspace_fragment>
 }`;
 
+/** Give every point of a band, which has two vertices, its colour; `colour(i)` is the Color of point i. */
+export function paintPairs(attribute, colour) {
+  for (let i = 0; 2 * i < attribute.count; i += 1) {
+    const { r, g, b } = colour(i);
+    attribute.setXYZ(2 * i, r, g, b);
+    attribute.setXYZ(2 * i + 1, r, g, b);
+  }
+  attribute.needsUpdate = true;
+}
+
 /**
  * A line through points of the scene.
  *
@@ -72,15 +82,7 @@ export function line(points, { width = 3, opacity = 1 } = {}) {
   const mesh = new Mesh(geometry, material);
   mesh.frustumCulled = false;
   mesh.fit = (across, down) => uniforms.size.value.set(across, down);
-  mesh.paint = (colour) => {
-    const tint = geometry.getAttribute("tint");
-    for (let i = 0; i < count; i += 1) {
-      const { r, g, b } = colour(i);
-      tint.setXYZ(2 * i, r, g, b);
-      tint.setXYZ(2 * i + 1, r, g, b);
-    }
-    tint.needsUpdate = true;
-  };
+  mesh.paint = (colour) => paintPairs(geometry.getAttribute("tint"), colour);
   mesh.paintAll = (colour) => {
     const one = new Color(colour);
     mesh.paint(() => one);

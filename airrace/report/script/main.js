@@ -2,16 +2,13 @@
 
 import { Clock } from "./clock.js";
 import { Controls } from "./controls.js";
-import { differencesOf } from "./differences.js";
 import { Flight } from "./flight.js";
-import { watchKeys } from "./keys.js";
+import { watchTheme } from "./palette.js";
 import { watchPrinting } from "./printing.js";
-import { showReadings } from "./readout.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
-import { linkFlights, linkTables } from "./tables.js";
-import { watchTheme } from "./theme.js";
-import { Transport } from "./transport.js";
+import { linkFlights, linkTables, showReadings } from "./tables.js";
+import { Transport, watchKeys } from "./transport.js";
 
 function begin() {
   const told = JSON.parse(document.getElementById("contents").textContent);
@@ -22,7 +19,7 @@ function begin() {
     document.getElementById(id),
   );
   const scene = sceneOrNone(sceneElement, told, flights, clock);
-  const strips = new Strips(stripsElement, told.strips, flights, clock, differencesOf(told.differences));
+  const strips = new Strips(stripsElement, told.strips, flights, clock, told.differences);
   const transport = new Transport(transportElement, lead, clock);
   const controls = scene === null ? null : new Controls(sceneElement, scene, lead, told.colours);
   showReadings(sceneElement, lead, clock);

@@ -38,3 +38,15 @@ export function roundStep(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [5, 2, 1].map((one) => one * power).find((step) => step <= value * (1 + 1e-9));
 }
+
+/** The index of the last of rising numbers that is not larger than one, but never the very last. */
+export function indexBefore(numbers, value) {
+  let low = 0;
+  let high = numbers.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (numbers[middle] <= value) low = middle;
+    else high = middle;
+  }
+  return low;
+}

@@ -1,10 +1,11 @@
-// Colours: the theme's from the style sheet, and the scales by which a flight is coloured.
+// Colours: the theme, light or dark as the system has it until it is chosen, and the scales of a flight.
 
 import { Color } from "three";
 
 // Every colour stands out from pale and from dark ground alike, and lightness rises along the scale.
 const SEQUENTIAL = ["#3b2f8f", "#7a2a9a", "#b82b86", "#e04760", "#f2743c", "#f5a623"];
 const DIVERGING = ["#1f5fbf", "#5a8fd0", "#93a4ad", "#d9776a", "#c22f2f"];
+const DARK = window.matchMedia("(prefers-color-scheme: dark)");
 const GHOSTS = 5; // colours for flights beside the first, in the style sheet
 
 /** A colour of the style sheet, by the name of its variable. */
@@ -46,4 +47,20 @@ export function colourOf(scale, range) {
     const i = Math.min(Math.floor(place), colours.length - 2);
     return mixed.copy(colours[i]).lerp(colours[i + 1], place - i);
   };
+}
+
+/** Let a button change the theme; `restyle` is called whenever colours are others. Returns a function that forces one. */
+export function watchTheme(button, restyle) {
+  let chosen = null;
+  const apply = (forced = null) => {
+    document.documentElement.dataset.theme = forced ?? chosen ?? (DARK.matches ? "dark" : "light");
+    restyle();
+  };
+  DARK.addEventListener("change", () => apply());
+  button.addEventListener("click", () => {
+    chosen = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+    apply();
+  });
+  apply();
+  return apply;
 }

@@ -1,7 +1,7 @@
 // The way of a flight: a line where its centre was, and a ribbon as wide as its wings, banked as they were.
 
 import { BufferAttribute, BufferGeometry, DoubleSide, Group, Mesh, MeshBasicMaterial, Quaternion, Vector3 } from "three";
-import { line } from "./line.js";
+import { line, paintPairs } from "./line.js";
 import { colourOf, ghostColour, rangeOf, themed } from "./palette.js";
 import { extent } from "./numbers.js";
 
@@ -61,7 +61,6 @@ function wingTips(flight, centre) {
 function surface(left, right) {
   const count = left.length;
   const places = new Float32Array(6 * count);
-  const tints = new Float32Array(6 * count);
   const index = [];
   for (let i = 0; i < count; i += 1) {
     left[i].toArray(places, 6 * i);
@@ -70,20 +69,12 @@ function surface(left, right) {
   }
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(places, 3));
-  geometry.setAttribute("color", new BufferAttribute(tints, 3));
+  geometry.setAttribute("color", new BufferAttribute(new Float32Array(6 * count), 3));
   geometry.setIndex(index);
   const look = { vertexColors: true, side: DoubleSide, transparent: true, opacity: 0.42, depthWrite: false };
   const mesh = new Mesh(geometry, new MeshBasicMaterial(look));
   mesh.frustumCulled = false;
-  mesh.paint = (colour) => {
-    const attribute = geometry.getAttribute("color");
-    for (let i = 0; i < count; i += 1) {
-      const { r, g, b } = colour(i);
-      attribute.setXYZ(2 * i, r, g, b);
-      attribute.setXYZ(2 * i + 1, r, g, b);
-    }
-    attribute.needsUpdate = true;
-  };
+  mesh.paint = (colour) => paintPairs(geometry.getAttribute("color"), colour);
   return mesh;
 }
 

@@ -50,7 +50,6 @@ export class RaceScene {
     this.view = views[0];
     this.enlarged = 1;
     this.pending = false;
-    this.frames = 0;
     const north = { text: "N", place: this.ground.arrow.position, kind: "north" };
     this.labels = [north, ...this.course.labels];
     this.showLabels = labelsOver(element.querySelector(".labels"), this.labels);
@@ -112,7 +111,6 @@ export class RaceScene {
   /** One picture; pixels of the page, and how many of the screen each of them is. */
   draw(width, height, ratio, view, covered) {
     if (!width || !height) return;
-    this.frames += 1;
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     view.place(width, height, this.clock.time, covered);

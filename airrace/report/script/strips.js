@@ -2,7 +2,7 @@
 
 import { uPlot } from "uplot";
 import { ghostColour, ghostName, themed } from "./palette.js";
-import { extent, signed, written } from "./numbers.js";
+import { extent, indexBefore, numbersOf, signed, written } from "./numbers.js";
 
 const HEIGHT = 118; // pixels of a strip
 const NEAR = 0.6; // of its own extent, within which a limit beyond the data is still shown
@@ -19,7 +19,7 @@ export class Strips {
     this.grid = commonTimes(flights);
     this.duration = this.grid[this.grid.length - 1];
     const values = (strip) => (line, flight) => sampled(flight, line.history, this.grid, strip.wraps);
-    this.strips = differences.length ? [this.differenceStrip(differences)] : [];
+    this.strips = differences.length ? [this.differenceStrip(differencesOf(differences))] : [];
     this.strips.push(...strips.map((strip) => this.strip(strip, values(strip))).filter((strip) => strip !== null));
     new ResizeObserver(() => this.resize()).observe(element);
     clock.watch((time) => this.mark(time));
@@ -54,7 +54,9 @@ export class Strips {
     const head = document.createElement("figcaption");
     const title = document.createElement("b");
     title.textContent = told.title;
-    head.append(title, unitOf(told.unit));
+    const unit = document.createElement("i");
+    unit.textContent = told.unit;
+    head.append(title, unit);
     const values = series.map((one) => valueOf(head, one));
     figure.append(head);
     this.element.append(figure);
@@ -79,9 +81,9 @@ export class Strips {
       scales: { x: { time: false, range: () => this.shown() }, y: { range } },
       axes: [
         { ...axis, font, size: 22, gap: 2, values: (_, ticks) => ticks.map((tick) => `${tick} s`) },
-        { ...axis, font, size: 46, gap: 4, space: 17, ...(told.wraps ? { splits: () => quarters(told.wraps) } : {}) },
+        { ...axis, font, size: 46, gap: 4, space: 17, ...(told.wraps ? { splits: () => [-2, -1, 0, 1, 2].map((one) => (one * told.wraps) / 4) } : {}) },
       ],
-      series: [{}, ...series.map((one) => lineOf(one))],
+      series: [{}, ...series.map(lineOf)],
       hooks: { drawClear: [(plot) => drawGates(plot, this.flights[0])], draw: [(plot) => drawLimits(plot, told.limits)] },
     };
   }
@@ -124,7 +126,7 @@ export class Strips {
     for (const { told, series, values, plot, now } of this.strips) {
       now.style.transform = `translateX(${plot.valToPos(time, "x").toFixed(1)}px)`;
       series.forEach((one, i) => {
-        const value = one.history ? one.flight.value(one.history, time, told.wraps ?? 0) : nearest(this.grid, one.data, time);
+        const value = one.history ? one.flight.value(one.history, time, told.wraps ?? 0) : (one.data[indexBefore(this.grid, time)] ?? NaN);
         values[i].textContent = told.signed ? signed(value, told.digits) : written(value, told.digits);
       });
     }
@@ -170,21 +172,20 @@ function sampled(flight, history, grid, wraps) {
   });
 }
 
-function nearest(grid, data, time) {
-  let low = 0;
-  let high = grid.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (grid[middle] <= time) low = middle;
-    else high = middle;
-  }
-  return data[low] ?? NaN;
+/** For every other flight its number, and a function from the first flight's time to the time lost until there, s. */
+function differencesOf(told) {
+  return told.map(({ flight, time, difference }) => {
+    const [times, lost] = [numbersOf(time), numbersOf(difference)];
+    return { flight, at: (now) => interpolated(times, lost, now) };
+  });
 }
 
-function unitOf(unit) {
-  const text = document.createElement("i");
-  text.textContent = unit;
-  return text;
+function interpolated(times, values, time) {
+  const last = times.length - 1;
+  if (time <= times[0]) return values[0];
+  if (time >= times[last]) return values[last];
+  const i = indexBefore(times, time);
+  return values[i] + ((time - times[i]) / (times[i + 1] - times[i])) * (values[i + 1] - values[i]);
 }
 
 function valueOf(head, { label, flight, place }) {
@@ -208,11 +209,6 @@ function lineOf({ label, flight, place }) {
     dash: ghost ? [5, 3] : [],
     points: { show: false },
   };
-}
-
-/** Of a quantity that repeats, where its axis is marked. */
-function quarters(wraps) {
-  return [-2, -1, 0, 1, 2].map((one) => (one * wraps) / 4);
 }
 
 /** The extent of the data, and of the limits that are near it. */

@@ -1,4 +1,6 @@
-// The tables below: a leg is jumped to by its button, the present one is marked; flights are shown or hidden.
+// Numbers of the present instant over the scene, and the tables: a leg is jumped to by its button, flights are hidden.
+
+import { written } from "./numbers.js";
 
 /** Let the tables follow the clock and lead it. */
 export function linkTables(element, flight, clock) {
@@ -27,4 +29,18 @@ export function linkFlights(element, flights, changed) {
       flights[Number(box.dataset.flight)].visible = box.checked;
       changed();
     });
+}
+
+/** Fill every element with `data-history` whenever the clock moves. */
+export function showReadings(element, flight, clock) {
+  const cells = [...element.querySelectorAll("[data-history]")];
+  for (const cell of cells) cell.closest("div").hidden = !flight.history(cell.dataset.history);
+  const show = (time) => {
+    for (const cell of cells) {
+      const { history, digits, wraps } = cell.dataset;
+      cell.textContent = written(flight.value(history, time, Number(wraps ?? 0)), Number(digits ?? 0));
+    }
+  };
+  clock.watch(show);
+  show(clock.time);
 }
