@@ -10,10 +10,10 @@ from datetime import datetime
 
 import numpy as np
 
-from airrace.export.globe import Shape, courses, features, printable, stamp
+from airrace.export.globe import Shape, courses, features, places, printable, stamp
 from airrace.results import Flight
 
-FIRST_AIRCRAFT, FIRST_THING = 0x100, 0x1000
+FIRST_AIRCRAFT, FIRST_FEATURE = 0x100, 0x1000
 COLOURS = ("Red", "Blue", "Green", "Orange", "Violet", "Cyan")
 DEGREE = 180.0 / math.pi
 PROPERTIES: tuple[tuple[str, str, float, int], ...] = (
@@ -36,12 +36,21 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: on the globe.
         begin: when their clocks start.
     """
-    lines = [*_header(flights, begin), *_things(flights)]
+    title = ", ".join(dict.fromkeys(flight.course.name for flight in flights))
+    lines = [
+        "FileType=text/acmi/tacview",
+        "FileVersion=2.2",
+        f"0,ReferenceTime={stamp(begin, 0.0)[:19]}Z",
+        "0,ReferenceLongitude=0",
+        "0,ReferenceLatitude=0",
+        "0,DataSource=airrace",
+        f"0,Title={_text(title)}",
+        *_features(flights),
+    ]
     for number, flight in enumerate(flights):
-        colour = COLOURS[number % len(COLOURS)]
-        name = _escaped(flight.aircraft.name)
-        pilot = _escaped(flight.label)
-        lines.append(f"{_id(number)},Name={name},Type=Air+FixedWing,Pilot={pilot},CallSign={pilot},Color={colour}")
+        name, pilot, colour = _text(flight.aircraft.name), _text(flight.label), COLOURS[number % len(COLOURS)]
+        key = f"{FIRST_AIRCRAFT + number:x}"
+        lines.append(f"{key},Name={name},Type=Air+FixedWing,Pilot={pilot},CallSign={pilot},Color={colour}")
     last = -math.inf
     for time, _, line in sorted(_moments(flights), key=lambda one: (one[0], one[1])):
         if time != last:
@@ -51,67 +60,44 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
     return ("\ufeff" + "\n".join(lines) + "\n").encode()
 
 
-def _header(flights: Sequence[Flight], begin: datetime) -> list[str]:
-    title = ", ".join(dict.fromkeys(flight.course.name for flight in flights))
-    return [
-        "FileType=text/acmi/tacview",
-        "FileVersion=2.2",
-        f"0,ReferenceTime={stamp(begin, 0.0)[:19]}Z",
-        "0,ReferenceLongitude=0",
-        "0,ReferenceLatitude=0",
-        "0,DataSource=airrace",
-        f"0,Title={_escaped(title)}",
-    ]
-
-
-def _things(flights: Sequence[Flight]) -> Iterator[str]:
+def _features(flights: Sequence[Flight]) -> Iterator[str]:
     """Yield a line for everything that stands on the courses; of a line or an area, one for every corner."""
-    number = FIRST_THING
+    number = FIRST_FEATURE
     for course in courses(flights):
         for feature in features(course):
             for east, north in feature.places:
                 kind = "Navaid+Static+Waypoint" if feature.shape is not Shape.AREA else "Navaid+Static+Bullseye"
                 place = f"{east:.8f}|{north:.8f}|{course.origin.elevation:.2f}"
-                yield f"{number:x},T={place},Type={kind},Name={_escaped(f'{feature.kind} {feature.name}')}"
+                yield f"{number:x},T={place},Type={kind},Name={_text(f'{feature.kind} {feature.name}')}"
                 number += 1
 
 
 def _moments(flights: Sequence[Flight]) -> Iterator[tuple[float, int, str]]:
     """Yield time, rank within the time, and line of all that happens."""
     for number, flight in enumerate(flights):
-        shown = _id(number)
-        for time, text in zip(_rounded(flight.time), _states(flight), strict=True):
-            yield time, 0, f"{shown},{text}"
+        key = f"{FIRST_AIRCRAFT + number:x}"
+        for time, text in zip(np.round(flight.time, 3).tolist(), _states(flight), strict=True):
+            yield time, 0, f"{key},{text}"
         for crossing in flight.crossings:
             if crossing.found:
-                said = _escaped(f"{flight.label}: {crossing.name} at {crossing.time:.3f} s")
-                yield round(crossing.time, 3), 1, f"0,Event=Message|{shown}|{said}"
-        yield round(float(flight.time[-1]) + 0.001, 3), 2, f"-{shown}"
+                message = _text(f"{flight.label}: {crossing.name} at {crossing.time:.3f} s")
+                yield round(crossing.time, 3), 1, f"0,Event=Message|{key}|{message}"
+        yield round(float(flight.time[-1]) + 0.001, 3), 2, f"-{key}"
 
 
 def _states(flight: Flight) -> Iterator[str]:
     """Yield, for every time, the place and the attitude of the aircraft and all of its properties that are known."""
-    place = [np.degrees(flight["longitude"]), np.degrees(flight["latitude"]), flight["altitude"]]
     attitude = [np.degrees(flight.values("phi")), np.degrees(flight.values("theta"))]
     attitude.append(np.remainder(np.degrees(flight.values("psi")), 360.0))
     known = [
         (name, factor * flight[history], digits) for name, history, factor, digits in PROPERTIES if history in flight
     ]
-    for row in range(len(flight.time)):
-        east, north, up = (float(one[row]) for one in place)
+    for row, (east, north, up) in enumerate(places(flight)):
         roll, pitch, yaw = (f"{one[row]:.2f}" if math.isfinite(one[row]) else "" for one in attitude)
-        told = "".join(f",{name}={one[row]:.{digits}f}" for name, one, digits in known if math.isfinite(one[row]))
-        yield f"T={east:.8f}|{north:.8f}|{up:.3f}|{roll}|{pitch}|{yaw}{told}"
+        rest = "".join(f",{name}={one[row]:.{digits}f}" for name, one, digits in known if math.isfinite(one[row]))
+        yield f"T={east:.8f}|{north:.8f}|{up:.3f}|{roll}|{pitch}|{yaw}{rest}"
 
 
-def _rounded(time: np.ndarray) -> list[float]:
-    return np.round(time, 3).tolist()
-
-
-def _id(number: int) -> str:
-    return f"{FIRST_AIRCRAFT + number:x}"
-
-
-def _escaped(text: str) -> str:
+def _text(text: str) -> str:
     """Return a text in which no comma ends a property and no bar an event's text."""
     return printable(text).replace("\\", "/").replace(",", "\\,").replace("|", "/")

@@ -4,17 +4,17 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 """
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TextIO
 
 import numpy as np
 
 from airrace.export.flight_table import (
     NO_DERIVED,
-    Column,
     Derived,
+    HistoryColumn,
     Sampler,
-    displayed,
+    display_columns,
     flight_tables,
     pieces,
 )
@@ -22,7 +22,6 @@ from airrace.export.globe import printable
 from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.results import Flight
-from airrace.trajectory import Array
 
 
 @record
@@ -58,9 +57,19 @@ def export_csv(
     Raises:
         UsageError: the rate cannot be exported.
     """
-    tables = flight_tables(result.trajectory, rate_hz=rate_hz, derived=derived, sampler=sampler)
+    tables = flight_tables(result.trajectory, rate_hz, derived, sampler)
     if comments:
-        _write_comments(result, provenance, stream)
+        entries = {"stage": result.stage.value}
+        if result.is_flight:
+            entries["race time"] = f"{result.trajectory.race_time:.6f} s"
+        else:
+            entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
+        solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
+        entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
+        if provenance is not None:
+            names = {"track": provenance.track, "aircraft": provenance.aircraft}
+            entries = {**names, **entries, "airrace version": provenance.version}
+        _write_comments(entries, stream)
     _write_rows(((table.columns, table.phases) for table in tables), stream)
 
 
@@ -74,45 +83,32 @@ def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None =
     """
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
     entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
-    for key, value in {**entries, "race time": race_time, "airrace version": flight.source.version}.items():
-        stream.write(f"# {key}: {printable(value)}\n")
+    _write_comments({**entries, "race time": race_time, "airrace version": flight.source.version}, stream)
     parts = [flight] if rate_hz is None else (flight.at(times) for times in pieces(flight.times_at_rate(rate_hz)))
     _write_rows(map(_columns_and_phases, parts), stream)
 
 
-def _write_comments(result: StageResult, provenance: Provenance | None, stream: TextIO) -> None:
-    entries = {"stage": result.stage.value}
-    if result.is_flight:
-        entries["race time"] = f"{result.trajectory.race_time:.6f} s"
-    else:
-        entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
-    solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
-    entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
-    if provenance is not None:
-        names = {"track": provenance.track, "aircraft": provenance.aircraft}
-        entries = {**names, **entries, "airrace version": provenance.version}
+def _write_comments(entries: Mapping[str, str], stream: TextIO) -> None:
     for key, value in entries.items():
         stream.write(f"# {key}: {printable(value)}\n")
 
 
-def _columns_and_phases(flight: Flight) -> tuple[Sequence[Column], Sequence[str]]:
-    columns = [Column("time_s", flight.time)]
+def _columns_and_phases(flight: Flight) -> tuple[Sequence[HistoryColumn], Sequence[str]]:
+    columns = [HistoryColumn("time_s", flight.time)]
     for one in flight.histories.values():
-        columns.extend(displayed(one.quantity, one.values))
-    made = [crossing for crossing in flight.crossings if crossing.found]
-    last = np.clip(np.searchsorted([one.time for one in made], flight.time), 0, len(made) - 1)
-    places: list[int] = last.tolist()
-    return columns, [made[place].name for place in places]
+        columns.extend(display_columns(one.quantity, one.values))
+    passings = [crossing for crossing in flight.crossings if crossing.found]
+    last = np.searchsorted([one.time for one in passings], flight.time)
+    places: list[int] = np.clip(last, 0, len(passings) - 1).tolist()
+    return columns, [passings[place].name for place in places]
 
 
-def _write_rows(parts: Iterable[tuple[Sequence[Column], Sequence[str]]], stream: TextIO) -> None:
+def _write_rows(parts: Iterable[tuple[Sequence[HistoryColumn], Sequence[str]]], stream: TextIO) -> None:
     """Write a table that comes in pieces, each with its columns and the names of the legs of its rows."""
     writer = csv.writer(stream, lineterminator="\n")
     for number, (columns, phases) in enumerate(parts):
         if number == 0:
             writer.writerow([*(column.header for column in columns), "phase"])
-        writer.writerows(zip(*(_formatted(column.values) for column in columns), phases, strict=True))
-
-
-def _formatted(values: Array) -> list[str]:
-    return [f"{value:.10g}" for value in (values + 0.0).tolist()]  # adding zero turns -0 into 0
+        # Adding zero turns -0 into 0.
+        texts = ([f"{value:.10g}" for value in (column.values + 0.0).tolist()] for column in columns)
+        writer.writerows(zip(*texts, phases, strict=True))

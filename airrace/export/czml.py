@@ -11,7 +11,7 @@ from datetime import datetime
 
 import numpy as np
 
-from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
+from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
 from airrace.results import Flight
 from airrace.results.attitude import path_axes, quaternions
 from airrace.results.flight import BODY_ATTITUDE
@@ -36,16 +36,15 @@ def czml(flights: Sequence[Flight], begin: datetime) -> bytes:
     clock = {"interval": interval, "currentTime": stamp(begin, first), "multiplier": 1, "range": "LOOP_STOP"}
     packets: list[object] = [{"id": "document", "name": name, "version": "1.0", "clock": clock}]
     things = [(course.origin.elevation, one) for course in courses(flights) for one in features(course)]
-    packets += [_thing(f"thing-{number}", one, up) for number, (up, one) in enumerate(things)]
+    packets += [_feature(f"thing-{number}", one, up) for number, (up, one) in enumerate(things)]
     packets += [_flight(f"flight-{number}", flight, begin, number) for number, flight in enumerate(flights)]
     return (json.dumps(packets, allow_nan=False) + "\n").encode()
 
 
 def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str, object]:
-    longitude, latitude = np.degrees(flight["longitude"]), np.degrees(flight["latitude"])
-    places = np.stack([flight.time, longitude, latitude, flight["altitude"]], axis=1)
+    positions = np.column_stack([flight.time, places(flight)])
     colour = {"rgba": [*COLOURS[number % len(COLOURS)], 255]}
-    told: dict[str, object] = {
+    packet: dict[str, object] = {
         "id": key,
         "name": printable(flight.label),
         "description": f"{printable(flight.aircraft.name)}, {flight.race_time:.3f} s",
@@ -54,7 +53,7 @@ def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str,
             "epoch": stamp(begin, 0.0),
             "interpolationAlgorithm": "LAGRANGE",
             "interpolationDegree": 1,
-            "cartographicDegrees": np.round(places, 9).ravel().tolist(),
+            "cartographicDegrees": np.round(positions, 9).ravel().tolist(),
         },
         "path": {"width": 3, "leadTime": 1e6, "trailTime": 1e6, "material": {"solidColor": {"color": colour}}},
         "point": {"pixelSize": 8, "color": colour},
@@ -62,8 +61,8 @@ def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str,
     }
     if flight.has(*BODY_ATTITUDE):
         q = np.stack([flight.time, *_fixed_attitude(flight)], axis=1)
-        told["orientation"] = {"epoch": stamp(begin, 0.0), "unitQuaternion": np.round(q, 9).ravel().tolist()}
-    return told
+        packet["orientation"] = {"epoch": stamp(begin, 0.0), "unitQuaternion": np.round(q, 9).ravel().tolist()}
+    return packet
 
 
 def _fixed_attitude(flight: Flight) -> tuple[Array, Array, Array, Array]:
@@ -82,16 +81,13 @@ def earth_axes(latitude: float, longitude: float) -> Array:
     return np.array([[-sp * cl, -sl, -cp * cl], [-sp * sl, cl, -cp * sl], [cp, 0.0, -sp]])
 
 
-def _thing(key: str, feature: Feature, up: float) -> dict[str, object]:
+def _feature(key: str, feature: Feature, up: float) -> dict[str, object]:
     name = printable(f"{feature.kind} {feature.name}")
     packet: dict[str, object] = {"id": key, "name": name, "description": feature.note}
     corners = [*feature.places, *(feature.places[:1] if feature.shape is Shape.AREA else ())]
-    places = [one for east, north in corners for one in (east, north, up)]
+    positions = [one for east, north in corners for one in (east, north, up)]
     colour = {"rgba": [*KINDS.get(feature.kind, BLACK), 255]}
     if feature.shape is Shape.POINT:
-        return packet | {
-            "position": {"cartographicDegrees": places},
-            "point": {"pixelSize": 8, "color": colour},
-        }
-    line = {"positions": {"cartographicDegrees": places}, "width": 4, "clampToGround": True}
+        return packet | {"position": {"cartographicDegrees": positions}, "point": {"pixelSize": 8, "color": colour}}
+    line = {"positions": {"cartographicDegrees": positions}, "width": 4, "clampToGround": True}
     return packet | {"polyline": line | {"material": {"solidColor": {"color": colour}}}}

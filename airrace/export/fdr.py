@@ -44,13 +44,12 @@ def fdr(flights: Sequence[Flight], begin: datetime) -> bytes:
     """
     if len(flights) != 1:
         raise UsageError(f"an fdr file holds one flight, not {len(flights)}; write a file for each")
-    (flight,) = flights
-    return ("\n".join([*_header(flight, begin), *_rows(flight, begin)]) + "\n").encode()
+    return ("\n".join(_lines(flights[0], begin)) + "\n").encode()
 
 
-def _header(flight: Flight, begin: datetime) -> Iterator[str]:
-    when = begin.astimezone(UTC)
-    known = [one for one in COLUMNS if one[1] in flight]
+def _lines(flight: Flight, begin: datetime) -> Iterator[str]:
+    when, first = begin.astimezone(UTC), float(flight.time[0])
+    columns = [one for one in COLUMNS if one[1] in flight]
     yield from ("A", "4", "")
     yield f"COMM, {_plain(flight.course.name)} flown by {_plain(flight.aircraft.name)}: {_plain(flight.label)}"
     yield "COMM, headings are true; altitudes are the course's heights above mean sea level"
@@ -61,26 +60,22 @@ def _header(flight: Flight, begin: datetime) -> Iterator[str]:
     if flight.air.wind is not None:
         yield f"WIND, {compass(flight.air.wind.origin):.0f},{flight.air.wind.speed / KNOT:.0f}"
     yield ""
-    first = float(flight.time[0])
     for crossing in flight.crossings:
         if crossing.found:
             yield f"MARK, {crossing.time - first:.3f},{_plain(crossing.name)}"
     yield ""
-    for dataref, history, _, _ in known:
+    for dataref, history, _, _ in columns:
         yield f"DREF, {dataref}\t1.0\t// {history}"
     yield ""
-    yield f"COMM, time, longitude, latitude, altitude, heading, pitch, roll, {', '.join(one[1] for one in known)}"
-
-
-def _rows(flight: Flight, begin: datetime) -> Iterator[str]:
-    known = [(flight[history] / unit, digits) for _, history, unit, digits in COLUMNS if history in flight]
+    yield f"COMM, time, longitude, latitude, altitude, heading, pitch, roll, {', '.join(one[1] for one in columns)}"
+    values = [(flight[history] / unit, digits) for _, history, unit, digits in columns]
     names = ("longitude", "latitude", "altitude", "psi", "theta", "phi")
     rows = zip(*(np.nan_to_num(flight.values(name)).tolist() for name in names), strict=True)  # the columns are a must
     for row, (time, (east, north, up, psi, theta, phi)) in enumerate(zip(flight.time.tolist(), rows, strict=True)):
         place = f"{math.degrees(east):.8f}, {math.degrees(north):.8f}, {up / FOOT:.2f}"
         angles = f"{compass(psi):.3f}, {math.degrees(theta):.3f}, {math.degrees(phi):.3f}"
-        told = "".join(f", {values[row]:.{digits}f}" for values, digits in known)
-        yield f"{stamp(begin, time)[11:23]}, {place}, {angles}{told}"
+        rest = "".join(f", {one[row]:.{digits}f}" for one, digits in values)
+        yield f"{stamp(begin, time)[11:23]}, {place}, {angles}{rest}"
 
 
 def _plain(text: str) -> str:

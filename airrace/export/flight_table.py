@@ -19,12 +19,19 @@ from airrace.trajectory import Array, Trajectory
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-
-# Returns named histories at given times (s, shape (n,)), at least of all states, e.g. by integration between nodes.
 Sampler = Callable[[Array], Mapping[str, Array]]
+"""Returns histories at times (s, shape (n,)), at least of all states, e.g. by integration between nodes."""
+Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
+"""Further columns: a declaration, and its values from the sampled states and controls, in the declared unit."""
+NO_DERIVED: Derived = MappingProxyType({})
 
 ROWS_MAX = 10_000_000
 """The largest number of rows that are sampled at a fixed rate."""
+ROWS_AT_ONCE = 10_000
+"""The largest number of rows of a piece of a table."""
+DEGREE = math.pi / 180.0  # rad
+SPEEDS = ("V_K", "V_A", "V_I")
+PATH_ANGLES = ("chi", "gamma", "mu")
 
 
 @record
@@ -45,11 +52,7 @@ class Samples:
 def at_nodes(trajectory: Trajectory) -> Samples:
     """Return the samples of a flight, one row per node; the last node repeats the controls of the last interval."""
     intervals = np.minimum(np.arange(len(trajectory.time)), trajectory.control.shape[1] - 1)
-    return Samples(
-        trajectory.time,
-        {**_states(trajectory, trajectory.state), **_controls(trajectory, intervals)},
-        _phases(trajectory, intervals),
-    )
+    return _samples(trajectory, trajectory.time, intervals, _histories(trajectory.states, trajectory.state))
 
 
 def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None) -> Samples:
@@ -61,8 +64,24 @@ def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None
     """
     intervals = np.searchsorted(trajectory.time, time, side="right") - 1
     intervals = np.clip(intervals, 0, trajectory.control.shape[1] - 1)
-    states = _interpolated(trajectory, time) if sampler is None else sampler(time)
-    return Samples(time, {**_controls(trajectory, intervals), **states}, _phases(trajectory, intervals))
+    if sampler is not None:
+        return _samples(trajectory, time, intervals, sampler(time))
+    nodes = _histories(trajectory.states, trajectory.state)
+    states = {name: np.interp(time, trajectory.time, values) for name, values in nodes.items()}
+    if all(name in nodes for name in PATH_ATTITUDE):
+        q = interpolate_attitude(trajectory.time, np.array([nodes[name] for name in PATH_ATTITUDE]), time)
+        states.update(zip(PATH_ATTITUDE, q, strict=True))
+    return _samples(trajectory, time, intervals, states)
+
+
+def _histories(quantities: tuple[Quantity, ...], values: Array) -> dict[str, Array]:
+    return {quantity.name: row for quantity, row in zip(quantities, values, strict=True)}
+
+
+def _samples(trajectory: Trajectory, time: Array, intervals: NDArray[np.int64], states: Mapping[str, Array]) -> Samples:
+    controls = _histories(trajectory.controls, trajectory.control[:, intervals])
+    phase = np.searchsorted(trajectory.first_node[1:-1], intervals, side="right")
+    return Samples(time, {**controls, **states}, phase)
 
 
 def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
@@ -83,69 +102,23 @@ def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
     return np.append(start + np.arange(steps) / rate, end)
 
 
-def _states(trajectory: Trajectory, values: Array) -> dict[str, Array]:
-    return {quantity.name: row for quantity, row in zip(trajectory.states, values, strict=True)}
-
-
-def _controls(trajectory: Trajectory, intervals: NDArray[np.int64]) -> dict[str, Array]:
-    values = trajectory.control[:, intervals]
-    return {quantity.name: row for quantity, row in zip(trajectory.controls, values, strict=True)}
-
-
-def _phases(trajectory: Trajectory, intervals: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.searchsorted(trajectory.first_node[1:-1], intervals, side="right")
-
-
-def _interpolated(trajectory: Trajectory, time: Array) -> dict[str, Array]:
-    nodes = _states(trajectory, trajectory.state)
-    histories = {name: np.interp(time, trajectory.time, values) for name, values in nodes.items()}
-    if all(name in nodes for name in PATH_ATTITUDE):
-        q = interpolate_attitude(trajectory.time, np.array([nodes[name] for name in PATH_ATTITUDE]), time)
-        histories.update(zip(PATH_ATTITUDE, q, strict=True))
-    return histories
-
-
-DEGREE = math.pi / 180.0  # rad
-SPEEDS = ("V_K", "V_A", "V_I")
-PATH_ANGLES = ("chi", "gamma", "mu")
-
-# Further columns: a declaration, and its values from the sampled states and controls, in the declared unit.
-Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
-
-
 @record
-class Column:
-    """A column of a table: its header and its values, shape (n,)."""
+class HistoryColumn:
+    """A column: its header and its values, shape (n,)."""
 
     header: str
     values: Array
 
 
-def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> list[Column]:
-    """Return time, states, controls, what follows from position and attitude, and `derived`, in this order."""
-    columns = [Column("time_s", samples.time)]
-    for quantity in (*trajectory.states, *trajectory.controls):
-        columns.extend(displayed(quantity, samples.histories[quantity.name]))
-    histories = samples.histories
-    if "z" in histories:
-        columns.append(Column("height_m", -histories["z"]))
-    if all(name in histories for name in PATH_ATTITUDE):
-        angles = euler_angles(path_axes([histories[name] for name in PATH_ATTITUDE]))
-        columns.extend(Column(f"{name}_deg", one / DEGREE) for name, one in zip(PATH_ANGLES, angles, strict=True))
-    for quantity, function in derived.items():
-        columns.extend(displayed(quantity, function(samples.histories)))
-    return columns
-
-
-def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
+def display_columns(quantity: Quantity, values: Array) -> Iterator[HistoryColumn]:
     """Yield the columns of a quantity in units for people: angles in degrees; speeds in m/s and in knots."""
     unit = quantity.unit
     if unit == "rad" or unit.startswith("rad/"):
         unit, values = unit.replace("rad", "deg", 1), values / DEGREE
     suffix = unit_suffix(unit)
-    yield Column(f"{quantity.name}_{suffix}" if suffix else quantity.name, values)
+    yield HistoryColumn(f"{quantity.name}_{suffix}" if suffix else quantity.name, values)
     if quantity.name in SPEEDS:
-        yield Column(f"{quantity.name}_kt", values / KNOT)
+        yield HistoryColumn(f"{quantity.name}_kt", values / KNOT)
 
 
 def unit_suffix(unit: str) -> str:
@@ -157,11 +130,6 @@ def unit_suffix(unit: str) -> str:
     for symbol, letters in (("%", "percent"), ("^", ""), ("²", "2"), ("³", "3"), ("°", "deg")):
         unit = unit.replace(symbol, letters)
     return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in unit)
-
-
-NO_DERIVED: Derived = MappingProxyType({})
-ROWS_AT_ONCE = 10_000
-"""The largest number of rows of a piece of a table."""
 
 
 @record
@@ -177,7 +145,7 @@ class FlightTable:
 
     samples: Samples
     quantities: tuple[Quantity, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[HistoryColumn, ...]
     phases: tuple[str, ...]
 
 
@@ -205,11 +173,7 @@ def flight_table(
 
 
 def flight_tables(
-    trajectory: Trajectory,
-    *,
-    rate_hz: float | None = None,
-    derived: Derived = NO_DERIVED,
-    sampler: Sampler | None = None,
+    trajectory: Trajectory, rate_hz: float | None, derived: Derived, sampler: Sampler | None
 ) -> Iterator[FlightTable]:
     """Return the same table in pieces of `ROWS_AT_ONCE` rows, of which only one needs memory; see `flight_table`."""
     if rate_hz is None:
@@ -225,9 +189,22 @@ def pieces(times: Array) -> Iterator[Array]:
 
 
 def _table(trajectory: Trajectory, samples: Samples, derived: Derived) -> FlightTable:
-    columns = columns_of(trajectory, samples, derived)
+    """Return time, states, controls, what follows from position and attitude, and derived columns, in this order."""
+    histories, quantities = samples.histories, (*trajectory.states, *trajectory.controls)
+    columns = [HistoryColumn("time_s", samples.time)]
+    for quantity in quantities:
+        columns.extend(display_columns(quantity, histories[quantity.name]))
+    if "z" in histories:
+        columns.append(HistoryColumn("height_m", -histories["z"]))
+    if all(name in histories for name in PATH_ATTITUDE):
+        angles = euler_angles(path_axes([histories[name] for name in PATH_ATTITUDE]))
+        columns.extend(
+            HistoryColumn(f"{name}_deg", one / DEGREE) for name, one in zip(PATH_ANGLES, angles, strict=True)
+        )
+    for quantity, function in derived.items():
+        columns.extend(display_columns(quantity, function(histories)))
     phases = tuple(np.array(trajectory.phases)[samples.phase].tolist())
-    return FlightTable(samples, (*trajectory.states, *trajectory.controls), tuple(columns), phases)
+    return FlightTable(samples, quantities, tuple(columns), phases)
 
 
 def flight_frame(flight: FlightTable) -> "DataFrame":

@@ -76,55 +76,20 @@ def formats() -> Mapping[str, Format]:
 
 
 _KML = "gates, people, lines, the line flown, and the flight in time."
-for _format in (
-    Format("kml", f"KML for Google Earth and map viewers: {_KML}", "airrace.export.kml:kml", 10.0, globe=True),
-    Format("kmz", "KML, zipped.", "airrace.export.kml:kmz", 10.0, globe=True),
-    Format(
-        "acmi",
-        "Tacview 2.2: several aircraft with attitude, airspeeds and load factors; passings are events.",
-        "airrace.export.acmi:acmi",
-        20.0,
-        globe=True,
-    ),
-    Format(
-        "fdr",
-        "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight.",
-        "airrace.export.fdr:fdr",
-        20.0,
-        globe=True,
-    ),
-    Format(
-        "czml",
-        "CZML for Cesium: the course, and the flights in time with their attitude.",
-        "airrace.export.czml:czml",
-        10.0,
-        globe=True,
-    ),
-    Format(
-        "gpx",
-        "GPX 1.1: gates and pylons as waypoints, a track for every flight.",
-        "airrace.export.gpx:gpx",
-        5.0,
-        globe=True,
-    ),
-    Format(
-        "geojson",
-        "GeoJSON: the course, the lines flown and their passings.",
-        "airrace.export.geojson:geojson",
-        10.0,
-        globe=True,
-    ),
-    Format(
-        "parquet",
-        "Parquet: all histories of all flights in one table (needs pyarrow).",
-        "airrace.export.parquet:parquet",
-    ),
-    Format(
-        "netcdf",
-        "netCDF after the CF conventions: all histories with units; every flight is a trajectory.",
-        "airrace.export.netcdf:netcdf",
-        suffix="nc",
-    ),
-    Format("mat", "MATLAB: a structure for every flight.", "airrace.export.mat:mat"),
+_TACVIEW = "several aircraft with attitude, airspeeds and load factors; passings are events."
+for _name, _rate_hz, _help in (
+    ("kml", 10.0, f"KML for Google Earth and map viewers: {_KML}"),
+    ("kmz", 10.0, "KML, zipped."),
+    ("acmi", 20.0, f"Tacview 2.2: {_TACVIEW}"),
+    ("fdr", 20.0, "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight."),
+    ("czml", 10.0, "CZML for Cesium: the course, and the flights in time with their attitude."),
+    ("gpx", 5.0, "GPX 1.1: gates and pylons as waypoints, a track for every flight."),
+    ("geojson", 10.0, "GeoJSON: the course, the lines flown and their passings."),
 ):
-    register(_format)
+    _module = "kml" if _name == "kmz" else _name
+    register(Format(_name, _help, f"airrace.export.{_module}:{_name}", _rate_hz, globe=True))
+_PARQUET = "Parquet: all histories of all flights in one table (needs pyarrow)."
+_NETCDF = "netCDF after the CF conventions: all histories with units; every flight is a trajectory."
+register(Format("parquet", _PARQUET, "airrace.export.parquet:parquet"))
+register(Format("netcdf", _NETCDF, "airrace.export.netcdf:netcdf", suffix="nc"))
+register(Format("mat", "MATLAB: a structure for every flight.", "airrace.export.mat:mat"))

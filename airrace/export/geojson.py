@@ -1,12 +1,12 @@
 """GeoJSON (RFC 7946): the course, the lines flown, and their passings."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
 
-from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
+from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
 from airrace.results import Crossing, Flight
 
 
@@ -17,30 +17,32 @@ def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: on the globe.
         begin: when their clocks start.
     """
-    found = [_thing(one) for course in courses(flights) for one in features(course)]
+    entries = [_on_course(feature) for course in courses(flights) for feature in features(course)]
     for flight in flights:
-        found.append(_line(flight, begin))
-        found.extend(_passing(flight, one) for one in flight.crossings if one.found)
-    return (json.dumps({"type": "FeatureCollection", "features": found}, allow_nan=False) + "\n").encode()
+        entries.append(_line(flight, begin))
+        entries.extend(_passing(flight, one) for one in flight.crossings if one.found)
+    return (json.dumps({"type": "FeatureCollection", "features": entries}, allow_nan=False) + "\n").encode()
 
 
-def _thing(feature: Feature) -> dict[str, object]:
-    places = [list(place) for place in feature.places]
+def _on_course(feature: Feature) -> dict[str, object]:
+    corners = [list(place) for place in feature.places]
     properties = {"kind": feature.kind, "name": printable(feature.name), "note": feature.note}
     match feature.shape:
         case Shape.POINT:
-            return _feature("Point", places[0], properties)
+            return _feature("Point", corners[0], properties)
         case Shape.LINE:
-            return _feature("LineString", places, properties)
+            return _feature("LineString", corners, properties)
         case Shape.AREA:
-            turns = places if _area(places) > 0.0 else places[::-1]  # an outline runs counterclockwise
-            return _feature("Polygon", [[*turns, turns[0]]], properties)
+            following = [*corners[1:], corners[0]]
+            area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
+            ring = corners if area > 0.0 else corners[::-1]  # an outline runs counterclockwise
+            return _feature("Polygon", [[*ring, ring[0]]], properties)
 
 
 def _line(flight: Flight, begin: datetime) -> dict[str, object]:
     return _feature(
         "LineString",
-        list(_places(flight)),
+        _positions(flight),
         {
             "kind": "flight",
             "name": printable(flight.label),
@@ -57,24 +59,16 @@ def _line(flight: Flight, begin: datetime) -> dict[str, object]:
 
 
 def _passing(flight: Flight, crossing: Crossing) -> dict[str, object]:
-    told = {name: crossing.value(name) for name in ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")}
-    numbers = {name: round(value, 6) for name, value in told.items() if np.isfinite(value)}
+    values = {name: crossing.value(name) for name in ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")}
+    numbers = {name: round(value, 6) for name, value in values.items() if np.isfinite(value)}
     properties = {"kind": "passing", "name": crossing.name, "flight": printable(flight.label), "time_s": crossing.time}
-    (place,) = _places(flight.at([crossing.time]))
+    (place,) = _positions(flight.at([crossing.time]))
     return _feature("Point", place, properties | numbers)
 
 
-def _places(flight: Flight) -> Iterator[list[float]]:
-    columns = (np.degrees(flight["longitude"]), np.degrees(flight["latitude"]), flight["altitude"])
-    for east, north, up in zip(*(one.tolist() for one in columns), strict=True):
-        yield [round(east, 8), round(north, 8), round(up, 3)]
+def _positions(flight: Flight) -> list[list[float]]:
+    return [[round(east, 8), round(north, 8), round(up, 3)] for east, north, up in places(flight)]
 
 
 def _feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
-
-
-def _area(places: Sequence[Sequence[float]]) -> float:
-    """Return twice the area within the corners, east and north; positive where they run counterclockwise."""
-    following = [*places[1:], places[0]]
-    return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(places, following, strict=True))

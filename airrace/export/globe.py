@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from enum import Enum
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -99,11 +100,24 @@ def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequen
 
 def courses(flights: Sequence[Flight]) -> list[Course]:
     """Return the different courses of some flights."""
-    found: list[Course] = []
+    different: list[Course] = []
     for flight in flights:
-        if flight.course not in found:
-            found.append(flight.course)
-    return found
+        if flight.course not in different:
+            different.append(flight.course)
+    return different
+
+
+def places(flight: Flight) -> list[tuple[float, float, float]]:
+    """Return longitude and latitude, degrees, and altitude, m, of a flight on the globe at all of its times."""
+    columns = (np.degrees(flight["longitude"]), np.degrees(flight["latitude"]), flight["altitude"])
+    return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def add_element(parent: ET.Element, tag: str, text: str | None = None, **attributes: str) -> ET.Element:
+    """Return a new last child of an element of XML."""
+    child = ET.SubElement(parent, tag, attributes)
+    child.text = text
+    return child
 
 
 def stamp(begin: datetime, seconds: float) -> str:

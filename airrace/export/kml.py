@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from xml.etree import ElementTree as ET
 
-from airrace.export.globe import Feature, Shape, compass, courses, features, printable, stamp
+from airrace.export.globe import Feature, Shape, add_element, compass, courses, features, places, printable, stamp
 from airrace.results import Flight
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
@@ -36,21 +36,23 @@ def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: on the globe.
         begin: when their clocks start.
     """
-    ET.register_namespace("", KML)
-    ET.register_namespace("gx", GX)
-    root = ET.Element(_k("kml"))
-    document = ET.SubElement(root, _k("Document"))
-    _text(document, "name", ", ".join(dict.fromkeys(printable(one.course.name) for one in flights)))
-    for kind, colour in KINDS.items():
-        _style(document, _style_name(kind), colour, 3.0)
-    for number in range(len(flights)):
-        _style(document, f"flight{number}", COLOURS[number % len(COLOURS)], 2.5)
+    root = ET.Element("kml", {"xmlns": KML, "xmlns:gx": GX})
+    document = add_element(root, "Document")
+    add_element(document, "name", ", ".join(dict.fromkeys(printable(one.course.name) for one in flights)))
+    styles = {kind.replace(" ", "-"): (colour, 3.0) for kind, colour in KINDS.items()}
+    styles |= {f"flight{number}": (COLOURS[number % len(COLOURS)], 2.5) for number in range(len(flights))}
+    for name, (colour, width) in styles.items():
+        style = add_element(document, "Style", id=name)
+        line = add_element(style, "LineStyle")
+        add_element(line, "color", colour)
+        add_element(line, "width", f"{width:g}")
+        add_element(add_element(style, "PolyStyle"), "color", "40" + colour[2:])
     for course in courses(flights):
         folder = _folder(document, printable(course.name))
         for feature in features(course):
-            _placemark(folder, feature)
+            _add_feature(folder, feature)
     for number, flight in enumerate(flights):
-        _flight(document, flight, begin, f"#flight{number}")
+        _add_flight(_folder(document, printable(flight.label)), flight, begin, f"#flight{number}")
     return ET.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
@@ -64,88 +66,61 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
     return archive.getvalue()
 
 
-def _flight(document: ET.Element, flight: Flight, begin: datetime, style: str) -> None:
-    """Add the folder of a flight: the line, the track in time, and a point for every passing."""
-    folder = _folder(document, printable(flight.label))
-    places = _places(flight)
-    line = _named(folder, f"{printable(flight.label)}, line", style)
-    _coordinates(line, "LineString", places, absolute=True)
-    moving = _named(folder, printable(flight.label), style)
-    track = ET.SubElement(moving, f"{{{GX}}}Track")
-    _text(track, "altitudeMode", "absolute")
+def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str) -> None:
+    """Add the line of a flight, its track in time, and a point for every passing."""
+    label, line = printable(flight.label), _coordinates(flight)
+    _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, absolute=True)
+    track = add_element(_placemark(folder, label, style), "gx:Track")
+    add_element(track, "altitudeMode", "absolute")
     for time in flight.time.tolist():
-        _text(track, "when", stamp(begin, time))
-    for place in places:
-        ET.SubElement(track, f"{{{GX}}}coord").text = place.replace(",", " ")
+        add_element(track, "when", stamp(begin, time))
+    for place in line:
+        add_element(track, "gx:coord", place.replace(",", " "))
     if flight.has("psi", "theta", "phi"):
         for psi, theta, phi in zip(*(flight[name].tolist() for name in ("psi", "theta", "phi")), strict=True):
             angles = f"{compass(psi):.2f} {math.degrees(theta):.2f} {math.degrees(phi):.2f}"
-            ET.SubElement(track, f"{{{GX}}}angles").text = angles
+            add_element(track, "gx:angles", angles)
     passings = _folder(folder, "passings")
     for crossing in flight.crossings:
         if crossing.found:
-            here = flight.at([crossing.time])
-            mark = _named(passings, f"{printable(crossing.name)} {crossing.time:.3f} s", style)
-            _coordinates(mark, "Point", _places(here), absolute=True)
+            mark = _placemark(passings, f"{printable(crossing.name)} {crossing.time:.3f} s", style)
+            _add_geometry(mark, "Point", _coordinates(flight.at([crossing.time])), absolute=True)
 
 
-def _places(flight: Flight) -> list[str]:
-    columns = (flight["longitude"], flight["latitude"], flight["altitude"])
-    rows = zip(*(one.tolist() for one in columns), strict=True)
-    return [f"{math.degrees(east):.8f},{math.degrees(north):.8f},{up:.2f}" for east, north, up in rows]
+def _coordinates(flight: Flight) -> list[str]:
+    return [f"{east:.8f},{north:.8f},{up:.2f}" for east, north, up in places(flight)]
 
 
-def _placemark(folder: ET.Element, feature: Feature) -> None:
-    mark = _named(folder, printable(feature.name) or feature.kind, f"#{_style_name(feature.kind)}", feature.note)
-    places = [f"{east:.8f},{north:.8f}" for east, north in feature.places]
+def _add_feature(folder: ET.Element, feature: Feature) -> None:
+    style = f"#{feature.kind.replace(' ', '-')}"
+    mark = _placemark(folder, printable(feature.name) or feature.kind, style, feature.note)
+    corners = [f"{east:.8f},{north:.8f}" for east, north in feature.places]
     if feature.shape is not Shape.AREA:
-        _coordinates(mark, "Point" if feature.shape is Shape.POINT else "LineString", places, absolute=False)
+        _add_geometry(mark, "Point" if feature.shape is Shape.POINT else "LineString", corners, absolute=False)
         return
-    outline = ET.SubElement(ET.SubElement(mark, _k("Polygon")), _k("outerBoundaryIs"))
-    ring = ET.SubElement(outline, _k("LinearRing"))
-    _text(ring, "coordinates", " ".join([*places, places[0]]))
+    ring = add_element(add_element(add_element(mark, "Polygon"), "outerBoundaryIs"), "LinearRing")
+    add_element(ring, "coordinates", " ".join([*corners, corners[0]]))
 
 
-def _named(parent: ET.Element, name: str, style: str, note: str = "") -> ET.Element:
-    mark = ET.SubElement(parent, _k("Placemark"))
-    _text(mark, "name", name)
+def _placemark(parent: ET.Element, name: str, style: str, note: str = "") -> ET.Element:
+    mark = add_element(parent, "Placemark")
+    add_element(mark, "name", name)
     if note:
-        _text(mark, "description", note)
-    _text(mark, "styleUrl", style)
+        add_element(mark, "description", note)
+    add_element(mark, "styleUrl", style)
     return mark
 
 
-def _coordinates(mark: ET.Element, shape: str, places: Sequence[str], *, absolute: bool) -> None:
-    geometry = ET.SubElement(mark, _k(shape))
+def _add_geometry(mark: ET.Element, shape: str, corners: Sequence[str], *, absolute: bool) -> None:
+    geometry = add_element(mark, shape)
     if absolute:
-        _text(geometry, "altitudeMode", "absolute")
+        add_element(geometry, "altitudeMode", "absolute")
     elif shape == "LineString":
-        _text(geometry, "tessellate", "1")
-    _text(geometry, "coordinates", " ".join(places))
-
-
-def _style(document: ET.Element, name: str, colour: str, width: float) -> None:
-    style = ET.SubElement(document, _k("Style"), id=name)
-    line = ET.SubElement(style, _k("LineStyle"))
-    _text(line, "color", colour)
-    _text(line, "width", f"{width:g}")
-    area = ET.SubElement(style, _k("PolyStyle"))
-    _text(area, "color", "40" + colour[2:])
-
-
-def _style_name(kind: str) -> str:
-    return kind.replace(" ", "-")
+        add_element(geometry, "tessellate", "1")
+    add_element(geometry, "coordinates", " ".join(corners))
 
 
 def _folder(parent: ET.Element, name: str) -> ET.Element:
-    folder = ET.SubElement(parent, _k("Folder"))
-    _text(folder, "name", name)
+    folder = add_element(parent, "Folder")
+    add_element(folder, "name", name)
     return folder
-
-
-def _text(parent: ET.Element, tag: str, text: str) -> None:
-    ET.SubElement(parent, _k(tag)).text = text
-
-
-def _k(tag: str) -> str:
-    return f"{{{KML}}}{tag}"
