@@ -13,7 +13,17 @@ import typer
 from airrace import interrupts
 from airrace.batch import BatchOptions
 from airrace.cli.answer import answering, ensure_room
-from airrace.cli.options import AsJson, DryRun, LastStage, Overrides, Quiet, SettingsFile, Verbose, output_option
+from airrace.cli.options import (
+    AsJson,
+    DryRun,
+    LastStage,
+    Overrides,
+    Quiet,
+    SettingsFile,
+    Verbose,
+    file_option,
+    output_option,
+)
 
 
 def batch(
@@ -24,8 +34,7 @@ def batch(
         ),
     ],
     aircraft: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", readable=False, help="Fly every course with this aircraft; as often as you like."),
+        list[Path] | None, file_option("FILE", "Fly every course with this aircraft; as often as you like.")
     ] = None,
     settings: SettingsFile = None,
     overrides: Overrides = None,

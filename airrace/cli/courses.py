@@ -16,6 +16,7 @@ from airrace.cli.options import (
     SettingsFile,
     TrackFile,
     Verbose,
+    file_option,
     track_option,
 )
 from airrace.standard_streams import STANDARD, stem_of
@@ -45,7 +46,7 @@ def check(
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
-        from airrace.cli.plan_view import COLUMNS, plan_view
+        from airrace.cli.plan_view import LIMITS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
         from airrace.runs.courses import check_course
 
@@ -55,7 +56,7 @@ def check(
             ensure_unread([plot], documents_of(course.inputs))
             course.draw(plot)
         if not as_json and plot != STANDARD:
-            columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
+            columns, plain = terminal_columns() or LIMITS.columns, not takes_unicode()
             tables = course_tables(course.race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
             view = plan_view(course.map_model, columns=columns, plain=plain)
@@ -68,12 +69,7 @@ def init(
     like: Annotated[Path | None, track_option("Copy this course, a file or a name that comes along.")] = None,
     from_: Annotated[
         Path | None,
-        typer.Option(
-            "--from",
-            metavar="FILE",
-            readable=False,
-            help="Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.",
-        ),
+        file_option("FILE", "Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.", "--from"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

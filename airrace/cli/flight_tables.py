@@ -1,21 +1,19 @@
 """The texts of flights: two on one clock, a flown log, and sensitivities."""
 
-import csv
-import io
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 from airrace.cli.run_tables import laps_lines, leg_tables
 from airrace.cli.tables import PAGE, rendered
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
-from airrace.results import Flight
 from airrace.results.comparison import TIE, Comparison, conditions
 from airrace.runs.log_view import LogView
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
-from airrace.views.tables import Column, Table
+from airrace.views.tables import Column, Table, Value
 
 TIE_MS = round(1000.0 * TIE)
 _LAPS = (
@@ -41,48 +39,34 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
         comparison: of a flight with the reference.
         every: whether legs that are ties are listed, too.
     """
-    yield "\n".join([_verdict(comparison), *_conditions(comparison)])
+    reference, other = comparison.reference, comparison.other
+    times = f"{other.race_time:.3f} s and {reference.race_time:.3f} s"
+    verdict = f"{abs(comparison.difference):.3f} s {'slower' if comparison.difference > 0.0 else 'faster'} ({times})"
+    if math.isnan(comparison.difference):
+        verdict = "one of them does not finish"
+    elif comparison.tie:
+        verdict = f"a tie within {TIE_MS} ms ({times})"
+    lines = [f"{other.label} against {reference.label}: {verdict}"]
+    lines += [f"  {what}: {second} against {first}" for what, first, second in conditions(reference, other)]
+    lines += [
+        f"  {flight.label} is {flight.source.verdict}"
+        for flight in (other, reference)
+        if flight.source.certified is False
+    ]
+    yield "\n".join(lines)
     if len(comparison.laps) > 1:
         laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]
         yield rendered(Table("laps", _LAPS, laps), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
-        rows = [
-            (
-                leg.name,
-                leg.other.time,
-                leg.difference,
-                leg.by_way,
-                leg.by_speed,
-                "; ".join(one.text for one in leg.differences),
-            )
-            for leg in legs
-        ]
+        rows: list[tuple[str | float, ...]] = []
+        for leg in legs:
+            what = "; ".join(one.text for one in leg.differences)
+            rows.append((leg.name, leg.other.time, leg.difference, leg.by_way, leg.by_speed, what))
         yield rendered(Table("legs by time lost", _LEGS, rows), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
-        legs_are = "1 leg is" if ties == 1 else f"{ties} legs are"
-        yield f"{legs_are} a tie within {TIE_MS} ms"
-
-
-def _verdict(comparison: Comparison) -> str:
-    reference, other = comparison.reference, comparison.other
-    times = f"{other.race_time:.3f} s and {reference.race_time:.3f} s"
-    if comparison.difference != comparison.difference:
-        return f"{other.label} against {reference.label}: one of them does not finish"
-    if comparison.tie:
-        return f"{other.label} against {reference.label}: a tie within {TIE_MS} ms ({times})"
-    word = "slower" if comparison.difference > 0.0 else "faster"
-    return f"{other.label} against {reference.label}: {abs(comparison.difference):.3f} s {word} ({times})"
-
-
-def _conditions(comparison: Comparison) -> Iterator[str]:
-    reference, other = comparison.reference, comparison.other
-    for what, first, second in conditions(reference, other):
-        yield f"  {what}: {second} against {first}"
-    for flight in (other, reference):
-        if flight.source.certified is False:
-            yield f"  {flight.label} is {flight.source.verdict}"
+        yield f"{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms"
 
 
 def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
@@ -93,22 +77,21 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         legs: whether every leg is shown, too.
     """
     flight = log.flight()
-    yield rendered(_passings_table(flight), columns=PAGE)
+    race_time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
+    passings: list[tuple[str | float, ...]] = []
+    before = math.nan
+    for one in flight.crossings:
+        speeds = (one.value("V_K") / KNOT, one.value("height"), one.value("n_z"))
+        attitude = (math.degrees(one.value("mu")), math.degrees(one.value("gamma")))
+        passings.append((one.name, one.time, one.time - before, *speeds, *attitude))
+        before = one.time
+    yield rendered(Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, passings), columns=PAGE)
     if log.violations:
-        rows = [
-            (
-                one.passing or "flight",
-                one.rule,
-                one.time,
-                one.value,
-                one.deviation,
-                one.limit,
-                one.unit,
-                penalty_text(one.penalty),
-                "yes" if one.certain else "no",
-            )
-            for one in log.violations
-        ]
+        rows: list[tuple[str | float | None, ...]] = []
+        for one in log.violations:
+            measured = (one.time, one.value, one.deviation, one.limit, one.unit)
+            certain = "yes" if one.certain else "no"
+            rows.append((one.passing or "flight", one.rule, *measured, penalty_text(one.penalty), certain))
         yield rendered(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
     yield from laps_lines(flight)
@@ -140,25 +123,6 @@ _PASSINGS = (
 )
 
 
-def _passings_table(flight: Flight) -> Table:
-    race_time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
-    befores = (math.nan, *(one.time for one in flight.crossings))
-    rows = [
-        (
-            one.name,
-            one.time,
-            one.time - before,
-            one.value("V_K") / KNOT,
-            one.value("height"),
-            one.value("n_z"),
-            math.degrees(one.value("mu")),
-            math.degrees(one.value("gamma")),
-        )
-        for one, before in zip(flight.crossings, befores, strict=False)
-    ]
-    return Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, rows)
-
-
 BESIDE_KEYS = 50
 """The columns that the table of sensitivities takes beside its keys."""
 KEY_MAX = 36
@@ -166,22 +130,8 @@ KEY_MAX = 36
 LEAST_MS = 0.0005
 """The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
-
-def sensitivities_csv(sensitivities: Sequence[Sensitivity]) -> str:
-    """Return sensitivities as CSV, one row per number, the largest first.
-
-    An entry is empty where the inputs allow no value to that side.
-    """
-    rows = [{"key": one.key, **one.as_object()} for one in sensitivities]
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, ("key", *_COLUMNS), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
-
-
-_COLUMNS = (
-    *("group", "unit", "value", "s_per_unit", "s_per_unit_up", "s_per_unit_down"),
+_STORED = (
+    *("key", "group", "unit", "value", "s_per_unit", "s_per_unit_up", "s_per_unit_down"),
     *("usual_step", "step_up_s", "step_down_s", "activity", "note"),
 )
 _SENSITIVITIES = (
@@ -193,6 +143,15 @@ _SENSITIVITIES = (
 )
 
 
+def sensitivities_csv(sensitivities: Sequence[Sensitivity]) -> str:
+    """Return sensitivities as CSV, one row per number, the largest first.
+
+    An entry is empty where the inputs allow no value to that side.
+    """
+    rows = [cast(list[Value], [one.key, *one.as_object().values()]) for one in sensitivities]
+    return Table("", [Column(key=key) for key in _STORED], rows).csv()
+
+
 def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity], columns: int | None = None) -> str:
     """Return a table of what costs something, why some sensitivities are one-sided, and how many numbers are free.
 
@@ -202,33 +161,29 @@ def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity]
         columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
     """
     longest = max((len(one.key) for one in sensitivities), default=0)
-    folded = columns is not None and columns < longest + BESIDE_KEYS
+    folds = columns is not None and columns < longest + BESIDE_KEYS
     active = [one for one in sensitivities if one.activity is not Activity.FREE]
+    rows: list[tuple[str | float, ...]] = []
+    sided: list[str] = []
+    for one in active:
+        unit, key = "" if one.unit == "1" else f" {one.unit}", one.key
+        if one.activity is Activity.ONE_SIDED:
+            key += "*"
+            sided.append(f"{one.key}: {_cost(one.cost_up)}, {_cost(one.cost_down)} ms ({one.note})")
+        if folds and len(key) > KEY_MAX:  # on two lines, cut after a dot
+            section, dot, name = key.rpartition(".")
+            key = f"{section}{dot}\n  {name}"
+        step = f"{one.usual_step:.3g}{unit}"
+        rows.append((key, f"{one.value:.6g}{unit}", one.per_unit, step, _cost(one.cost_up)))
     parts: list[str] = []
-    if active:
+    if rows:
         title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
-        parts.append(rendered(Table(title, _SENSITIVITIES, [_row(one, folded=folded) for one in active])))
-    sided = [
-        f"{one.key}: {_cost(one.cost_up)}, {_cost(one.cost_down)} ms ({one.note})"
-        for one in active
-        if one.activity is Activity.ONE_SIDED
-    ]
+        parts.append(rendered(Table(title, _SENSITIVITIES, rows)))
     if sided:
         parts.append("\n".join(["one-sided (*), a usual step up and down:", *sided]))
     free = len(sensitivities) - len(active)
-    parts.append(
-        f"free: {free} more number{'' if free == 1 else 's'} of {len(sensitivities)} (--csv and --json list them)"
-    )
-    return "\n\n".join(parts)
-
-
-def _row(one: Sensitivity, *, folded: bool) -> tuple[str | float, ...]:
-    unit = "" if one.unit == "1" else f" {one.unit}"
-    key = f"{one.key}*" if one.activity is Activity.ONE_SIDED else one.key
-    if folded and len(key) > KEY_MAX:  # on two lines, cut after a dot
-        section, dot, name = key.rpartition(".")
-        key = f"{section}{dot}\n  {name}"
-    return (key, f"{one.value:.6g}{unit}", one.per_unit, f"{one.usual_step:.3g}{unit}", _cost(one.cost_up))
+    more = f"{free} more number{'' if free == 1 else 's'}"
+    return "\n\n".join([*parts, f"free: {more} of {len(sensitivities)} (--csv and --json list them)"])
 
 
 def _cost(seconds: float) -> str:

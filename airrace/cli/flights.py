@@ -21,6 +21,7 @@ from airrace.cli.options import (
     StageOfFlights,
     StageOfRun,
     Verbose,
+    file_option,
     output_option,
     track_option,
 )
@@ -32,16 +33,11 @@ if TYPE_CHECKING:
 
 def import_log(
     log: Annotated[Path, typer.Argument(metavar="LOG", readable=False, help="The log: CSV, GPX, IGC or ACMI.")],
-    course: Annotated[
-        Path,
-        track_option("The course that was flown: a file, or a name that `airrace tracks` lists."),
-    ],
+    course: Annotated[Path, track_option("The course that was flown: a file, or a name that `airrace tracks` lists.")],
     output: Annotated[
         Path | None, output_option("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
     ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(metavar="FILE.yaml", readable=False, help="What the columns of a CSV file mean.")
-    ] = None,
+    mapping: Annotated[Path | None, file_option("FILE.yaml", "What the columns of a CSV file mean.")] = None,
     column: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=HEADER", help="One column, e.g. 'altitude=GPS alt [ft]'; as often as you like."),
@@ -77,7 +73,7 @@ def import_log(
         from airrace.cli.flight_tables import log_texts
         from airrace.runs.json_objects import log_object
 
-        flown = imported(
+        log_view = imported(
             log,
             course,
             aircraft=aircraft,
@@ -89,11 +85,11 @@ def import_log(
             run=run,
             name=name,
         )
-        ensure_unread([path], documents_of(flown.inputs))
-        flown.save(path)
-        answer.fields.update(log_object(flown))
+        ensure_unread([path], documents_of(log_view.inputs))
+        log_view.save(path)
+        answer.fields.update(log_object(log_view))
         if not quiet and path != STANDARD:
-            answer.texts.extend(log_texts(flown))
+            answer.texts.extend(log_texts(log_view))
         answer_written(answer, [path], quiet=quiet)
 
 
@@ -259,24 +255,24 @@ def csv_table(
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         ensure_room(output, as_json=as_json)
-        default_output_path = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
-        for path in (output, *default_output_path):
+        beside = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
+        for path in (output, *beside):
             ensure_free(path, force=force, sources=[name])
         named = FlightName.of(name)
-        flown = source_of(open_file(named.path), named.stage or stage)
-        passings = flown.splits if isinstance(flown, LogView) else Splits(flown.result.splits)
+        view = source_of(open_file(named.path), named.stage or stage)
+        passings = view.splits if isinstance(view, LogView) else Splits(view.result.splits)
         if output != STANDARD:
-            _ = passings.to_csv(output) if splits else flown.to_csv(output, rate)
+            _ = passings.to_csv(output) if splits else view.to_csv(output, rate)
         elif splits:
             answer.texts.append(passings.to_csv())
         else:
             try:
-                flown.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
+                view.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
             except BrokenPipeError:  # the reader has seen enough
                 abandon_stdout()
-        for path in default_output_path:
+        for path in beside:
             passings.to_csv(path)
-        answer_written(answer, [output, *default_output_path], quiet=quiet, format="csv", flights=[name])
+        answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
 
 
 def _registered() -> Mapping[str, "Format"]:

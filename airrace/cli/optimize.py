@@ -22,6 +22,7 @@ from airrace.cli.options import (
     Timeout,
     TrackFile,
     Verbose,
+    file_option,
     output_option,
     stage_option,
     track_option,
@@ -55,10 +56,7 @@ def optimize(
     ] = None,
     force: Force = False,
     start: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OTHER.h5", readable=False, help="Start from this run's optimum of the highest stage that it holds."
-        ),
+        Path | None, file_option("OTHER.h5", "Start from this run's optimum of the highest stage that it holds.")
     ] = None,
     overrides: Overrides = None,
     sign: SigningKey = None,
@@ -92,10 +90,8 @@ def optimize(
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
         ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
-        entries = [
-            *(overrides or ()),
-            *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
-        ]
+        texts = settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
+        entries = [*(overrides or ()), *texts]
         plan = plan_new_run(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )

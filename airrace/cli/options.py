@@ -1,7 +1,7 @@
 """Arguments and options that commands share, their completion in the shell, and their environment variables."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +18,11 @@ class Command(TyperCommand):
 
     # Any: contexts and parameters belong to click, whose place depends on typer's version.
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        words = [*reversed(list(_groups(parent))), info_name or ""]
+        words = [info_name or ""]
+        group = parent
+        while group is not None and group.parent is not None:  # up to the program's own
+            words.insert(0, group.info_name)
+            group = group.parent
         for parameter in self.params:
             one: Any = parameter
             option = max(one.opts, key=len)
@@ -26,13 +30,6 @@ class Command(TyperCommand):
                 one.envvar = "_".join(["AIRRACE", *words, option[2:]]).replace("-", "_").upper()
                 one.show_envvar = False
         return super().make_context(info_name, args, parent, **extra)
-
-
-def _groups(context: Any) -> Iterator[str]:
-    """Yield the names of the groups that a command belongs to, the innermost first and without the program's own."""
-    while context is not None and context.parent is not None:
-        yield context.info_name
-        context = context.parent
 
 
 def complete_track(incomplete: str) -> list[str]:
@@ -66,7 +63,12 @@ def _complete(shipped: str, incomplete: str) -> list[str]:
     ]
 
 
-# Any: as of `typer.Option`.
+# Any: as of `typer.Option`, here and below.
+def file_option(metavar: str, help: str, *names: str, complete: Callable[[str], list[str]] | None = None) -> Any:
+    """Return an option that names a file to be read; whether it can be read is found out by who reads it."""
+    return typer.Option(*names, metavar=metavar, readable=False, autocompletion=complete, help=help)
+
+
 def output_option(metavar: str, help: str) -> Any:
     """Return the option that says where a command writes."""
     return typer.Option("--output", "-o", metavar=metavar, help=help)
@@ -79,9 +81,10 @@ def stage_option(help: str, *names: str) -> Any:
 
 def track_option(help: str) -> Any:
     """Return an option that names a course."""
-    return typer.Option(metavar="TRACK", readable=False, autocompletion=complete_track, help=help)
+    return file_option("TRACK", help, complete=complete_track)
 
 
+# Arguments.
 TrackFile = Annotated[
     Path,
     typer.Argument(
@@ -96,25 +99,24 @@ FlightNames = Annotated[
     list[str],
     typer.Argument(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass."),
 ]
-StageOfFlights = Annotated[str | None, stage_option("The stage of runs that name none; the last by default.")]
-StageOfRun = Annotated[str | None, stage_option("Which stage; by default the last one.")]
+
+# What is flown.
 AircraftFile = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE",
-        readable=False,
-        autocompletion=complete_aircraft,
-        help="Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
+    file_option(
+        "FILE",
+        "Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
+        complete=complete_aircraft,
     ),
 ]
-SettingsFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
-]
+SettingsFile = Annotated[Path | None, file_option("FILE", "Settings other than the defaults.")]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
 ]
 LastStage = Annotated[str | None, stage_option("Last stage to run; by default the last available one.")]
+StageOfFlights = Annotated[str | None, stage_option("The stage of runs that name none; the last by default.")]
+StageOfRun = Annotated[str | None, stage_option("Which stage; by default the last one.")]
 MeshChecked = Annotated[
     MeshCheck | None,
     typer.Option(
@@ -126,24 +128,16 @@ MeshChecked = Annotated[
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]
 Timeout = Annotated[
     float | None,
-    typer.Option(
-        "--timeout", metavar="SECONDS", help="Stop after this time, with what is finished; `resume` goes on from there."
-    ),
+    typer.Option(metavar="SECONDS", help="Stop after this time, with what is finished; `resume` goes on from there."),
 ]
+
+# What is written, and how.
 SigningKey = Annotated[
-    Path | None,
-    typer.Option(
-        "--sign", metavar="KEY", readable=False, help="Sign the file with this private key of Ed25519 (extra: sign)."
-    ),
+    Path | None, file_option("KEY", "Sign the file with this private key of Ed25519 (extra: sign).", "--sign")
 ]
 TrustedKey = Annotated[
     Path | None,
-    typer.Option(
-        "--trust",
-        metavar="KEY.pub",
-        readable=False,
-        help="Only take a file that is signed with this public key of Ed25519 (extra: sign).",
-    ),
+    file_option("KEY.pub", "Only take a file that is signed with this public key of Ed25519 (extra: sign).", "--trust"),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell on stderr what is read, written and begun.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

@@ -1,20 +1,18 @@
 """A course in the terminal, seen from above: dots, eight to a cell, north up, both directions at one scale."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.course import Crowd, CrowdShape
+from airrace.track.course import CrowdShape
 from airrace.track.polygons import edges
 from airrace.trajectory import Array
-from airrace.views.map_model import MapLine, MapModel, Mark, coordinates, round_length
+from airrace.views.map_model import MapModel, Mark, coordinates, round_length
 
 ACROSS, DOWN = 2, 4
 """The dots of a cell; it is twice as high as wide, so the dots lie on a square grid."""
@@ -56,9 +54,12 @@ class Canvas:
         east = self.west + self.dot * (np.arange(self.columns * ACROSS) + 0.5)
         return np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).astype(np.float64)
 
-    def paint(self, layer: Layer, dots: np.ndarray) -> None:
-        """Lay dots, shape (dots down, dots across), over what there is."""
-        self._lay(layer, *np.nonzero(dots))
+    def paint(self, layer: Layer, row: np.ndarray, column: np.ndarray) -> None:
+        """Lay dots, given by their rows and columns, over what there is."""
+        if layer not in self._layers:
+            self._layers.append(layer)
+        self._dots[row, column] = True
+        self._top[row // DOWN, column // ACROSS] = self._layers.index(layer)
 
     def line(self, layer: Layer, points: Array, *, on: int = 1, off: int = 0) -> None:
         """Lay a line through points of shape (n, 2) over what there is, `on` dots drawn and `off` left out in turn."""
@@ -69,20 +70,12 @@ class Canvas:
         steps = steps[steps % (on + off) < on]
         row, column = (np.floor(np.interp(steps, begins, one)).astype(int) for one in (down, across))
         within = (row >= 0) & (row < self._dots.shape[0]) & (column >= 0) & (column < self._dots.shape[1])
-        self._lay(layer, row[within], column[within])
-
-    def _lay(self, layer: Layer, row: np.ndarray, column: np.ndarray) -> None:
-        if layer not in self._layers:
-            self._layers.append(layer)
-        self._dots[row, column] = True
-        self._top[row // DOWN, column // ACROSS] = self._layers.index(layer)
+        self.paint(layer, row[within], column[within])
 
     def cell(self, north: float, east: float) -> tuple[int, int]:
         """Return the row and column of a place; it may lie outside."""
-        return (
-            math.floor((self.north - north) / self.dot / DOWN),
-            math.floor((east - self.west) / self.dot / ACROSS),
-        )
+        row, column = (self.north - north) / self.dot / DOWN, (east - self.west) / self.dot / ACROSS
+        return math.floor(row), math.floor(column)
 
     def write(self, row: int, column: int, text: str, style: str) -> bool:
         """Put a text over the dots, unless it would leave the canvas or cover another; return whether it was put."""
@@ -94,58 +87,77 @@ class Canvas:
         self._texts.update({cell: (letter, style) for cell, letter in zip(cells, text, strict=True)})
         return True
 
-    def covered(self, row: int, column: int, length: int) -> int:
-        """Return the number of dots that a text of this length would hide; outside of the canvas there are none."""
-        top, left, right = row * DOWN, column * ACROSS, (column + length) * ACROSS
-        return int(self._dots[max(top, 0) : max(top + DOWN, 0), max(left, 0) : max(right, 0)].sum())
+    def write_beside(self, north: float, east: float, text: str, style: str) -> None:
+        """Write a text near a place, where it hides the fewest dots; nowhere if there is no room."""
+        row, column = self.cell(north, east)
+        choices: list[tuple[int, int, int]] = []
+        for number, (down, across) in enumerate(_AROUND):
+            begin = column + (across if across > 0 else across - len(text) + 1 if across < 0 else -(len(text) // 2))
+            top, left, right = (row + down) * DOWN, begin * ACROSS, (begin + len(text)) * ACROSS
+            hidden = int(self._dots[max(top, 0) : max(top + DOWN, 0), max(left, 0) : max(right, 0)].sum())
+            choices.append((4 * hidden + number, row + down, begin))
+        for _, at_row, begin in sorted(choices):
+            if text and self.write(at_row, begin, text, style):
+                return
 
     def drawn(self, *, plain: bool) -> list[Text]:
         """Return the rows from north to south; with `plain` in ASCII alone."""
         cells = self._dots.reshape(self.rows, DOWN, self.columns, ACROSS)
         bits = (cells * _BITS[:, None, :]).sum(axis=(1, 3))
-        return [self._row(row, bits[row], plain=plain) for row in range(self.rows)]
+        lines: list[Text] = []
+        for row in range(self.rows):
+            line = Text(no_wrap=True, overflow="ignore")
+            for column in range(self.columns):
+                dots = int(bits[row, column])
+                if (row, column) in self._texts:
+                    line.append(*self._texts[row, column])
+                elif dots == 0:
+                    line.append(" ")
+                else:
+                    layer = self._layers[int(self._top[row, column])]
+                    line.append(layer.plain if plain else chr(_BLANK + dots), layer.style)
+            line.rstrip()
+            lines.append(line)
+        return lines
 
-    def _row(self, row: int, bits: np.ndarray, *, plain: bool) -> Text:
-        drawn = Text(no_wrap=True, overflow="ignore")
-        for column in range(self.columns):
-            if (row, column) in self._texts:
-                drawn.append(*self._texts[row, column])
-            elif bits[column] == 0:
-                drawn.append(" ")
-            else:
-                layer = self._layers[int(self._top[row, column])]
-                drawn.append(layer.plain if plain else chr(_BLANK + int(bits[column])), layer.style)
-        drawn.rstrip()
-        return drawn
+
+@record
+class PlanLimits:
+    """The size of the picture and what is drawn of it.
+
+    Attributes:
+        columns, rows: the cells that the picture may fill, with its scale and its legend; columns only where no
+            terminal says.
+        notes: the rows of the scale and the legend.
+        margin: the cells left free around what is drawn.
+        marks: the largest number of elements that are marked; more would but hide the way.
+        labels: the largest number of elements whose names are written.
+        arrows: the largest number of ways that get an arrow.
+    """
+
+    columns: int = 100
+    rows: int = 35
+    notes: int = 3
+    margin: int = 2
+    marks: int = 400
+    labels: int = 60
+    arrows: int = 60
 
 
-COLUMNS, ROWS = 100, 35
-"""The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
-NOTES = 3
-"""The rows of the scale and the legend."""
-MARGIN = 2
-"""The cells left free around what is drawn."""
-MARKS_MAX = 400
-"""The largest number of elements that are marked; more would but hide the way."""
-LABELS_MAX = 60
-"""The largest number of elements whose names are written."""
-ARROWS_MAX = 60
-"""The largest number of ways that get an arrow."""
-
-LAPS = ("cyan", "magenta", "green", "blue")
+LIMITS = PlanLimits()
+LAPS = [Layer(style, ".") for style in ("cyan", "magenta", "green", "blue")]
 AIRSPACE = Layer("blue", ":")
 CROWD = Layer("red", "x")
 DISTANCE = Layer("red", ",")
 SAFETY = Layer("yellow", "=")
 GATE = Layer("bold white", "#")
-PYLON = "bold white"
-LABEL = "bold"
 _ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"  # from north, clockwise
 _PLAIN_ARROWS = "^>>>v<<<"
 _AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -3), (-2, 0), (2, 0))
+"""The places of a text beside a point, rows down and columns to the right, the best first."""
 
 
-def plan_view(map_: MapModel, *, columns: int = COLUMNS, plain: bool = False) -> Group:
+def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = False) -> Group:
     """Return the picture with its scale, wind and legend.
 
     Args:
@@ -154,139 +166,110 @@ def plan_view(map_: MapModel, *, columns: int = COLUMNS, plain: bool = False) ->
     """
     canvas = _canvas(map_, max(columns, 40))
     _draw_surroundings(canvas, map_)
-    _draw_ways(canvas, map_)
-    if len(map_.marks) <= MARKS_MAX:
+    for way in reversed(map_.ways):  # the first lap is seen where others coincide with it
+        canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
+    if len(map_.marks) <= LIMITS.marks:
         for mark in map_.marks:
             _draw_mark(canvas, mark, plain=plain)
-    if len(map_.marks) <= LABELS_MAX:
+    if len(map_.marks) <= LIMITS.labels:
         for mark in map_.marks:
-            _write_beside(canvas, mark.north, mark.east, mark.label, LABEL)
+            canvas.write_beside(mark.north, mark.east, mark.label, "bold")
     for crowd in map_.crowd:
-        _write_beside(canvas, crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
+        canvas.write_beside(crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
     for line in map_.lines:
-        _write_beside(canvas, line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
-    if len(map_.ways) <= ARROWS_MAX:
-        _write_arrows(canvas, map_, plain=plain)
-    return Group(*_trimmed(canvas.drawn(plain=plain)), Text(""), *_notes(canvas, map_, plain=plain))
-
-
-def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
-    """Return the rows without the empty ones above and below."""
-    filled = [number for number, row in enumerate(rows) if row.plain]
-    return rows[filled[0] : filled[-1] + 1] if filled else []
+        canvas.write_beside(line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
+    if len(map_.ways) <= LIMITS.arrows:
+        _write_arrows(canvas, map_, _PLAIN_ARROWS if plain else _ARROWS)
+    rows = canvas.drawn(plain=plain)
+    filled = [number for number, row in enumerate(rows) if row.plain] or [0, -1]
+    return Group(*rows[filled[0] : filled[-1] + 1], Text(""), _scale(canvas, map_, plain=plain), _legend(map_, plain))
 
 
 def _canvas(map_: MapModel, columns: int) -> Canvas:
     """Return a canvas as large as what is to be seen, within the limits."""
-    names = max((len(mark.label) for mark in map_.marks), default=0) if len(map_.marks) <= LABELS_MAX else 0
-    across = (columns - 2 * MARGIN - min(names, columns // 4)) * ACROSS
-    down = (ROWS - NOTES - 2 * MARGIN) * DOWN
+    names = max((len(mark.label) for mark in map_.marks), default=0) if len(map_.marks) <= LIMITS.labels else 0
+    rows, margin = LIMITS.rows - LIMITS.notes, LIMITS.margin
+    across = (columns - 2 * margin - min(names, columns // 4)) * ACROSS
+    down = (rows - 2 * margin) * DOWN
     height, width = map_.north - map_.south, map_.east - map_.west
     dot = max(width / across, height / down)
     return Canvas(
-        columns=min(columns, math.ceil(width / dot / ACROSS) + 2 * MARGIN + names),
-        rows=min(ROWS - NOTES, math.ceil(height / dot / DOWN) + 2 * MARGIN),  # what fits exactly may be rounded up
-        north=map_.north + MARGIN * DOWN * dot,
-        west=map_.west - MARGIN * ACROSS * dot,
+        columns=min(columns, math.ceil(width / dot / ACROSS) + 2 * margin + names),
+        rows=min(rows, math.ceil(height / dot / DOWN) + 2 * margin),  # what fits exactly may be rounded up
+        north=map_.north + margin * DOWN * dot,
+        west=map_.west - margin * ACROSS * dot,
         dot=dot,
     )
 
 
 def _draw_surroundings(canvas: Canvas, map_: MapModel) -> None:
+    """Draw the airspace, people with dots where their distance ends, and safety lines, shaded where it is forbidden."""
+    centres = canvas.centres
+    down, across = np.ogrid[: centres.shape[0], : centres.shape[1]]
+    raster, shade = (down + across) % 2 == 0, (down + 2 * across) % 5 == 0
     if map_.airspace is not None:
         canvas.line(AIRSPACE, map_.airspace, on=1, off=2)
     for crowd in map_.crowd:
-        _draw_crowd(canvas, crowd)
+        away = ground_distance(centres, crowd)
+        closed = crowd.shape is CrowdShape.AREA
+        canvas.paint(DISTANCE, *np.nonzero((np.abs(away - crowd.distance) < 0.5 * canvas.dot) & raster))
+        if closed:
+            canvas.paint(CROWD, *np.nonzero((away == 0.0) & raster))
+        for a, b in edges(crowd.corners, closed=closed):
+            canvas.line(CROWD, coordinates((a, b)))
+        if crowd.shape is CrowdShape.POINT:
+            canvas.paint(CROWD, *np.nonzero(away < canvas.dot))
     for line in map_.lines:
-        _draw_safety_line(canvas, line)
-
-
-def _draw_crowd(canvas: Canvas, crowd: Crowd) -> None:
-    """Draw the people themselves, and dots where their distance ends."""
-    away = ground_distance(canvas.centres, crowd)
-    down, across = np.ogrid[: away.shape[0], : away.shape[1]]
-    raster = (down + across) % 2 == 0
-    canvas.paint(DISTANCE, (np.abs(away - crowd.distance) < 0.5 * canvas.dot) & raster)
-    closed = crowd.shape is CrowdShape.AREA
-    if closed:
-        canvas.paint(CROWD, (away == 0.0) & raster)
-    for a, b in edges(crowd.corners, closed=closed):
-        canvas.line(CROWD, coordinates((a, b)))
-    if crowd.shape is CrowdShape.POINT:
-        canvas.paint(CROWD, away < canvas.dot)
-
-
-def _draw_safety_line(canvas: Canvas, line: MapLine) -> None:
-    """Draw a line from border to border, with a shade on the side that is forbidden."""
-    centres = canvas.centres
-    forbidden = (centres - line.ends[0]) @ line.forbidden
-    down, across = np.ogrid[: centres.shape[0], : centres.shape[1]]
-    shade = (down + 2 * across) % 5 == 0
-    canvas.paint(
-        SAFETY, (np.abs(forbidden) < 0.5 * canvas.dot) | ((forbidden > 0) & (forbidden < 4 * canvas.dot) & shade)
-    )
-
-
-def _draw_ways(canvas: Canvas, map_: MapModel) -> None:
-    """Draw later laps first, so that the first one is seen where they coincide."""
-    for way in reversed(map_.ways):
-        canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
+        beyond = (centres - line.ends[0]) @ line.forbidden
+        border = np.abs(beyond) < 0.5 * canvas.dot
+        canvas.paint(SAFETY, *np.nonzero(border | ((beyond > 0) & (beyond < 4 * canvas.dot) & shade)))
 
 
 def _lap(lap: int) -> Layer:
-    return Layer(LAPS[(max(lap, 1) - 1) % len(LAPS)], ".")
+    return LAPS[(max(lap, 1) - 1) % len(LAPS)]
 
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
     """Draw what is flown through as a stroke across its axis, long enough to be seen, and all else as a dot."""
     ends = mark.stroke
-    if ends is not None:
-        middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
-        half *= max(1.0, 3.0 * canvas.dot / float(np.hypot(*half)))
-        canvas.line(GATE, np.array([middle - half, middle + half]))
+    if ends is None:
+        canvas.write(*canvas.cell(mark.north, mark.east), "o" if plain else "\u2022", GATE.style)
         return
-    canvas.write(*canvas.cell(mark.north, mark.east), "o" if plain else "\u2022", PYLON)
+    middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
+    half *= max(1.0, 3.0 * canvas.dot / float(np.hypot(*half)))
+    canvas.line(GATE, np.array([middle - half, middle + half]))
 
 
-def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: str) -> None:
-    """Write a text near a place, where it hides least; nowhere if there is no room."""
-    row, column = canvas.cell(north, east)
-    choices: list[tuple[int, int, int]] = []
-    for number, (down, across) in enumerate(_AROUND):
-        begin = column + (across if across > 0 else across - len(text) + 1 if across < 0 else -(len(text) // 2))
-        choices.append((4 * canvas.covered(row + down, begin, len(text)) + number, row + down, begin))
-    for _, at_row, begin in sorted(choices):
-        if text and canvas.write(at_row, begin, text, style):
-            return
-
-
-def _write_arrows(canvas: Canvas, map_: MapModel, *, plain: bool) -> None:
+def _write_arrows(canvas: Canvas, map_: MapModel, arrows: str) -> None:
     """Draw an arrow in the direction of flight in the middle of every way that is long enough."""
-    arrows = _PLAIN_ARROWS if plain else _ARROWS
     for way in map_.ways:
         middle = len(way.line) // 2
-        step = way.line[middle] - way.line[middle - 1]
-        if np.ptp(way.line, axis=0).max() < 8 * DOWN * canvas.dot * 0.5:
-            continue
-        octant = round(math.degrees(math.atan2(step[1], step[0])) / 45.0) % 8
-        where = 0.5 * (way.line[middle] + way.line[middle - 1])
-        canvas.write(*canvas.cell(float(where[0]), float(where[1])), arrows[octant], _lap(way.lap).style)
+        before, after = way.line[middle - 1], way.line[middle]
+        if np.ptp(way.line, axis=0).max() >= 4 * DOWN * canvas.dot:
+            octant = round(math.degrees(math.atan2(after[1] - before[1], after[0] - before[0])) / 45.0) % 8
+            north, east = 0.5 * (before + after)
+            canvas.write(*canvas.cell(float(north), float(east)), arrows[octant], _lap(way.lap).style)
 
 
-def _notes(canvas: Canvas, map_: MapModel, *, plain: bool) -> list[Text]:
-    """Return the scale, north and wind in one row, and the legend in another."""
-    metres, cells = _bar(canvas)
+def _scale(canvas: Canvas, map_: MapModel, *, plain: bool) -> Text:
+    """Return a bar of a round length of about an eighth of the largest width, north and the wind, in one row."""
+    cell = ACROSS * canvas.dot
+    metres = round_length(LIMITS.columns / 8 * cell)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
-    bar = f"{left}{rule * (cells - 2)}{right}"
+    bar = f"{left}{rule * (max(2, round(metres / cell)) - 2)}{right}"
+    wind = "no wind"
+    if map_.wind is not None:
+        origin = math.degrees(map_.wind.origin)
+        arrow = "" if plain else f"{_ARROWS[round((origin + 180.0) / 45.0) % 8]} "
+        wind = f"{arrow}wind from {origin % 360.0:.0f} deg, {map_.wind.speed / KNOT:.0f} kt"
     north = "north is up" if plain else "\u2191 north"
-    scale = f"{bar} {metres:g} m   {north}   {_wind(map_.wind, plain=plain)}"
-    return [Text(scale, no_wrap=True, overflow="ignore"), _legend(map_, plain=plain)]
+    return Text(f"{bar} {metres:g} m   {north}   {wind}", no_wrap=True, overflow="ignore")
 
 
-def _legend(map_: MapModel, *, plain: bool) -> Text:
+def _legend(map_: MapModel, plain: bool) -> Text:
     """Return the legend of what there is to see, in its colours; in ASCII with its character."""
     laps = sorted({max(way.lap, 1) for way in map_.ways})
-    entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]
+    entries = [(f"lap {lap}", _lap(lap), len(laps) <= len(LAPS)) for lap in laps]
     entries += [
         ("gate", GATE, any(mark.stroke is not None for mark in map_.marks)),
         ("crowd and its distance", CROWD, bool(map_.crowd)),
@@ -297,18 +280,3 @@ def _legend(map_: MapModel, *, plain: bool) -> Text:
     legend = Text("  ").join(texts)
     legend.no_wrap, legend.overflow = True, "ignore"
     return legend
-
-
-def _bar(canvas: Canvas) -> tuple[float, int]:
-    """Return a round length of about an eighth of the largest width, m, and the number of cells it takes."""
-    cell = ACROSS * canvas.dot
-    metres = round_length(COLUMNS / 8 * cell)
-    return metres, max(2, round(metres / cell))
-
-
-def _wind(wind: StaticWind | None, *, plain: bool) -> str:
-    if wind is None:
-        return "no wind"
-    towards = round((math.degrees(wind.origin) + 180.0) / 45.0) % 8
-    arrow = "" if plain else f"{_ARROWS[towards]} "
-    return f"{arrow}wind from {math.degrees(wind.origin) % 360.0:.0f} deg, {wind.speed / KNOT:.0f} kt"

@@ -258,9 +258,7 @@ def dots(drawn: Canvas) -> set[tuple[int, int]]:
 def test_a_dot_appears_where_it_was_laid() -> None:
     for place in ((0, 0), (3, 1), (7, 2), (10, 19), (19, 19)):
         drawn = canvas()
-        grid = np.zeros((20, 20), bool)
-        grid[place] = True
-        drawn.paint(INK, grid)
+        drawn.paint(INK, *np.array(place)[:, None])
         assert dots(drawn) == {place}
 
 
@@ -299,10 +297,10 @@ def test_no_text_covers_another_or_leaves_the_canvas() -> None:
 def test_in_ascii_every_layer_has_its_own_character_and_the_upper_one_is_seen() -> None:
     drawn = canvas(3, 1)
     everywhere = np.ones((DOWN, 3 * ACROSS), bool)
-    drawn.paint(Layer("red", "."), everywhere)
+    drawn.paint(Layer("red", "."), *np.nonzero(everywhere))
     left = everywhere.copy()
     left[:, ACROSS:] = False
-    drawn.paint(INK, left)
+    drawn.paint(INK, *np.nonzero(left))
     assert lines(drawn, plain=True) == ["#.."]
 
 
