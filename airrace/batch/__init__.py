@@ -30,22 +30,9 @@ Sweeps = Mapping[str, str | Sequence[str | float]] | Sequence[str]
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions:
-    """The options of the command `batch`, by its words.
+    """The options of the command `batch`, by its words; `optimize_many` says what they mean.
 
-    Attributes:
-        courses: track files, patterns, names, or batch files.
-        aircraft: each of them flies every course; empty for the tracks' own.
-        settings: a settings file; None for the defaults.
-        set: `key=value` texts for all jobs.
-        sweep: `key=values` texts.
-        until: the last stage.
-        jobs: jobs at a time; None for all cores, or all threads of the cluster's workers.
-        output: the folder of checkpoints and records.
-        cluster: the address of a scheduler of dask.distributed; None for this machine.
-        timeout: the longest wall time of a job, s.
-        retries: how often a job is tried again after an accident.
-        retry_failed: whether jobs are flown again that ended without a certified flight.
-        force: whether all jobs are flown again, from their beginning.
+    `set` and `sweep` are `key=value` and `key=values` texts.
     """
 
     courses: Sequence[str]
@@ -198,13 +185,21 @@ def optimize_many(
         if plan.findings:
             raise InputError(list(plan.findings))
 
+    def texts(sweep: Sweeps) -> list[str]:
+        if not isinstance(sweep, Mapping):
+            return [sweep] if isinstance(sweep, str) else list(sweep)
+        lists = {
+            key: values if isinstance(values, str) else ",".join(map(str, values)) for key, values in sweep.items()
+        }
+        return [f"{key}={values}" for key, values in lists.items()]
+
     wind = {f"environment.wind.{key}": values for key, values in (winds or {}).items()}
     options = BatchOptions(
-        courses=[str(one) for one in _listed(tracks)],
-        aircraft=[Path(one) for one in _listed(aircraft)],
+        courses=[str(one) for one in ([tracks] if isinstance(tracks, str | Path) else tracks)],
+        aircraft=[Path(one) for one in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
         settings=None if settings is None else Path(settings),
         set=value_texts(set),
-        sweep=[*_sweep_texts(wind), *_sweep_texts(sweep)],
+        sweep=[*texts(wind), *texts(sweep)],
         until=until,
         jobs=jobs,
         output=Path(output),
@@ -218,15 +213,3 @@ def optimize_many(
         lambda: contextlib.nullcontext(Watcher()), lambda: contextlib.nullcontext(lambda: False), refuse
     )
     return ranking_of(plan, results)
-
-
-def _listed(given: str | Path | Sequence[str | Path]) -> Sequence[str | Path]:
-    return [given] if isinstance(given, str | Path) else given
-
-
-def _sweep_texts(sweep: Sweeps) -> list[str]:
-    if not isinstance(sweep, Mapping):
-        return [sweep] if isinstance(sweep, str) else list(sweep)
-    return [
-        f"{key}={values if isinstance(values, str) else ','.join(map(str, values))}" for key, values in sweep.items()
-    ]

@@ -159,6 +159,7 @@ class _JobProcess:
 
     def _converse(self) -> None:
         """Hand the order over, take in lines until there are no more, and report the end."""
+        name = self._order.job.name
         order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
         asked, answers = self._process.stdin, self._process.stdout
         assert asked is not None  # `start_apart` was told so
@@ -168,7 +169,20 @@ class _JobProcess:
             asked.flush()
         with contextlib.suppress(OSError):
             while line := answers.readline(ANSWER_MAX):
-                self._hear(line)
+                match _json_of(line):
+                    case {"stage_started": str(stage)}:
+                        self._report(StageStarted(name, stage))
+                    case {
+                        "stage_finished": str(stage),
+                        "status": str(status),
+                        "race_time_s": race_time,
+                        "certified": bool(certified),
+                    }:
+                        self._report(StageFinished(name, stage, status, race_time, certified))
+                    case {"ended": {**answer}}:
+                        self._answer = _answer_of(answer)
+                    case _:
+                        pass
         self._after(GRACE, self.kill)  # it says no more, so it should end
         self._process.wait()
         for timer in self._timers:
@@ -178,24 +192,7 @@ class _JobProcess:
                 stream.close()
         ending = self._ending(time.monotonic() - self._started)
         self._output.close()
-        self._report(Ended(self._order.job.name, ending))
-
-    def _hear(self, line: bytes) -> None:
-        name = self._order.job.name
-        match _json_of(line):
-            case {"stage_started": str(stage)}:
-                self._report(StageStarted(name, stage))
-            case {
-                "stage_finished": str(stage),
-                "status": str(status),
-                "race_time_s": race_time,
-                "certified": bool(certified),
-            }:
-                self._report(StageFinished(name, stage, status, race_time, certified))
-            case {"ended": {**answer}}:
-                self._answer = _answer_of(answer)
-            case _:
-                pass
+        self._report(Ended(name, ending))
 
     def _ending(self, wall: float) -> AttemptResult:
         """Return how the attempt ended. An answer counts even if the process was told to stop meanwhile."""
@@ -209,11 +206,10 @@ class _JobProcess:
             return replace(answer, wall=wall)
         status = self._process.returncode
         how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
-        if how == "SIGKILL":
-            message, fault = "its process was killed (out of memory?)", FailureKind.KILLED
-        else:
+        fault, message = FailureKind.KILLED, "its process was killed (out of memory?)"
+        if how != "SIGKILL":
             said = self._last_words()
-            message, fault = f"its process crashed ({how}){said and ': ' + said}", FailureKind.CRASHED
+            fault, message = FailureKind.CRASHED, f"its process crashed ({how}){said and ': ' + said}"
         return AttemptResult(ExitCode.SYSTEM, message, wall, fault=fault)
 
     def _last_words(self) -> str:

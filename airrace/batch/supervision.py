@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from airrace.batch.jobs import Job
 from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, result_of
@@ -15,6 +15,9 @@ from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_pa
 from airrace.errors import Finding, StorageError
 from airrace.records import record
 from airrace.runs.command_result import ExitCode
+
+if TYPE_CHECKING:
+    from airrace.batch import BatchOptions
 
 
 @record
@@ -155,17 +158,6 @@ ACCIDENTS = (FailureKind.CRASHED, FailureKind.KILLED, FailureKind.LOST)
 """The faults that may well not occur the next time."""
 
 
-class Policy(Protocol):
-    """The patience of supervision: the options of a batch, see `BatchOptions`."""
-
-    @property
-    def timeout(self) -> float | None: ...
-    @property
-    def retries(self) -> int: ...
-    @property
-    def force(self) -> bool: ...
-
-
 class Watcher:
     """An observer of a batch, which sees nothing; all calls come from the thread that supervises."""
 
@@ -193,97 +185,93 @@ class _Attempts:
 
 
 def supervise(
-    plan: BatchPlan, executor: Executor, policy: Policy, watcher: Watcher, *, stop_asked: Callable[[], bool]
+    plan: BatchPlan,
+    executor: Executor,
+    options: "BatchOptions",
+    watcher: Watcher,
+    *,
+    stop_asked: Callable[[], bool],
 ) -> Sequence[JobResult]:
     """Fly all jobs of a plan that are to be flown.
 
     Args:
+        options: whose `timeout`, `retries` and `force` are followed.
         stop_asked: whether to stop; asked a few times a second. Jobs under way are stopped and count as interrupted,
             those not begun as well.
 
     Returns:
         The result of every step, in the order of the plan.
     """
-    return _Supervision(plan, executor, policy, watcher).run(stop_asked)
+    waiting = deque(_Attempts(step, step.job) for step in plan.steps if step.known is None and step.job)
+    running: dict[str, _Attempts] = {}
+    results = {step.name: step.known for step in plan.steps if step.known is not None}
 
+    def end(attempts: _Attempts, ending: AttemptResult) -> None:
+        results[attempts.job.name] = _store(plan.folder, attempts, ending)
+        watcher.ended(attempts.step, results[attempts.job.name])
 
-class _Supervision:
-    def __init__(self, plan: BatchPlan, executor: Executor, policy: Policy, watcher: Watcher) -> None:
-        self._plan = plan
-        self._executor = executor
-        self._policy = policy
-        self._watcher = watcher
-        self._results = {step.name: step.known for step in plan.steps if step.known is not None}
-        self._waiting = deque(_Attempts(step, step.job) for step in plan.steps if step.known is None and step.job)
-        self._running: dict[str, _Attempts] = {}
-
-    def run(self, stop_asked: Callable[[], bool]) -> Sequence[JobResult]:
-        self._watcher.begun(self._plan)
-        while (self._waiting or self._running) and not stop_asked():
-            while self._waiting and len(self._running) < self._executor.slots:
-                self._begin(self._waiting.popleft())
-            self._hear(PATIENCE)
-        if self._running:
-            self._executor.stop()
-            self._hear(0.0, trying_again=False)
-        never = JobResult(ExitCode.INTERRUPTED, "interrupted before it was begun")
-        return [self._results.get(step.name, never) for step in self._plan.steps]
-
-    def _begin(self, attempts: _Attempts) -> None:
-        job, path = attempts.job, checkpoint_path(self._plan.folder, attempts.job.name)
+    def begin(attempts: _Attempts) -> None:
+        job, path = attempts.job, checkpoint_path(plan.folder, attempts.job.name)
         try:
-            if attempts.number == 0 and self._policy.force:
+            if attempts.number == 0 and options.force:
                 path.unlink(missing_ok=True)
-            write_record(self._plan.folder, job.name, JobRecord(job.fingerprint, ended=False))
+            write_record(plan.folder, job.name, JobRecord(job.fingerprint, ended=False))
         except (OSError, StorageError) as error:
-            self._end(attempts, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
+            end(attempts, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
             return
         attempts.number += 1
-        self._running[job.name] = attempts
-        self._executor.submit(Attempt(job, attempts.number, path, self._policy.timeout))
+        running[job.name] = attempts
+        executor.submit(Attempt(job, attempts.number, path, options.timeout))
 
-    def _hear(self, patience: float, *, trying_again: bool = True) -> None:
-        events = self._executor.events(patience)
-        for event in events:
-            attempts = self._running.get(event.name)
+    def hear(patience: float, *, retries: int) -> None:
+        for event in executor.events(patience):
+            attempts = running.get(event.name)
             if attempts is None:  # no such job is under way
                 continue
             match event:
                 case Started(where=where):
-                    self._watcher.started(attempts.step, attempts.number, where)
+                    watcher.started(attempts.step, attempts.number, where)
                 case StageStarted(stage=stage):
-                    self._watcher.stage_started(attempts.step, stage)
+                    watcher.stage_started(attempts.step, stage)
                 case StageFinished():
-                    self._watcher.stage_finished(attempts.step, event)
+                    watcher.stage_finished(attempts.step, event)
                 case Ended(ending=ending):
-                    del self._running[event.name]
-                    if trying_again and self._is_accident(ending) and attempts.number <= self._policy.retries:
+                    del running[event.name]
+                    failed = ending.fault is FailureKind.NONE and ending.code == ExitCode.SYSTEM
+                    if (failed or ending.fault in ACCIDENTS) and attempts.number <= retries:
                         attempts.reasons = (*attempts.reasons, ending.message)
-                        self._watcher.retried(attempts.step, ending.message)
-                        self._waiting.appendleft(attempts)
+                        watcher.retried(attempts.step, ending.message)
+                        waiting.appendleft(attempts)
                     else:
-                        self._end(attempts, ending)
+                        end(attempts, ending)
 
-    def _is_accident(self, ending: AttemptResult) -> bool:
-        return ending.fault in ACCIDENTS or (ending.fault is FailureKind.NONE and ending.code == ExitCode.SYSTEM)
+    watcher.begun(plan)
+    while (waiting or running) and not stop_asked():
+        while waiting and len(running) < executor.slots:
+            begin(waiting.popleft())
+        hear(PATIENCE, retries=options.retries)
+    if running:
+        executor.stop()
+        hear(0.0, retries=0)
+    never = JobResult(ExitCode.INTERRUPTED, "interrupted before it was begun")
+    return [results.get(step.name, never) for step in plan.steps]
 
-    def _end(self, attempts: _Attempts, ending: AttemptResult) -> None:
-        job, folder = attempts.job, self._plan.folder
-        code, message = ending.code, ending.message
-        mark = FileMark.of(checkpoint_path(folder, job.name))
-        if code == ExitCode.DONE and mark is None:
-            code, message = ExitCode.SYSTEM, "its checkpoint is missing"
-        record = JobRecord(
-            job.fingerprint, True, code, message, ending.wall, attempts.reasons, ending.run, ending.findings, mark
-        )
-        try:
-            write_record(folder, job.name, record)
-        except StorageError as error:
-            # A record that says less than the truth makes the job run again; one that says more must not stay.
-            with contextlib.suppress(OSError):
-                record_path(folder, job.name).unlink(missing_ok=True)
-            if code == ExitCode.DONE:
-                code, message = ExitCode.SYSTEM, str(error)
-        result = replace(result_of(record), code=code, message=message)
-        self._results[job.name] = result
-        self._watcher.ended(attempts.step, result)
+
+def _store(folder: Path, attempts: _Attempts, ending: AttemptResult) -> JobResult:
+    """Write the record of a job that has ended, and return what it says."""
+    job, code, message = attempts.job, ending.code, ending.message
+    mark = FileMark.of(checkpoint_path(folder, job.name))
+    if code == ExitCode.DONE and mark is None:
+        code, message = ExitCode.SYSTEM, "its checkpoint is missing"
+    record = JobRecord(
+        job.fingerprint, True, code, message, ending.wall, attempts.reasons, ending.run, ending.findings, mark
+    )
+    try:
+        write_record(folder, job.name, record)
+    except StorageError as error:
+        # A record that says less than the truth makes the job run again; one that says more must not stay.
+        with contextlib.suppress(OSError):
+            record_path(folder, job.name).unlink(missing_ok=True)
+        if code == ExitCode.DONE:
+            code, message = ExitCode.SYSTEM, str(error)
+    return replace(result_of(record), code=code, message=message)

@@ -1,13 +1,12 @@
 """Jobs, plans and batches for the tests; courses are small and flown by `stand_in_job.py`."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from typer.testing import CliRunner
+from command import Ran, run
 
 from airrace.batch import BatchOptions
 from airrace.batch.jobs import Job
@@ -16,7 +15,6 @@ from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, make_plan
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import AttemptResult, Executor, StageFinished, Watcher, supervise
-from airrace.cli.main import app
 from airrace.inputs import Document
 
 ROOT = Path(__file__).parents[2]
@@ -158,10 +156,8 @@ class Shell:
         self.folder = folder
         self.out = folder / "batch"
 
-    def __call__(self, *arguments: str | Path) -> "Ran":
-        result = CliRunner().invoke(app, ["batch", "--until", "point-mass", *map(str, arguments)])
-        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-        return Ran(result.exit_code, result.stdout, result.stderr)
+    def __call__(self, *arguments: str | Path) -> Ran:
+        return run("batch", "--until", "point-mass", *arguments)
 
     def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
         """In a process of its own."""
@@ -173,20 +169,3 @@ class Shell:
             stderr=subprocess.PIPE,
             text=True,
         )
-
-
-class Ran:
-    """A command that has ended."""
-
-    def __init__(self, code: int, out: str, err: str) -> None:
-        self.code, self.out, self.err = code, out, err
-
-    @property
-    def answered(self) -> dict:
-        """The one object on stdout."""
-        assert self.out.count("\n") == 1
-        return json.loads(self.out)
-
-    @property
-    def states(self) -> dict[str, str]:
-        return {job["name"]: job["state"] for job in self.answered["jobs"]}

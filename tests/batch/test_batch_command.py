@@ -11,7 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
-from batch_examples import Ran, Shell, starts, write_course
+from batch_examples import Shell, starts, write_course
+from command import Ran
 from junitparser import JUnitXml
 from rich.console import Console
 from waiting import PATIENCE, text_of, wait_until_gone
@@ -40,34 +41,27 @@ def test_all_jobs_are_flown_and_shown_fastest_first(airrace: Shell) -> None:
     assert "\x1b" not in ran.err + ran.out
 
 
-def test_a_second_call_flies_nothing_and_says_the_same(airrace: Shell) -> None:
-    first = airrace("oval.yaml", "--json").answered
-    second = airrace("oval.yaml", "--json").answered
+def test_a_second_call_flies_only_what_has_changed_and_says_why(airrace: Shell) -> None:
+    dry = airrace("oval.yaml", "--sweep", "notes=a,b", "--dry-run", "--json")
+    assert dry.code == 0
+    assert [(job["name"], job["action"], job["reason"]) for job in dry.answer["jobs"]] == [
+        ("oval,notes=a", "fly", "new"),
+        ("oval,notes=b", "fly", "new"),
+    ]
+    assert dry.answer["counts"] == {"fly": 2, "keep": 0, "refuse": 0}
+    assert not airrace.out.exists()
+    first = airrace("oval.yaml", "--json").answer
+    second = airrace("oval.yaml", "--json").answer
     assert starts(airrace.out, "oval") == ["new"]
     assert [first["jobs"][0]["kept"], second["jobs"][0]["kept"]] == [False, True]
     for key in ("race_time_s", "stages", "state"):
         assert first["jobs"][0][key] == second["jobs"][0][key]
-
-
-def test_a_second_call_says_why_it_flies_again(airrace: Shell) -> None:
-    airrace("oval.yaml")
     course = airrace.folder / "oval.yaml"
     course.write_text(course.read_text().replace("n_z_max: 10", "n_z_max: 9"))
     dry = airrace("oval.yaml", "--dry-run")
     assert dry.out.splitlines() == ["oval: fly (the track changed)", "1 job: 1 to fly"]
     assert "oval: again (the track changed)" in airrace("oval.yaml").err
     assert starts(airrace.out, "oval") == ["new", "resumed"]
-
-
-def test_a_dry_run_writes_nothing_and_shows_the_plan(airrace: Shell) -> None:
-    ran = airrace("oval.yaml", "--sweep", "notes=a,b", "--dry-run", "--json")
-    assert ran.code == 0
-    assert [(job["name"], job["action"], job["reason"]) for job in ran.answered["jobs"]] == [
-        ("oval,notes=a", "fly", "new"),
-        ("oval,notes=b", "fly", "new"),
-    ]
-    assert ran.answered["counts"] == {"fly": 2, "keep": 0, "refuse": 0}
-    assert not airrace.out.exists()
 
 
 @pytest.mark.parametrize(
@@ -83,32 +77,39 @@ def test_a_dry_run_writes_nothing_and_shows_the_plan(airrace: Shell) -> None:
 def test_the_exit_code_is_that_of_the_worst_job(notes: str, code: int, airrace: Shell) -> None:
     ran = airrace("oval.yaml", "--sweep", f"notes={notes}", "--timeout", "8", "--json")
     assert ran.code == code
-    assert ran.answered["certified"] is (code == 0)
-    assert len(ran.answered["jobs"]) == len(notes.split(","))
+    assert ran.answer["certified"] is (code == 0)
+    assert len(ran.answer["jobs"]) == len(notes.split(","))
 
 
 def test_every_state_has_its_exit_code() -> None:
     assert set(STATES) == {int(code) for code in ExitCode} - {int(ExitCode.USAGE)}
 
 
-def test_a_broken_file_among_many_is_told_and_the_others_are_flown(airrace: Shell) -> None:
+def test_a_broken_file_among_many_is_told_also_to_github_and_the_others_are_flown(
+    airrace: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
     broken = write_course(airrace.folder, "broken")
     broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(airrace.folder / "summary.md"))
     ran = airrace("*.yaml", "--json")
     assert ran.code == 3
     assert ran.states == {"oval": "certified", "broken": "invalid input"}
+    assert ran.answer["counts"] == {"certified": 1, "invalid input": 1}
     assert "broken.yaml:5:" in ran.err
     assert "did you mean `n_z_max`?" in ran.err
-    (finding,) = ran.answered["findings"]
+    (finding,) = ran.answer["findings"]
     assert (finding["file"], finding["line"], finding["key"]) == ("broken.yaml", 5, "rules.n_z_mx")
+    assert "::error file=broken.yaml,line=5,col=" in ran.err
+    assert "| oval | certified | point-mass | 10.000 | best |" in (airrace.folder / "summary.md").read_text()
 
 
 def test_two_jobs_with_one_file_are_refused_before_anything_starts(airrace: Shell) -> None:
     write_course(airrace.folder / "other", "oval")
     ran = airrace("oval.yaml", "other/oval.yaml", "--json")
     assert ran.code == 2
-    assert "oval.yaml" in ran.answered["error"]
-    assert "other/oval.yaml" in ran.answered["error"]
+    assert "oval.yaml" in ran.answer["error"]
+    assert "other/oval.yaml" in ran.answer["error"]
     assert not list(airrace.out.glob("*.starts"))
 
 
@@ -149,25 +150,11 @@ def test_what_cannot_work_is_said_before_anything_is_flown(
     assert "schema:" in (airrace.folder / "oval.yaml").read_text()
 
 
-def test_github_gets_marks_on_the_files_and_a_summary(airrace: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    broken = write_course(airrace.folder, "broken")
-    broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
-    monkeypatch.setenv("GITHUB_ACTIONS", "true")
-    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(airrace.folder / "summary.md"))
-    ran = airrace("*.yaml", "--json")
-    assert ran.answered["counts"] == {"certified": 1, "invalid input": 1}
-    assert "::error file=broken.yaml,line=5,col=" in ran.err
-    assert "| oval | certified | point-mass | 10.000 | best |" in (airrace.folder / "summary.md").read_text()
-
-
-def test_quiet_says_nothing_about_success(airrace: Shell) -> None:
+def test_quiet_says_nothing_about_success_and_a_retry_is_told_with_its_reason(airrace: Shell) -> None:
     ran = airrace("oval.yaml", "--quiet")
     assert (ran.code, ran.out, ran.err) == (0, "", "")
-
-
-def test_a_retry_is_told_with_its_reason(airrace: Shell) -> None:
-    ran = airrace("oval.yaml", "--set", "notes=crash-once", "--json")
-    (job,) = ran.answered["jobs"]
+    ran = airrace("oval.yaml", "--set", "notes=crash-once", "--force", "--json")
+    (job,) = ran.answer["jobs"]
     assert job["retries"] == ["its process crashed (SIGABRT)"]
     assert "oval: tried again: its process crashed (SIGABRT)" in ran.err
 
@@ -218,7 +205,7 @@ def test_the_live_table_shows_course_stage_race_time_state_and_elapsed_time() ->
     assert "oval: again (the track changed)" in written.getvalue()
 
 
-def test_the_live_table_never_grows_beyond_the_terminal() -> None:
+def test_the_live_table_never_grows_beyond_the_terminal_and_may_be_drawn_while_jobs_come_and_go() -> None:
     console = Console(file=io.StringIO(), force_terminal=True, width=80, height=10)
     view = LiveTable(console)
     steps = [PlannedJob(f"j{number}", "x", "x.yaml", None, (), None) for number in range(50)]
@@ -228,11 +215,6 @@ def test_the_live_table_never_grows_beyond_the_terminal() -> None:
     with console.capture() as captured:
         console.print(view.live.get_renderable())
     assert len(captured.get().splitlines()) <= 10
-
-
-def test_the_live_table_may_be_drawn_while_jobs_come_and_go() -> None:
-    console = Console(file=io.StringIO(), force_terminal=True, width=80, height=40)
-    view = LiveTable(console)
     failed: list[BaseException] = []
     done = threading.Event()
 
@@ -246,7 +228,7 @@ def test_the_live_table_may_be_drawn_while_jobs_come_and_go() -> None:
     drawing = threading.Thread(target=draw)
     drawing.start()
     for number in range(2000):
-        step = PlannedJob(f"j{number % 7}", "x", "x.yaml", None, (), None)
+        step = steps[number % 7]
         view.started(step, 1, "")
         view.retried(step, "crashed") if number % 3 else view.ended(step, JobResult(0))
     done.set()
@@ -361,7 +343,7 @@ def test_python_flies_the_same_jobs_by_the_same_words(airrace: Shell) -> None:
     again = optimize_many(["oval.yaml"], sweep=wind, set=["notes=fine"])
     assert [one.step.action for one in again] == ["keep", "keep"]
     shell = airrace(*("oval.yaml", "--sweep", "environment.wind.speed_kt=5,0", "--set", "notes=fine", "--json"))
-    assert set(shell.answered["jobs"][0]) == set(results[0].as_object())
+    assert set(shell.answer["jobs"][0]) == set(results[0].as_object())
 
 
 def test_python_returns_jobs_that_fail_and_refuses_patterns_that_mean_nothing(airrace: Shell) -> None:

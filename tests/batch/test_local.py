@@ -37,46 +37,26 @@ def wait_for_end(executor: LocalExecutor) -> AttemptResult:
     return wait_until(lambda: [event.ending for event in executor.events(1.0) if isinstance(event, Ended)])[0]
 
 
-def test_an_answer_comes_with_its_run(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "fine")
-    assert (ended.code, ended.fault, ended.message) == (0, FailureKind.NONE, "")
-    assert ended.run is not None
-    assert ended.run["race_time_s"] == 10.0
-
-
-def test_an_infeasible_course_is_an_answer(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "infeasible")
-    assert (ended.code, ended.fault) == (4, FailureKind.NONE)
-
-
-def test_a_crash_is_told_with_its_signal(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "crash")
-    assert (ended.code, ended.fault, ended.message) == (8, FailureKind.CRASHED, "its process crashed (SIGABRT)")
-
-
-def test_a_process_that_ends_without_an_answer_is_told_with_its_last_words(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "exit")
-    assert (ended.code, ended.fault) == (8, FailureKind.CRASHED)
-    assert ended.message == "its process crashed (exit code 3): the last words"
-
-
-def test_a_process_that_talks_nonsense_has_not_answered(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "astray")
-    assert (ended.code, ended.fault, ended.message) == (8, FailureKind.CRASHED, "its process crashed (exit code 0)")
-
-
-def test_a_killed_process_is_suspected_to_have_used_up_the_memory(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "killed")
-    assert (ended.code, ended.fault, ended.message) == (
-        8,
-        FailureKind.KILLED,
-        "its process was killed (out of memory?)",
-    )
-
-
-def test_a_hang_is_stopped_when_its_time_is_up(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "hang", timeout=0.5)
-    assert (ended.code, ended.fault, ended.message) == (6, FailureKind.TIMED_OUT, "stopped after 0.5 s (--timeout)")
+@pytest.mark.parametrize(
+    ("notes", "timeout", "code", "fault", "message"),
+    [
+        ("fine", None, 0, FailureKind.NONE, ""),
+        ("infeasible", None, 4, FailureKind.NONE, "point-mass: the course is infeasible"),
+        ("crash", None, 8, FailureKind.CRASHED, "its process crashed (SIGABRT)"),
+        ("exit", None, 8, FailureKind.CRASHED, "its process crashed (exit code 3): the last words"),
+        ("astray", None, 8, FailureKind.CRASHED, "its process crashed (exit code 0)"),  # nonsense is no answer
+        ("killed", None, 8, FailureKind.KILLED, "its process was killed (out of memory?)"),
+        ("hang", 0.5, 6, FailureKind.TIMED_OUT, "stopped after 0.5 s (--timeout)"),
+    ],
+)
+def test_an_attempt_ends_with_its_answer_or_with_why_there_is_none(
+    notes: str, timeout: float | None, code: int, fault: FailureKind, message: str, tmp_path: Path
+) -> None:
+    ended = fly(tmp_path, notes, timeout)
+    assert (ended.code, ended.fault, ended.message) == (code, fault, message)
+    if notes == "fine":
+        assert ended.run is not None
+        assert ended.run["race_time_s"] == 10.0
 
 
 @linux_only
@@ -259,22 +239,21 @@ def test_results_come_in_the_order_of_the_plan_and_no_more_run_than_there_are_sl
     assert executor.most == 3
 
 
-def test_a_crash_is_tried_again_and_its_reason_kept(tmp_path: Path) -> None:
-    (result,) = flown(plan_of(tmp_path, job()), executor=Scripted({"oval": [CRASH, ending()]}))
-    assert result.code == 0
-    assert result.retries == (CRASH.message,)
-    record = read_record(tmp_path, "oval")
-    assert record is not None
-    assert record.retries == (CRASH.message,)
-
-
 @pytest.mark.parametrize("retries", [0, 1, 3])
-def test_an_accident_is_tried_again_as_often_as_is_allowed(retries: int, tmp_path: Path) -> None:
-    executor = Scripted({"oval": [LOST] * 9})
+@pytest.mark.parametrize("accident", [CRASH, LOST, ending(8, None, "the solver process died")])
+def test_an_accident_is_tried_again_as_often_as_is_allowed_and_its_reasons_kept(
+    accident: AttemptResult, retries: int, tmp_path: Path
+) -> None:
+    executor = Scripted({"oval": [accident] * 9})
     (result,) = flown(plan_of(tmp_path, job()), policy(retries=retries), executor)
     assert result.code == 8
     assert [order.attempt for order in executor.orders] == list(range(1, retries + 2))
-    assert len(result.retries) == retries
+    assert result.retries == (accident.message,) * retries
+    record = read_record(tmp_path, "oval")
+    assert record is not None
+    assert record.retries == result.retries
+    (result,) = flown(plan_of(tmp_path, job("other")), executor=Scripted({"other": [accident, ending()]}))
+    assert (result.code, result.retries) == (0, (accident.message,))
 
 
 @pytest.mark.parametrize(
@@ -292,12 +271,6 @@ def test_an_honest_answer_is_not_asked_for_again(answer: AttemptResult, tmp_path
     (result,) = flown(plan_of(tmp_path, job()), executor=executor)
     assert result.code == answer.code
     assert len(executor.orders) == 1
-
-
-def test_a_solver_that_crashed_is_an_accident(tmp_path: Path) -> None:
-    executor = Scripted({"oval": [ending(8, None, "the solver process died (status -9)"), ending()]})
-    (result,) = flown(plan_of(tmp_path, job()), executor=executor)
-    assert result.code == 0
 
 
 def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kept(tmp_path: Path) -> None:
@@ -323,25 +296,17 @@ def test_what_is_kept_is_not_flown(tmp_path: Path) -> None:
     assert results[0].race_time == 9.0
 
 
-def test_an_executor_may_have_no_room_for_a_while(tmp_path: Path) -> None:
+def test_an_executor_may_have_no_room_for_a_while_and_tell_of_jobs_that_nobody_asked_for(tmp_path: Path) -> None:
     class Later(Scripted):
         waited = 0
 
         def events(self, patience: float) -> Sequence[Event]:
             self.waited += 1
             self.slots = 1 if self.waited > 3 else 0
-            return super().events(patience)
+            return [Ended("stranger", ending()), *super().events(patience)]
 
     (result,) = flown(plan_of(tmp_path, job()), executor=Later({}, slots=0))
     assert result.code == 0
-
-
-def test_events_of_jobs_that_nobody_asked_for_are_ignored(tmp_path: Path) -> None:
-    class Noisy(Scripted):
-        def events(self, patience: float) -> Sequence[Event]:
-            return [Ended("stranger", ending()), *super().events(patience)]
-
-    assert [result.code for result in flown(plan_of(tmp_path, job()), executor=Noisy({}))] == [0]
 
 
 def test_success_without_a_checkpoint_is_no_success(tmp_path: Path) -> None:

@@ -67,6 +67,7 @@ def test_people_are_told_of_every_passage_line_roll_crowd_border_and_limit(tmp_p
         assert re.search(rf"^{name} .*{what}.*{distance}", shown, re.MULTILINE), name
     assert "10 to 400 m" in shown
     assert "up to 200 kt" in shown
+    assert not CONTROL.search(shown)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -120,10 +121,6 @@ def test_scripts_are_told_of_surroundings_and_limits(tmp_path: Path) -> None:
     assert answered["limits"]["start_speed_m_s"][1] == pytest.approx(200 * 1852 / 3600)
 
 
-def test_without_a_terminal_nothing_is_coloured(tmp_path: Path) -> None:
-    assert not CONTROL.search(check(everything(tmp_path)))
-
-
 def test_a_stdout_without_unicode_gets_ascii(tmp_path: Path) -> None:
     path = everything(tmp_path)
     text = path.read_text(encoding="utf-8").replace("Everything at once", "Über alles")
@@ -158,16 +155,14 @@ def coloured(path: Path, monkeypatch: pytest.MonkeyPatch, **environment: str) ->
     return terminal.getvalue()
 
 
-def test_a_terminal_gets_colours_and_a_map_of_its_width(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = coloured(everything(tmp_path), monkeypatch)
-    drawn = [line for line in shown.splitlines() if re.search(r"[\u2800-\u28ff]", line)]
+def test_a_terminal_gets_colours_unless_refused_and_a_map_of_its_width(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = everything(tmp_path)
+    drawn = [line for line in coloured(path, monkeypatch).splitlines() if re.search(r"[\u2800-\u28ff]", line)]
     assert all(len(STYLE.sub("", line)) <= 80 for line in drawn)
     assert len({style for line in drawn for style in STYLE.findall(line)}) >= 5
-
-
-def test_no_color_is_honoured_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = coloured(everything(tmp_path), monkeypatch, NO_COLOR="1")
-    assert not re.search(r"\x1b\[[0-9;]*3[0-9]", shown)
+    assert not re.search(r"\x1b\[[0-9;]*3[0-9]", coloured(path, monkeypatch, NO_COLOR="1"))
 
 
 def test_a_drawing_is_made_and_never_overwritten_unasked(tmp_path: Path) -> None:
@@ -271,13 +266,10 @@ def test_a_slanted_line_has_a_dot_in_every_column_and_no_gap() -> None:
     assert all(abs(a[0] - b[0]) <= 1 for a, b in itertools.pairwise(ordered))
 
 
-def test_what_lies_outside_is_cut_off() -> None:
+def test_what_lies_outside_is_cut_off_and_a_broken_line_leaves_out_what_it_should() -> None:
     drawn = canvas()
     drawn.line(INK, np.array([[-5.5, -100.0], [-5.5, 100.0]]))
     assert dots(drawn) == {(5, column) for column in range(20)}
-
-
-def test_a_broken_line_leaves_out_what_it_should() -> None:
     drawn = canvas()
     drawn.line(INK, np.array([[-0.5, 0.5], [-0.5, 19.5]]), on=2, off=3)
     assert dots(drawn) == {(0, column) for column in range(20) if column % 5 < 2}

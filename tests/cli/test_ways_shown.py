@@ -10,13 +10,12 @@ from typing import Any
 
 import fake_optimizer
 import pytest
+from command import run
 from fake_optimizer import stage_result
-from typer.testing import CliRunner
 
 import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
-from airrace.cli.main import app
 from airrace.cli.run_tables import ROUTES_MAX as SHOWN
 from airrace.cli.run_tables import result_tables
 from airrace.cli.tables import rendered
@@ -53,51 +52,30 @@ def contested(found: SearchReport, own: StageResult | None = None) -> StageResul
     return replace(own, search=found, alternatives=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
-class Ran:
-    """A command that has ended."""
-
-    def __init__(self, *arguments: str | Path) -> None:
-        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        self.code, self.out, self.err = result.exit_code, result.stdout, result.stderr
-
-    @property
-    def answer(self) -> dict[str, Any]:
-        return json.loads(self.out)
-
-
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(fake_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that has explored."""
-    monkeypatch.chdir(tmp_path)
 
     def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
         for result in fake_optimizer.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
-    for name, module in fake_optimizer.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
-    return tmp_path
+    return fake_folder
 
 
 def settings_of(folder: Path) -> dict[str, Any]:
     return json.loads(read_checkpoint(folder / "rovinj_2014.h5").inputs.resolved)["settings"]
 
 
-# what is asked for
-
-
-@pytest.mark.parametrize("search", ["off", "quick", "thorough"])
-def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, search: str) -> None:
-    assert Ran("optimize", TRACK, "--search", search, "--alternatives", "3", "--quiet").code == 0
-    assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == (search, 3)
-    stored = read_checkpoint(folder / "rovinj_2014.h5").inputs.overrides
-    assert stored == (f"settings.search={search}", "settings.alternatives=3")
-
-
-def test_silent_command_explores_quickly_and_climbs_with_one_way(folder: Path) -> None:
-    assert Ran("optimize", TRACK, "--quiet").code == 0
+def test_search_and_alternatives_reach_the_settings_and_are_kept_as_overrides(folder: Path) -> None:
+    assert run("optimize", TRACK, "--quiet").code == 0
     assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == ("quick", 1)
+    for search in ("off", "quick", "thorough"):
+        assert run("optimize", TRACK, "--search", search, "--alternatives", "3", "--quiet", "--force").code == 0
+        assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == (search, 3)
+        stored = read_checkpoint(folder / "rovinj_2014.h5").inputs.overrides
+        assert stored == (f"settings.search={search}", "settings.alternatives=3")
 
 
 @pytest.mark.parametrize(
@@ -111,7 +89,7 @@ def test_silent_command_explores_quickly_and_climbs_with_one_way(folder: Path) -
     ],
 )
 def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, str]) -> None:
-    ran = Ran("optimize", TRACK, *wrong)
+    ran = run("optimize", TRACK, *wrong)
     assert ran.code == 2
     assert wrong[0] in ran.err
     assert not list(folder.iterdir())
@@ -132,7 +110,7 @@ def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, s
 )
 def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: str) -> None:
     (folder / "wrong.yaml").write_text(f"schema: airrace/settings/1\n{line}\n")
-    ran = Ran("optimize", TRACK, "--settings", "wrong.yaml", "--json")
+    ran = run("optimize", TRACK, "--settings", "wrong.yaml", "--json")
     assert ran.code == 3
     (finding,) = ran.answer["findings"]
     assert (finding["file"], finding["line"]) == ("wrong.yaml", 2)
@@ -141,22 +119,9 @@ def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: 
 
 @pytest.mark.parametrize("chosen", ["settings.search=fast", "settings.alternatives=0"])
 def test_wrong_overrides_are_refused(folder: Path, chosen: str) -> None:
-    ran = Ran("optimize", TRACK, "--set", chosen, "--json")
+    ran = run("optimize", TRACK, "--set", chosen, "--json")
     assert ran.code == 3
     assert chosen.split("=")[0].removeprefix("settings.") in str(ran.answer["findings"])
-
-
-# what is told
-
-
-def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
-    flown = Ran("optimize", TRACK)
-    shown = Ran("show", "rovinj_2014.h5")
-    assert (flown.code, shown.code) == (0, 0)
-    for told in (flown.out, shown.out):
-        assert "routes: 3 tried in 4.5 s, 3 of 5 multistarts converged to the best" in told
-        assert "over the top to the right" in told
-        assert "+0.125" in told
 
 
 def missed(flight: Flight) -> tuple[NearMiss, ...]:
@@ -170,29 +135,21 @@ def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_tables, "near_misses", missed)
-    told = [Ran("optimize", TRACK), Ran("resume", "rovinj_2014.h5"), Ran("show", "rovinj_2014.h5")]
+    monkeypatch.setattr(json_objects, "near_misses", missed)
+    commands = (("optimize", TRACK), ("resume", "rovinj_2014.h5"), ("show", "rovinj_2014.h5"))
+    told = [run(*command) for command in commands]
     assert [ran.code for ran in told] == [0, 0, 0]
     blocks = [re.findall(r"near misses\n.*?as told above\.", ran.out, re.DOTALL) for ran in told]
     assert len(blocks[0]) == 1
     assert "0.02 s after" in blocks[0][0]
     assert blocks[0] == blocks[1] == blocks[2]
-    assert "near misses" not in Ran("optimize", TRACK, "--quiet", "--force").out
-
-
-def test_json_of_optimize_resume_and_show_lists_the_same_near_misses(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(json_objects, "near_misses", missed)
-    answers = [
-        Ran("optimize", TRACK, "--json").answer,
-        Ran("resume", "rovinj_2014.h5", "--json").answer,
-        Ran("show", "rovinj_2014.h5", "--json").answer,
-        airrace.open("rovinj_2014.h5").as_object(),
-    ]
-    told = [[stage.get("near_misses") for stage in answer["stages"]] for answer in answers]
-    assert [one["name"] for one in told[0][-1]] == ["g4"]
-    assert told[0][:-1] == [None] * (len(told[0]) - 1)
-    assert told[0] == told[1] == told[2] == told[3]
+    assert "near misses" not in run("optimize", TRACK, "--quiet", "--force").out
+    answers = [run(*command, "--json").answer for command in (("optimize", TRACK, "--force"), *commands[1:])]
+    answers.append(airrace.open("rovinj_2014.h5").as_object())
+    objects = [[stage.get("near_misses") for stage in answer["stages"]] for answer in answers]
+    assert [one["name"] for one in objects[0][-1]] == ["g4"]
+    assert objects[0][:-1] == [None] * (len(objects[0]) - 1)
+    assert objects[0] == objects[1] == objects[2] == objects[3]
 
 
 def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
@@ -203,16 +160,18 @@ def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it
         yield stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
+    flown, shown = run("optimize", TRACK), run("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):
-        assert told.count("routes: 3 tried in 4.5 s") == 1
+        assert told.count("routes: 3 tried in 4.5 s, 3 of 5 multistarts converged to the best") == 1
+        assert "over the top to the right" in told
+        assert "+0.125" in told
     assert f"a needless loop: {LOOP}" in shown.out
 
 
 def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> None:
-    flown = Ran("optimize", TRACK, "--json").answer["stages"][-1]
-    shown = Ran("show", "rovinj_2014.h5", "--json").answer["stages"][-1]
+    flown = run("optimize", TRACK, "--json").answer["stages"][-1]
+    shown = run("show", "rovinj_2014.h5", "--json").answer["stages"][-1]
     for stage in (flown, shown):
         assert stage["routes"] == [
             {

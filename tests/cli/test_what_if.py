@@ -1,15 +1,13 @@
 """Runs that are started from another run, flown by a canned procedure: what is asked, refused, said and written."""
 
 import dataclasses
-import json
 from pathlib import Path
 
 import fake_optimizer
 import pytest
-from typer.testing import CliRunner
+from command import run as airrace
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
-from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Stage, Status
@@ -17,33 +15,15 @@ from airrace.runs.run import run_of_checkpoint
 
 TRACKS = Path(__file__).parents[2] / "tracks"
 TRACK = TRACKS / "rovinj_2014.yaml"
+CHANGE = ("--set", "rules.n_z_max=8")
 PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]
 
 
-@dataclasses.dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-    @property
-    def answer(self) -> dict[str, object]:
-        return json.loads(self.out)
-
-
-def airrace(*arguments: str | Path) -> Ran:
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    return Ran(result.exit_code, result.stdout, result.stderr)
-
-
 @pytest.fixture
-def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def run_file(fake_folder: Path) -> Path:
     """A finished run, with an override of its own."""
-    monkeypatch.chdir(tmp_path)
-    for name, module in fake_optimizer.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--output", "RUN.h5", "--quiet").code == 0
-    return tmp_path / "RUN.h5"
+    return fake_folder / "RUN.h5"
 
 
 def rules(path: Path) -> tuple[float, float]:
@@ -52,28 +32,20 @@ def rules(path: Path) -> tuple[float, float]:
     return allowed.n_z.upper, allowed.height.lower
 
 
-def test_changes_come_on_top_of_what_was_stored_and_leave_the_run_as_it_is(run_file: Path) -> None:
+def test_changes_come_on_top_of_what_was_stored_and_the_difference_is_told_leg_by_leg(run_file: Path) -> None:
     before = run_file.read_bytes()
     ran = airrace("resume", run_file, "--set", "rules.floor_m=12", "--output", "NEW.h5", "--json")
     assert ran.code == 0
     assert run_file.read_bytes() == before
     assert rules(Path("NEW.h5")) == (9.0, 12.0)
-
-
-def test_difference_is_told_leg_by_leg(run_file: Path) -> None:
-    change = ("--set", "rules.n_z_max=8", "--output", "NEW.h5")
-    compared = airrace("resume", run_file, *change, "--json").answer["compared"]
-    assert isinstance(compared, dict)
+    compared = ran.answer["compared"]
     assert (compared["with"], compared["stage"]) == ("RUN.h5", "point-mass")
     assert compared["race_time_s"] == {"before": 10.0, "after": 10.0, "difference": 0.0}
     assert [leg["passing"] for leg in compared["legs"]] == PASSINGS[1:]
-    said = airrace("resume", run_file, *change, "--force")
+    said = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5", "--force")
     assert "point-mass against RUN.h5: +0.000 s" in said.out
     assert "so far" in said.out
-
-
-def test_new_run_from_another_one_tells_the_difference_too(run_file: Path) -> None:
-    ran = airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5", "--json")
+    ran = airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5", "--force", "--json")
     assert ran.code == 0
     assert "compared" in ran.answer
 
@@ -91,9 +63,6 @@ def test_dry_run_says_what_would_be_started_from_what_and_writes_nothing(run_fil
     ran = airrace("resume", run_file, "--set", "rules.n_z_max=8", "--output", "NEW.h5", "--dry-run")
     assert (ran.code, ran.out.strip()) == (0, "point-mass: run (started from the one of RUN.h5)")
     assert not Path("NEW.h5").exists()
-
-
-CHANGE = ("--set", "rules.n_z_max=8")
 
 
 @pytest.mark.parametrize(
@@ -121,10 +90,12 @@ def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tu
     assert not Path("NEW.h5").exists()
 
 
-def test_run_of_a_course_with_other_passings_is_refused_by_the_first_that_differs(run_file: Path) -> None:
+def test_course_with_other_passings_and_a_change_that_is_none_are_refused(run_file: Path) -> None:
     ran = airrace("optimize", TRACKS / "abu_dhabi_2016.yaml", "--start", run_file, "--output", "NEW.h5")
     assert ran.code == 2
     assert "number 5 is 1:g4" in ran.err or "number 7 is 1:g6" in ran.err
+    ran = airrace("resume", run_file, "--set", "rules.n_z_max=often", "--output", "NEW.h5")
+    assert ran.code == 3
     assert not Path("NEW.h5").exists()
 
 
@@ -162,31 +133,15 @@ def test_run_of_another_version_is_a_start_and_it_is_said(run_file: Path) -> Non
     assert "certified anew" in ran.err
 
 
-def test_change_that_contradicts_the_course_is_told_as_an_invalid_input(run_file: Path) -> None:
-    ran = airrace("resume", run_file, "--set", "rules.n_z_max=often", "--output", "NEW.h5")
-    assert ran.code == 3
-    assert not Path("NEW.h5").exists()
-
-
-def without_lower_stages(path: Path) -> None:
-    """Leave the highest stage of a run alone, as if it had been started from another run."""
-    run = read_checkpoint(path)
-    highest = run.stages[-1].result
+def test_run_without_lower_stages_is_kept_as_it_stands_and_needs_them_to_be_computed_again(run_file: Path) -> None:
+    run = read_checkpoint(run_file)
+    highest = run.stages[-1].result  # alone, as if the run had been started from another one
     source = dataclasses.replace(highest.provenance, source_stage=highest.stage.value, source_run="other.h5")
     alone = dataclasses.replace(run, stages=()).with_stage(dataclasses.replace(highest, provenance=source))
-    write_checkpoint(path, alone)
-
-
-def test_run_without_lower_stages_is_kept_as_it_stands(run_file: Path) -> None:
-    without_lower_stages(run_file)
+    write_checkpoint(run_file, alone)
     assert airrace("resume", run_file, "--dry-run").out.strip() == "point-mass: keep"
-    assert airrace("verify", run_file).code == 0
-    assert airrace("show", run_file).code == 0
-    assert airrace("export", "csv", run_file).code == 0
-
-
-def test_run_without_lower_stages_needs_them_where_its_own_is_computed_again(run_file: Path) -> None:
-    without_lower_stages(run_file)
+    for command in (("verify",), ("show",), ("export", "csv")):
+        assert airrace(*command, run_file).code == 0
     ran = airrace("resume", run_file, "--from", "point-mass", "--dry-run")
     assert ran.out.split("\n")[0] == "homotopy: run (not finished)"
 

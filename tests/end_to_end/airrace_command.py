@@ -1,17 +1,13 @@
 """`airrace` as users call it: the installed command in a process of its own."""
 
 import contextlib
-import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-from typer.testing import CliRunner
-
-from airrace.cli.main import app
+from command import Ran, run
 
 ROOT = Path(__file__).parents[2]
 HALF_CUBAN = ROOT / "tracks" / "half_cuban_eight.yaml"
@@ -22,34 +18,6 @@ POINT_MASS = ("--until", "point-mass")
 ALONG_THE_PLAN = (*POINT_MASS, "--guess", "plan", "--search", "off")
 """Options of the shortest run there is."""
 COMMAND = str(Path(sys.executable).parent / "airrace")
-
-
-@dataclass(frozen=True)
-class Ran:
-    """A command that has ended."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def answer(self) -> dict[str, object]:
-        """The one object on stdout."""
-        assert self.out.count("\n") == 1, self.out
-        return json.loads(self.out)
-
-    @property
-    def race_time(self) -> float:
-        value = self.answer["race_time_s"]
-        assert isinstance(value, float)
-        return value
-
-    @property
-    def stages(self) -> list[str]:
-        """Names of the stages in the answer."""
-        stages = self.answer["stages"]
-        assert isinstance(stages, list)
-        return [stage["stage"] for stage in stages]
 
 
 def airrace(
@@ -77,8 +45,7 @@ def airrace(
 def inside(*arguments: str | Path, cwd: Path) -> Ran:
     """Run the command in this process, where neither its signals nor its streams are what is looked at."""
     with contextlib.chdir(cwd):
-        ran = CliRunner().invoke(app, [str(one) for one in arguments])
-    return Ran(ran.exit_code, ran.stdout, ran.stderr)
+        return run(*arguments)
 
 
 def start(*arguments: str | Path, cwd: Path) -> subprocess.Popen[str]:

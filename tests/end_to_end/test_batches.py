@@ -22,7 +22,7 @@ linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="fi
 def test_a_job_finds_what_a_run_of_its_own_finds(tmp_path: Path) -> None:
     ran = airrace("batch", HALF_CUBAN, *FAST, *WIND, "--json", cwd=tmp_path)
     assert ran.code == 0
-    (job,) = ran.answer["jobs"]  # type: ignore[misc]
+    (job,) = ran.answer["jobs"]
     single = ("--set", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
     alone = airrace("optimize", HALF_CUBAN, *FAST, *single, "--threads", "1", "--json", cwd=tmp_path)
     assert job["race_time_s"] == pytest.approx(alone.race_time, rel=1e-9)
@@ -87,11 +87,11 @@ def test_a_job_or_a_solver_that_is_killed_is_flown_to_its_end_by_the_next_attemp
 @pytest.mark.slow
 def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None:
     arguments = ("batch", HALF_CUBAN, *FAST, "--json")
-    before = airrace(*arguments, cwd=tmp_path).answer["jobs"][0]  # type: ignore[index]
+    before = airrace(*arguments, cwd=tmp_path).answer["jobs"][0]
     path = tmp_path / before["checkpoint"]
     path.write_bytes(path.read_bytes()[:-100])
     ran = airrace(*arguments, cwd=tmp_path)
-    (after,) = ran.answer["jobs"]  # type: ignore[misc]
+    (after,) = ran.answer["jobs"]
     assert ran.code == 0
     assert after["reason"].startswith("its checkpoint has changed")
     assert after["race_time_s"] == pytest.approx(before["race_time_s"], rel=1e-9)
@@ -105,7 +105,7 @@ def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Pa
     assert ran.code == 0
     assert "again (the last stage was point-mass and is transfer-function)" in ran.err
     assert "point-mass started" not in ran.err
-    (job,) = ran.answer["jobs"]  # type: ignore[misc]
+    (job,) = ran.answer["jobs"]
     assert [stage["stage"] for stage in job["stages"]] == ["point-mass", "transfer-function"]
 
 

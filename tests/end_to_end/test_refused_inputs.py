@@ -3,11 +3,10 @@
 import json
 import resource
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from airrace_command import AIRCRAFT, ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
+from airrace_command import AIRCRAFT, ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, airrace, inside
 
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 
@@ -30,78 +29,47 @@ def spoil(path: Path, old: str, new: str) -> int:
     return text[: text.index(old)].count("\n") + 1
 
 
-def refused(track: Path, run: Callable[..., Ran] = inside) -> Ran:
-    """Both commands that read a track refuse it with the same findings, and nothing is written."""
-    flown = run("optimize", track, "--json", cwd=track.parent)
-    checked = run("check", track, "--json", cwd=track.parent)
+GATE = ("tracks/rovinj_2014.yaml", "north_m: 955.0, ", "")
+RULES = ("tracks/rovinj_2014.yaml", "rules: rbar-2014")
+LIFT = "configs/edge540.yaml"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "at_its_line", "key", "message"),
+    [
+        (*GATE, True, "gates.g4.north_m", "missing"),
+        (*RULES, "rules: {preset: rbar-2014, n_z_mx: 10}", True, "", "n_z_max"),
+        (*RULES, "rules:\n  preset: rbar-2014\n  n_z_min: -2\n  n_z_min: -3", False, "", "n_z_min"),
+        (*RULES, "rules: {preset: rbar-2014, floor_m: 90}", False, "gates.g0", "floor"),
+        (RULES[0], "../configs/edge540.yaml", "../configs/edge541.yaml", True, "aircraft", "edge541.yaml"),
+        (LIFT, "\nlift:\n", "\nlift_:\n", False, "lift", ""),
+        (LIFT, "C_L_max: 1.40", "C_L_max: 0.01", False, "C_L_max", ""),
+    ],
+    ids=["field", "key", "twice", "floor", "aircraft", "no lift", "little lift"],
+)
+def test_commands_refuse_a_spoilt_file_alike_and_write_nothing(
+    file: str,
+    old: str,
+    new: str,
+    at_its_line: bool,
+    key: str,
+    message: str,
+    course: Path,
+    request: pytest.FixtureRequest,
+) -> None:
+    line = spoil(course.parents[1] / file, old, new)
+    run = airrace if key == "gates.g4.north_m" else inside
+    flown, checked = (run(command, course, "--json", cwd=course.parent) for command in ("optimize", "check"))
     assert flown.code == checked.code == 3
     assert flown.answer["findings"] == checked.answer["findings"]
-    assert not list(track.parent.glob("*.h5"))
-    return flown
+    assert not list(course.parent.glob("*.h5"))
+    found = [one for one in flown.answer["findings"] if not at_its_line or one["line"] == line]
+    assert any(key in one["key"] and message in f"{one['key']} {one['message']}" for one in found), found
 
 
-def findings(ran: Ran) -> list[dict[str, object]]:
-    found = ran.answer["findings"]
-    assert isinstance(found, list)
-    return found
-
-
-def test_missing_gate_field_is_named(course: Path) -> None:
-    line = spoil(course, "north_m: 955.0, ", "")
-    (finding,) = findings(refused(course, airrace))
-    assert finding["line"] == line
-    assert finding["key"] == "gates.g4.north_m"
-    assert "missing" in str(finding["message"])
-
-
-def test_unknown_key_is_answered_with_a_suggestion(course: Path) -> None:
-    line = spoil(course, "rules: rbar-2014", "rules: {preset: rbar-2014, n_z_mx: 10}")
-    found = findings(refused(course))
-    unknown = [one for one in found if one["line"] == line]
-    assert any("n_z_max" in str(one["message"]) for one in unknown)
-
-
-def test_duplicate_key_is_told_with_its_line(course: Path) -> None:
-    spoil(course, "rules: rbar-2014", "rules:\n  preset: rbar-2014\n  n_z_min: -2\n  n_z_min: -3")
-    found = findings(refused(course))
-    assert any("n_z_min" in f"{one['key']} {one['message']}" for one in found)
-
-
-def test_missing_aircraft_file_is_named(course: Path) -> None:
-    line = spoil(course, "../configs/edge540.yaml", "../configs/edge541.yaml")
-    (finding,) = findings(refused(course))
-    assert (finding["key"], finding["line"]) == ("aircraft", line)
-    assert "edge541.yaml" in str(finding["message"])
-
-
-def test_missing_aircraft_file_on_the_command_line_is_named(course: Path) -> None:
-    ran = inside("optimize", course, "--aircraft", "nowhere.yaml", "--json", cwd=course.parent)
-    assert ran.code == 3
-    assert "nowhere.yaml" in ran.err
-
-
-def test_aircraft_without_lift_is_refused(course: Path) -> None:
-    aircraft = course.parents[1] / "configs" / AIRCRAFT.name
-    text = aircraft.read_text(encoding="utf-8")
-    begin, end = text.index("lift:\n"), text.index("drag:\n")
-    aircraft.write_text(text[:begin] + text[end:], encoding="utf-8")
-    found = findings(refused(course))
-    assert any(one["key"] == "lift" for one in found)
-
-
-def test_aircraft_whose_lift_does_not_carry_it_is_refused(course: Path) -> None:
-    spoil(course.parents[1] / "configs" / AIRCRAFT.name, "C_L_max: 1.40", "C_L_max: 0.01")
-    assert any("C_L_max" in str(one["key"]) for one in findings(refused(course)))
-
-
-def test_gate_below_the_floor_is_refused_by_name(course: Path) -> None:
-    spoil(course, "rules: rbar-2014", "rules: {preset: rbar-2014, floor_m: 90}")
-    found = findings(refused(course))
-    assert any("gates.g0" in str(one["key"]) and "floor" in str(one["message"]) for one in found)
-
-
-def test_missing_track_is_named(tmp_path: Path) -> None:
-    ran = inside("optimize", "nowhere.yaml", "--json", cwd=tmp_path)
+@pytest.mark.parametrize("arguments", [("nowhere.yaml",), (ROVINJ, "--aircraft", "nowhere.yaml")])
+def test_missing_file_is_named(arguments: tuple[str | Path, ...], tmp_path: Path) -> None:
+    ran = inside("optimize", *arguments, "--json", cwd=tmp_path)
     assert ran.code == 3
     assert "nowhere.yaml" in ran.err
 
@@ -144,16 +112,8 @@ def test_full_disk_leaves_the_old_checkpoint_as_it_was(tmp_path: Path) -> None:
     run_file = tmp_path / "half_cuban_eight.h5"
     before = run_file.read_bytes()
     limit = len(before) - 1000
-    ran = airrace(
-        "resume",
-        run_file,
-        *POINT_MASS,
-        "--from",
-        "point-mass",
-        "--json",
-        cwd=tmp_path,
-        before=lambda: small_files(limit),
-    )
+    again = ("resume", run_file, *POINT_MASS, "--from", "point-mass", "--json")
+    ran = airrace(*again, cwd=tmp_path, before=lambda: small_files(limit))
     assert ran.code == 8
     assert list(tmp_path.iterdir()) == [run_file]
     assert json.loads(airrace("show", run_file, "--json", cwd=tmp_path).out)
