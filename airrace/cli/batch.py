@@ -80,8 +80,7 @@ def batch(
     only what is not finished, or has changed.
     """
     with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.cli.batch_answer import Reports, answer_with, describe_plan
-        from airrace.cli.batch_tables import watching_batch
+        from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
 
         ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
         started = time.perf_counter()

@@ -23,7 +23,7 @@ from airrace.batch.record import locked
 from airrace.batch.reports import STATES
 from airrace.batch.supervision import StageFinished
 from airrace.cli.batch import stopping
-from airrace.cli.batch_tables import BatchLines, LiveTable
+from airrace.cli.batch_output import BatchLines, LiveTable
 from airrace.errors import InputError, UsageError
 from airrace.runs.command_result import ExitCode
 

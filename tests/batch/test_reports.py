@@ -28,7 +28,7 @@ from airrace.batch.reports import (
     wind_summaries,
     wind_words,
 )
-from airrace.cli.batch_tables import NAME_MAX, folded, ranking_tables, wind_tables
+from airrace.cli.batch_output import NAME_MAX, folded, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding
 from airrace.procedure.stage import STAGES
