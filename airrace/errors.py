@@ -87,9 +87,9 @@ def is_lack_of_memory(error: BaseException) -> bool:
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return True
     # A library that cannot be loaded is an ImportError, or an OSError without a number (ctypes).
-    told = isinstance(error, ImportError | RuntimeError) or (isinstance(error, OSError) and error.errno is None)
+    unnumbered = isinstance(error, ImportError | RuntimeError) or (isinstance(error, OSError) and error.errno is None)
     lacking = ("failed to map segment", "cannot allocate memory", "bad_alloc", "can't start new thread")
-    return told and any(text in str(error).lower() for text in lacking)
+    return unnumbered and any(text in str(error).lower() for text in lacking)
 
 
 def debugging() -> bool:

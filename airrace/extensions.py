@@ -49,21 +49,20 @@ def load_extensions() -> None:
             _loaded.discard(path)
             if isinstance(error, AirraceError) or interrupts.caused(error) or is_lack_of_memory(error):
                 raise
-            raise UsageError(f"{VARIABLE} names {path}, which fails{_place(error, path)}: {_told(error)}") from error
+            ending = isinstance(error, SystemExit)
+            cause = (
+                "it ends the program, which an extension must not do" if ending else f"{type(error).__name__}: {error}"
+            )
+            raise UsageError(f"{VARIABLE} names {path}, which fails{_place(error, path)}: {cause}") from error
 
 
 def _place(error: BaseException, path: Path) -> str:
     """Return the line of the file in which it failed, as ` in line 7`; empty where it is not known."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
     if isinstance(error, SyntaxError):
-        return f" in line {error.lineno}" if error.lineno and error.filename == str(path) else ""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+        lines = [error.lineno] if error.lineno and error.filename == str(path) else []
     return f" in line {lines[-1]}" if lines else ""
-
-
-def _told(error: BaseException) -> str:
-    if isinstance(error, SystemExit):
-        return "it ends the program, which an extension must not do"
-    return f"{type(error).__name__}: {error}"
 
 
 def _run(path: Path) -> None:

@@ -16,6 +16,7 @@ from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, line
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.state_space_inversion import GAINS, solve
 from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.quantities import Interval
 
 LEAST_INDEPENDENCE = 1e-3
 """The least determinant of the moments due to ailerons and rudder, as a part of the product of their own moments (1).
@@ -34,13 +35,7 @@ def faults(aircraft: Aircraft) -> tuple[Fault, ...]:
 
 def remarks(aircraft: Aircraft) -> tuple[str, ...]:
     """Return the weaknesses of an aircraft without faults, one sentence each; empty if it has none."""
-    return (
-        *_pitch_stability(aircraft),
-        *_elevator_power(aircraft),
-        *_aileron_power(aircraft),
-        *_rudder_power(aircraft),
-        *_lateral_stability(aircraft),
-    )
+    return (*_pitch_stability(aircraft), *_control_power(aircraft), *_lateral_stability(aircraft))
 
 
 def corner_speed(aircraft: Aircraft) -> float:
@@ -128,41 +123,38 @@ def _pitch_stability(aircraft: Aircraft) -> Iterator[str]:
         )
 
 
-def _elevator_power(aircraft: Aircraft) -> Iterator[str]:
-    pitch, airframe, V = aircraft.pitch, aircraft.airframe, corner_speed(aircraft)
-    angles, travel = linear_range(aircraft.lift), aircraft.surfaces.eta
+def _control_power(aircraft: Aircraft) -> Iterator[str]:
+    """Judge elevator, ailerons and rudder by the lift, the roll rate and the sideslip that they must reach."""
+    pitch, airframe, surfaces, V = aircraft.pitch, aircraft.airframe, aircraft.surfaces, corner_speed(aircraft)
+    angles = linear_range(aircraft.lift)
     for alpha, name in ((angles.upper, "C_L_max"), (angles.lower, "C_L_min")):
         C_L = getattr(aircraft.lift, name)
         n_z = 0.5 * RHO_ISA * V * V * airframe.S * C_L / (airframe.m * g0)
         q = (n_z - 1.0) * g0 / V * airframe.cbar / (2.0 * V)
         eta = -(pitch.C_m0 + pitch.C_malpha * alpha + pitch.C_mq * q) / pitch.C_meta
-        if not travel.lower <= eta <= travel.upper:
-            yield (
-                f"short of elevator: {name} at {V:.0f} m/s takes {abs(math.degrees(eta)):.0f} deg, the travel ends at "
-                f"{math.degrees(travel.upper):.0f} deg"
-            )
+        if beyond := _beyond_travel(eta, surfaces.eta):
+            yield f"short of elevator: {name} at {V:.0f} m/s takes {beyond}"
 
-
-def _aileron_power(aircraft: Aircraft) -> Iterator[str]:
-    V, wanted = aircraft.envelope.V.upper, aircraft.point_mass.p
-    p = aircraft.roll.C_lxi / aircraft.roll.C_lp * aircraft.surfaces.xi.upper * 2.0 * V / aircraft.airframe.b
+    top, wanted = aircraft.envelope.V.upper, aircraft.point_mass.p
+    p = aircraft.roll.C_lxi / aircraft.roll.C_lp * surfaces.xi.upper * 2.0 * top / airframe.b
     if p < wanted:
         yield (
-            f"short of ailerons: full deflection rolls at {math.degrees(p):.0f} deg/s at {V:g} m/s, the top of the "
+            f"short of ailerons: full deflection rolls at {math.degrees(p):.0f} deg/s at {top:g} m/s, the top of the "
             f"envelope; the roll rate's limit of {math.degrees(wanted):.0f} deg/s is out of reach"
         )
 
-
-def _rudder_power(aircraft: Aircraft) -> Iterator[str]:
-    beta, surfaces = aircraft.drag.beta_A_max, aircraft.surfaces
+    beta = aircraft.drag.beta_A_max
     xi, zeta = (one * beta for one in sideslip_trim(inner_loop_parameters(aircraft)))
-    held = f"holding {math.degrees(beta):.0f} deg of sideslip takes"
     for name, deflection, travel in (("rudder", zeta, surfaces.zeta), ("ailerons", xi, surfaces.xi)):
-        if not travel.lower <= deflection <= travel.upper:
-            yield (
-                f"short of {name} in sideslip: {held} {abs(math.degrees(deflection)):.0f} deg, the travel ends at "
-                f"{math.degrees(travel.upper):.0f} deg"
-            )
+        if beyond := _beyond_travel(deflection, travel):
+            yield f"short of {name} in sideslip: holding {math.degrees(beta):.0f} deg of sideslip takes {beyond}"
+
+
+def _beyond_travel(deflection: float, travel: Interval) -> str:
+    """Return how far a deflection is beyond its travel, in words; empty where it is within."""
+    if travel.lower <= deflection <= travel.upper:
+        return ""
+    return f"{abs(math.degrees(deflection)):.0f} deg, the travel ends at {math.degrees(travel.upper):.0f} deg"
 
 
 def _lateral_stability(aircraft: Aircraft) -> Iterator[str]:

@@ -68,11 +68,6 @@ def element(tag: str, *children: Element, text: str | None = None, **attributes:
     return made
 
 
-def function(name: str, value: Element) -> Element:
-    """Return a formula whose value is the property `name`."""
-    return element("function", value, name=name)
-
-
 def square(term: Term) -> Element:
     """Return the term times itself."""
     return formula("pow", term, 2.0)
@@ -114,21 +109,6 @@ EARTH = Planet("WGS84", turning=True, latitude=0.7941)  # 45.5 degrees, where gr
 FLAT = Planet("flat", turning=False, latitude=0.0)
 
 
-def planet_element(planet: Planet) -> Element | None:
-    """Return what the model's file says of the planet; None for JSBSim's own Earth."""
-    if planet.turning:
-        return None
-    radius, gravity = FLAT_RADIUS / FOOT, g0 / FOOT
-    values = {
-        "semimajor_axis": ("FT", radius),
-        "semiminor_axis": ("FT", radius),
-        "rotation_rate": ("RAD/SEC", 0.0),
-        "GM": ("FT3/SEC2", gravity * radius * radius),
-    }
-    quantities = [element(tag, text=repr(value), unit=unit) for tag, (unit, value) in values.items()]
-    return element("planet", *quantities, element("J2", text="0.0"), name=planet.name)
-
-
 NAME = "airrace"
 MOVED = ("eta", "xi", "zeta", "delta_T")
 """The deflections (rad) and the power lever: properties `airrace/...` that are set from outside."""
@@ -142,28 +122,31 @@ def write_model(folder: Path, aircraft: InnerLoopParameters[float], planet: Plan
     """Write the model where JSBSim looks for it, `folder/airrace/airrace.xml`, and return that path."""
     path = folder / NAME / f"{NAME}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
-    root = model(aircraft, planet)
+    root = element(
+        "fdm_config",
+        element("fileheader", element("description", text="Written by airrace from its aircraft's numbers.")),
+        *([] if planet.turning else [_flat_planet(planet)]),
+        *_body(aircraft),
+        _thrust(),
+        _aerodynamics(aircraft),
+        name=NAME,
+        version="2.0",
+    )
     indent(root)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
     return path
 
 
-def model(aircraft: InnerLoopParameters[float], planet: Planet) -> Element:
-    """Return the whole file as an XML element."""
-    ground = planet_element(planet)
+def _flat_planet(planet: Planet) -> Element:
+    radius, gravity = FLAT_RADIUS / FOOT, g0 / FOOT
     return element(
-        "fdm_config",
-        element("fileheader", element("description", text="Written by airrace from its aircraft's numbers.")),
-        *([] if ground is None else [ground]),
-        _metrics(aircraft),
-        _mass_balance(aircraft),
-        element("ground_reactions"),
-        element("propulsion"),
-        element("flight_control", name=NAME),
-        _thrust(),
-        _aerodynamics(aircraft),
-        name=NAME,
-        version="2.0",
+        "planet",
+        _quantity("semimajor_axis", radius, "FT"),
+        _quantity("semiminor_axis", radius, "FT"),
+        _quantity("rotation_rate", 0.0, "RAD/SEC"),
+        _quantity("GM", gravity * radius * radius, "FT3/SEC2"),
+        element("J2", text="0.0"),
+        name=planet.name,
     )
 
 
@@ -175,29 +158,32 @@ def _quantity(tag: str, value: float, unit: str) -> Element:
     return element(tag, text=repr(value), unit=unit)
 
 
-def _origin(tag: str, **attributes: str) -> Element:
-    return element(tag, *(element(axis, text="0.0") for axis in "xyz"), unit="IN", **attributes)
+def _origin(**attributes: str) -> Element:
+    return element("location", *(element(axis, text="0.0") for axis in "xyz"), unit="IN", **attributes)
 
 
-def _metrics(aircraft: InnerLoopParameters[float]) -> Element:
-    return element(
-        "metrics",
-        _quantity("wingarea", aircraft.S / FOOT**2, "FT2"),
-        _quantity("wingspan", aircraft.b / FOOT, "FT"),
-        _quantity("chord", aircraft.cbar / FOOT, "FT"),
-        *(_origin("location", name=name) for name in ("AERORP", "EYEPOINT", "VRP")),
-    )
-
-
-def _mass_balance(aircraft: InnerLoopParameters[float]) -> Element:
+def _body(aircraft: InnerLoopParameters[float]) -> list[Element]:
+    """Return sizes and masses, and the parts that JSBSim asks for and that are empty."""
     inertia = {"ixx": aircraft.I_x, "iyy": aircraft.I_y, "izz": aircraft.I_z, "ixz": aircraft.I_xz}
-    return element(
-        "mass_balance",
-        *(_quantity(tag, value / INERTIA, "SLUG*FT2") for tag, value in inertia.items()),
-        _quantity("emptywt", aircraft.m / POUND, "LBS"),
-        _origin("location", name="CG"),
-        negated_crossproduct_inertia="false",
-    )
+    return [
+        element(
+            "metrics",
+            _quantity("wingarea", aircraft.S / FOOT**2, "FT2"),
+            _quantity("wingspan", aircraft.b / FOOT, "FT"),
+            _quantity("chord", aircraft.cbar / FOOT, "FT"),
+            *(_origin(name=name) for name in ("AERORP", "EYEPOINT", "VRP")),
+        ),
+        element(
+            "mass_balance",
+            *(_quantity(tag, value / INERTIA, "SLUG*FT2") for tag, value in inertia.items()),
+            _quantity("emptywt", aircraft.m / POUND, "LBS"),
+            _origin(name="CG"),
+            negated_crossproduct_inertia="false",
+        ),
+        element("ground_reactions"),
+        element("propulsion"),
+        element("flight_control", name=NAME),
+    ]
 
 
 def _thrust() -> Element:
@@ -206,57 +192,78 @@ def _thrust() -> Element:
     speed = formula("sqrt", formula("sum", square(V_A), square(_own("V_s"))))
     forward = element("direction", element("x", text="1"), element("y", text="0"), element("z", text="0"))
     pull = element("function", formula("quotient", power, speed))
-    force = element("force", pull, _origin("location"), forward, name="thrust", frame="BODY", unit="LBS")
-    return element("external_reactions", *_declared(dict.fromkeys(MOVED, 0.0)), force)
+    force = element("force", pull, _origin(), forward, name="thrust", frame="BODY", unit="LBS")
+    return element("external_reactions", *_properties(dict.fromkeys(MOVED, 0.0)), force)
 
 
-def _aerodynamics(aircraft: InnerLoopParameters[float]) -> Element:
-    return element(
-        "aerodynamics",
-        *_declared(_numbers(aircraft)),
-        *_common(),
-        _axis("DRAG", _load(_own("C_D"))),
-        _axis("SIDE", _load(_lateral("C_Y"))),
-        _axis("LIFT", _load(_own("C_L"))),
-        _axis("ROLL", _load(_rolling(), SPAN), _engine_torque()),
-        _axis("PITCH", _load(_pitching(), CHORD), formula("product", -1.0, _own("h_P"), "velocities/r-rad_sec")),
-        _axis("YAW", _load(_yawing(), SPAN), formula("product", _own("h_P"), "velocities/q-rad_sec")),
-    )
-
-
-def _declared(numbers: dict[str, float]) -> list[Element]:
+def _properties(numbers: dict[str, float]) -> list[Element]:
     return [element("property", text=_own(name), value=repr(value)) for name, value in numbers.items()]
 
 
-def _numbers(aircraft: InnerLoopParameters[float]) -> dict[str, float]:
-    """Return every coefficient by name, and the numbers with a unit in JSBSim's units.
-
-    `C_Y_trim` belongs to the point mass alone.
-    """
-    names = {name for name in vars(aircraft) if name.startswith("C_")} - {"C_Y_trim"} | {"k"}
-    coefficients = {name: getattr(aircraft, name) for name in aircraft.names() if name in names}
+def _aerodynamics(aircraft: InnerLoopParameters[float]) -> Element:
+    """Return the coefficients, the formulas that several axes share in the order of their evaluation, and the axes."""
+    # every coefficient but C_Y_trim, which is the point mass's alone, and the numbers with a unit in JSBSim's units
+    coefficients = [name for name in aircraft.names() if name == "k" or (name.startswith("C_") and name != "C_Y_trim")]
+    numbers = {name: getattr(aircraft, name) for name in coefficients}
     units = {"P": TORQUE, "V_s": FOOT, "h_P": TORQUE, "Q_P": TORQUE}
-    return coefficients | {name: getattr(aircraft, name) / unit for name, unit in units.items()}
+    numbers |= {name: getattr(aircraft, name) / unit for name, unit in units.items()}
 
-
-def _common() -> list[Element]:
-    """Return the formulas that several axes share, in the order of their evaluation."""
     wing = formula("sum", _own("C_L0"), formula("product", _own("C_Lalpha"), ALPHA))
     rounded = smooth_clip(_own("C_L_linear"), _own("C_L_min"), _own("C_L_max"), STALL_BLEND)
     lift = formula("sum", rounded, *_terms({"C_Lq": _own("q_star"), "C_Leta": _own("eta")}))
     induced = formula("product", _own("k"), square(formula("difference", _own("C_L"), _own("C_L_minD"))))
     slipping = formula("product", _own("C_Dbeta2"), square(BETA))
     relative = formula("product", 1.132, formula("quotient", "atmosphere/rho-slugs_ft3", RHO_ISA / DENSITY))
-    return [
-        function(_own("p_star"), _dimensionless("velocities/p-aero-rad_sec", SPAN)),
-        function(_own("q_star"), _dimensionless("velocities/q-aero-rad_sec", CHORD)),
-        function(_own("r_star"), _dimensionless("velocities/r-aero-rad_sec", SPAN)),
-        function(_own("alphadot_star"), _dimensionless("aero/alphadot-rad_sec", CHORD)),
-        function(_own("C_L_linear"), wing),
-        function(_own("C_L"), lift),
-        function(_own("C_D"), formula("sum", _own("C_D0"), induced, slipping)),
-        function(_own("sigma_P"), formula("difference", relative, 0.132)),
-    ]
+    shared = {
+        "p_star": _dimensionless("velocities/p-aero-rad_sec", SPAN),
+        "q_star": _dimensionless("velocities/q-aero-rad_sec", CHORD),
+        "r_star": _dimensionless("velocities/r-aero-rad_sec", SPAN),
+        "alphadot_star": _dimensionless("aero/alphadot-rad_sec", CHORD),
+        "C_L_linear": wing,
+        "C_L": lift,
+        "C_D": formula("sum", _own("C_D0"), induced, slipping),
+        "sigma_P": formula("difference", relative, 0.132),
+    }
+
+    rolling = formula("product", _own("C_lr_per_C_L"), _own("C_L"), _own("r_star"))
+    yawing = formula("product", _own("C_np_per_C_L"), _own("C_L"), _own("p_star"))
+    pitching = {
+        "C_malpha": ALPHA,
+        "C_mq": _own("q_star"),
+        "C_malphadot": _own("alphadot_star"),
+        "C_meta": _own("eta"),
+    }
+    engine = formula("product", -1.0, _own("delta_T"), _own("sigma_P"), _own("Q_P"))
+    axes = {
+        "DRAG": [_load(_own("C_D"))],
+        "SIDE": [_load(_lateral("C_Y"))],
+        "LIFT": [_load(_own("C_L"))],
+        "ROLL": [_load(_lateral("C_l", rolling), SPAN), engine],
+        "PITCH": [
+            _load(formula("sum", _own("C_m0"), *_terms(pitching)), CHORD),
+            formula("product", -1.0, _own("h_P"), "velocities/r-rad_sec"),
+        ],
+        "YAW": [
+            _load(_lateral("C_n", yawing), SPAN),
+            formula("product", _own("h_P"), "velocities/q-rad_sec"),
+        ],
+    }
+    return element(
+        "aerodynamics",
+        *_properties(numbers),
+        *(element("function", value, name=_own(name)) for name, value in shared.items()),
+        *(
+            element(
+                "axis",
+                *(
+                    element("function", part, name=_own(f"{name.lower()}_{number}"))
+                    for number, part in enumerate(parts, start=1)
+                ),
+                name=name,
+            )
+            for name, parts in axes.items()
+        ),
+    )
 
 
 def _dimensionless(rate: str, length: str) -> Element:
@@ -272,33 +279,6 @@ def _lateral(coefficient: str, *further: Element) -> Element:
     return formula("sum", *terms, *further)
 
 
-def _rolling() -> Element:
-    return _lateral("C_l", formula("product", _own("C_lr_per_C_L"), _own("C_L"), _own("r_star")))
-
-
-def _yawing() -> Element:
-    return _lateral("C_n", formula("product", _own("C_np_per_C_L"), _own("C_L"), _own("p_star")))
-
-
-def _pitching() -> Element:
-    derivatives = {
-        "C_malpha": ALPHA,
-        "C_mq": _own("q_star"),
-        "C_malphadot": _own("alphadot_star"),
-        "C_meta": _own("eta"),
-    }
-    return formula("sum", _own("C_m0"), *_terms(derivatives))
-
-
 def _load(coefficient: Term, *length: str) -> Element:
     """Return the formula of a force (lbf), or with a reference length of a moment (lbf ft)."""
     return formula("product", "aero/qbar-psf", "metrics/Sw-sqft", *length, coefficient)
-
-
-def _engine_torque() -> Element:
-    return formula("product", -1.0, _own("delta_T"), _own("sigma_P"), _own("Q_P"))
-
-
-def _axis(name: str, *parts: Element) -> Element:
-    numbered = (function(f"{NAME}/{name.lower()}_{number}", part) for number, part in enumerate(parts, start=1))
-    return element("axis", *numbered, name=name)

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from flights import angle, climb
+from flights import HOLD, angle, climb
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import root
@@ -15,7 +15,8 @@ from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import BodyPath, CommandControl, SurfaceControl
 from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.parameters import InnerLoopParameters, aircraft_parameters, inner_loop_parameters
+from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
 from airrace.dynamics.state_space import StateSpaceState, state_space
 from airrace.dynamics.state_space_inversion import (
@@ -78,6 +79,12 @@ def as_state_space_inversion(state: SixDofState[float]) -> StateSpaceInversionSt
     return StateSpaceInversionState(**{name: values[name] for name in StateSpaceInversionState.names()})
 
 
+def as_point_mass(state: SixDofState[float]) -> PointMassState[float]:
+    """Some state of the point mass, of the same numbers as the transfer functions'."""
+    values = vars(as_transfer_functions(state))
+    return PointMassState(**{name: values[name] for name in PointMassState.names()})
+
+
 def as_transfer_functions(state: SixDofState[float]) -> TransferFunctionState[float]:
     """Some state of the transfer functions: angles and rates make numbers for the load factors."""
     inner = {
@@ -124,6 +131,13 @@ def fly_transfer_functions(
 ) -> tuple[TransferFunctionState[float], LoadFactorPath[float]]:
     """Rates and path quantities of the transfer functions."""
     return transfer_functions(state, control, aircraft=linear_parameters(aircraft), **surroundings(air))
+
+
+def fly_point_mass(
+    aircraft: Aircraft, air: Air, state: PointMassState[float], control: PointMassControl[float] = HOLD
+) -> tuple[PointMassState[float], LoadFactorPath[float]]:
+    """Rates and path quantities of the point mass."""
+    return point_mass(state, control, aircraft=aircraft_parameters(aircraft), **surroundings(air))
 
 
 def surroundings(air: Air) -> dict[str, Any]:

@@ -38,6 +38,7 @@ controls = st.builds(
     p_Kbar_dot=st.floats(-40.0, 40.0),
     delta_T_cmd=st.floats(0.0, 1.0),
 )
+HOLD = PointMassControl(n_z_dot=0.0, n_y_dot=0.0, p_Kbar_dot=0.0, delta_T_cmd=1.0)
 static_winds = st.builds(
     StaticWind, origin=angle, speed=st.floats(0.0, 15.0), profile=st.sampled_from(Profile), roughness=st.just(0.1)
 )
@@ -55,16 +56,6 @@ windy_airs = st.builds(
     wind=static_winds,
     thermals=st.lists(thermals, max_size=2).map(tuple),
 )
-
-
-def mirrored_state(state: PointMassState[float]) -> PointMassState[float]:
-    """The state (or its rates) seen in a mirror that exchanges east and west."""
-    return dataclasses.replace(state, y=-state.y, q1=-state.q1, q3=-state.q3, n_y=-state.n_y, p_Kbar=-state.p_Kbar)
-
-
-def mirrored_control(control: PointMassControl[float]) -> PointMassControl[float]:
-    """The control seen in that mirror."""
-    return dataclasses.replace(control, n_y_dot=-control.n_y_dot, p_Kbar_dot=-control.p_Kbar_dot)
 
 
 def mirrored_air(air: Air) -> Air:

@@ -4,11 +4,11 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-import casadi as ca
 import numpy as np
 import pytest
-from flights import controls, mirrored_air, mirrored_control, mirrored_state, states, windy_airs
-from hypothesis import given, settings
+from bodies import fly_point_mass, wind_at
+from flights import states, windy_airs
+from hypothesis import given
 from kernel_results import all_results, assert_bitwise_equal, variants
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -18,14 +18,13 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.parameters import aircraft_parameters
-from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass, point_mass
+from airrace.dynamics.point_mass import PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
-from airrace.environment.wind import Weather, WindField
 from airrace.frames import rotation
 from airrace.native.interpreter import Interpreter
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels, native_kernels
@@ -38,31 +37,6 @@ KNOT = 1852.0 / 3600.0
 CRUISE = PointMassState(
     x=0.0, y=0.0, z=-50.0, V_K=80.0, q0=1.0, q1=0.0, q2=0.0, q3=0.0, delta_T=1.0, n_z=1.0, n_y=0.0, p_Kbar=0.0
 )
-HOLD = PointMassControl(n_z_dot=0.0, n_y_dot=0.0, p_Kbar_dot=0.0, delta_T_cmd=1.0)
-GUSTY = Air(
-    wind=StaticWind(0.4, 8.0, Profile.POWER), thermals=(Thermal(30.0, 0.0, 2.5, 1400.0), Thermal(0.0, 90.0, 2.0, 900.0))
-)
-
-
-def evaluate(
-    aircraft: Aircraft, air: Air, state: PointMassState[float], control: PointMassControl[float] = HOLD
-) -> tuple[PointMassState[float], LoadFactorPath[float]]:
-    field = WindField.of(air)
-    return point_mass(
-        state,
-        control,
-        aircraft=aircraft_parameters(aircraft),
-        weather=Weather(atmosphere_parameters(air), field, field.values(air)),
-    )
-
-
-def rates_of(model: FlightModel, state: PointMassState[float], control: PointMassControl[float] = HOLD) -> Array:
-    return np.array(model.system.rates(state.join(), control.join(), model.parameter_values)).ravel()
-
-
-def wind_at(air: Air, state: PointMassState[float]) -> Array:
-    field = WindField.of(air)
-    return np.array(field.velocity(state.x, state.y, state.z, field.values(air)))
 
 
 def thrust_minus_drag(
@@ -94,10 +68,10 @@ def ground_acceleration(state: PointMassState[float], rate: PointMassState[float
 def test_axial_load_factor_in_wind_satisfies_the_balance_of_force_vectors(
     edge540: Aircraft, state: PointMassState[float], air: Air
 ) -> None:
-    rate, path = evaluate(edge540, air, state)
+    rate, path = fly_point_mass(edge540, air, state)
     R = np.array(rotation(state.q))
     n_x = rate.V_K / g0 - R[2, 0]
-    V_A_Kbar = np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, state)
+    V_A_Kbar = np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, (state.x, state.y, state.z))
     V_A = float(np.linalg.norm(V_A_Kbar))
     a = V_A_Kbar / V_A
     side = np.cross([0.0, 0.0, 1.0], a) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], a))
@@ -114,9 +88,9 @@ def test_axial_load_factor_in_wind_satisfies_the_balance_of_force_vectors(
 def test_lift_carries_the_load_factor_normal_to_the_airflow(
     edge540: Aircraft, state: PointMassState[float], air: Air
 ) -> None:
-    _, path = evaluate(edge540, air, state)
+    _, path = fly_point_mass(edge540, air, state)
     R = np.array(rotation(state.q))
-    V_A_Kbar = np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, state)
+    V_A_Kbar = np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, (state.x, state.y, state.z))
     V_A = float(np.linalg.norm(V_A_Kbar))
     a = V_A_Kbar / V_A
     L = 0.5 * density(state.z, atmosphere_parameters(air)) * V_A**2 * edge540.airframe.S * path.C_L
@@ -127,9 +101,9 @@ def test_lift_carries_the_load_factor_normal_to_the_airflow(
 
 @given(states, windy_airs)
 def test_sideslip_makes_the_lateral_load_factor(edge540: Aircraft, state: PointMassState[float], air: Air) -> None:
-    _, path = evaluate(edge540, air, state)
+    _, path = fly_point_mass(edge540, air, state)
     R = np.array(rotation(state.q))
-    V_A = float(np.linalg.norm(np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, state)))
+    V_A = float(np.linalg.norm(np.array([state.V_K, 0.0, 0.0]) - R.T @ wind_at(air, (state.x, state.y, state.z))))
     qbar = 0.5 * density(state.z, atmosphere_parameters(air)) * V_A**2
     Y = qbar * edge540.airframe.S * aircraft_parameters(edge540).C_Y_trim * path.beta_A
     assert Y / (edge540.airframe.m * g0) == pytest.approx(state.n_y, rel=1e-9, abs=1e-9)
@@ -140,7 +114,7 @@ def test_sideslip_makes_the_lateral_load_factor(edge540: Aircraft, state: PointM
 
 @given(states)
 def test_energy_in_still_air_changes_by_excess_power(edge540: Aircraft, state: PointMassState[float]) -> None:
-    rate, path = evaluate(edge540, Air(), state)
+    rate, path = fly_point_mass(edge540, Air(), state)
     m = edge540.airframe.m
     power = thrust_minus_drag(edge540, Air(), state, path, state.V_K) * state.V_K
     assert m * state.V_K * rate.V_K - m * g0 * rate.z == pytest.approx(power, rel=1e-6, abs=1.0)
@@ -151,8 +125,8 @@ def test_energy_in_the_frame_of_the_air_changes_by_excess_power(
     edge540: Aircraft, state: PointMassState[float], air: Air
 ) -> None:
     # lift and side force do no work relative to the air: F . V_A = (T - D) V_A with F = m (acceleration - gravity)
-    rate, path = evaluate(edge540, air, state)
-    V_A_O = state.V_K * np.array(rotation(state.q))[:, 0] - wind_at(air, state)
+    rate, path = fly_point_mass(edge540, air, state)
+    V_A_O = state.V_K * np.array(rotation(state.q))[:, 0] - wind_at(air, (state.x, state.y, state.z))
     F = edge540.airframe.m * (ground_acceleration(state, rate) - np.array([0.0, 0.0, g0]))
     V_A = float(np.linalg.norm(V_A_O))
     power = thrust_minus_drag(edge540, air, state, path, V_A) * V_A
@@ -162,137 +136,38 @@ def test_energy_in_the_frame_of_the_air_changes_by_excess_power(
 # --- special cases -----------------------------------------------------------------------------------------------
 
 
-@given(states, controls)
-def test_wind_of_zero_speed_is_still_air(
-    edge540: Aircraft, state: PointMassState[float], control: PointMassControl[float]
-) -> None:
-    still_rate, still_path = evaluate(edge540, Air(), state, control)
-    rate, path = evaluate(edge540, Air(wind=StaticWind(0.3, 0.0)), state, control)
-    assert list(rate.join()) == pytest.approx(list(still_rate.join()), rel=1e-12, abs=1e-12)
-    assert list(path.join()) == pytest.approx(list(still_path.join()), rel=1e-12, abs=1e-12)
-
-
-@given(states, controls, windy_airs)
-def test_mirrored_flight_in_mirrored_wind_has_mirrored_rates(
-    edge540: Aircraft, state: PointMassState[float], control: PointMassControl[float], air: Air
-) -> None:
-    rate, path = evaluate(edge540, air, state, control)
-    other_rate, other_path = evaluate(edge540, mirrored_air(air), mirrored_state(state), mirrored_control(control))
-    assert list(other_rate.join()) == pytest.approx(list(mirrored_state(rate).join()), rel=1e-9, abs=1e-9)
-    assert list(other_path.join()) == pytest.approx([path.C_L, -path.beta_A], rel=1e-9, abs=1e-12)
-
-
 @pytest.mark.parametrize(("knots", "n_z"), [(140.0, 5.9), (180.0, 9.7), (200.0, 12.0)])
 def test_greatest_lift_gives_the_known_load_factors(edge540: Aircraft, knots: float, n_z: float) -> None:
     state = dataclasses.replace(CRUISE, z=0.0, V_K=knots * KNOT, n_z=n_z)
-    assert abs(evaluate(edge540, Air(), state)[1].C_L - edge540.lift.C_L_max) < 0.014
+    assert abs(fly_point_mass(edge540, Air(), state)[1].C_L - edge540.lift.C_L_max) < 0.014
 
 
 def test_full_power_level_flight_settles_at_the_speed_where_thrust_equals_drag(edge540: Aircraft) -> None:
     def acceleration(V_K: float) -> float:
-        return evaluate(edge540, Air(), dataclasses.replace(CRUISE, V_K=V_K))[0].V_K
+        return fly_point_mass(edge540, Air(), dataclasses.replace(CRUISE, V_K=V_K))[0].V_K
 
     top = brentq(acceleration, 80.0, 150.0)
     state = dataclasses.replace(CRUISE, V_K=0.9 * top)
     flight = solve_ivp(
-        lambda _, x: evaluate(edge540, Air(), PointMassState[float].split(x))[0].join(), (0.0, 120.0), state.join()
+        lambda _, x: fly_point_mass(edge540, Air(), PointMassState[float].split(x))[0].join(),
+        (0.0, 120.0),
+        state.join(),
     )
     end = PointMassState[float].split(flight.y[:, -1])
     assert (end.z, end.V_K) == (pytest.approx(-50.0, abs=1e-6), pytest.approx(top, rel=1e-3))
 
 
 def test_right_sideforce_needs_wind_from_the_left(edge540: Aircraft) -> None:
-    assert evaluate(edge540, Air(), dataclasses.replace(CRUISE, n_y=0.5))[1].beta_A < 0.0
+    assert fly_point_mass(edge540, Air(), dataclasses.replace(CRUISE, n_y=0.5))[1].beta_A < 0.0
 
 
 # --- the system --------------------------------------------------------------------------------------------------
-
-
-@settings(max_examples=20)
-@given(states, controls)
-def test_compiled_system_equals_the_plain_equations(
-    edge540: Aircraft, rules: Rules, state: PointMassState[float], control: PointMassControl[float]
-) -> None:
-    model = build_point_mass(edge540, rules, GUSTY)
-    rate, path = evaluate(edge540, GUSTY, state, control)
-    assert rates_of(model, state, control) == pytest.approx(np.array(rate.join()), rel=1e-11, abs=1e-11)
-    assert model.system.path_values is not None
-    values = np.array(model.system.path_values(state.join(), control.join(), model.parameter_values)).ravel()
-    assert values == pytest.approx(np.array(path.join()), rel=1e-11, abs=1e-11)
-
-
-@settings(max_examples=20)
-@given(states, controls)
-def test_derivatives_agree_with_finite_differences(
-    edge540: Aircraft, rules: Rules, state: PointMassState[float], control: PointMassControl[float]
-) -> None:
-    model = build_point_mass(edge540, rules, GUSTY)
-    x, u, p = (ca.SX.sym(name, model.system.rates.size1_in(i)) for i, name in enumerate("xup"))
-    J = ca.Function("J", [x, u, p], [ca.jacobian(model.system.rates(x, u, p), x)])
-    exact = np.array(J(state.join(), control.join(), model.parameter_values))
-    for column, declared in enumerate(model.system.states):
-        step = 1e-6 * declared.scale
-        sides = [
-            dataclasses.replace(state, **{declared.name: getattr(state, declared.name) + sign * step})
-            for sign in (1.0, -1.0)
-        ]
-        ahead, behind = (rates_of(model, side, control) for side in sides)
-        assert exact[:, column] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-5, abs=1e-5)
-
-
-def test_second_derivatives_are_finite_in_the_core_of_a_thermal_at_the_ground(edge540: Aircraft, rules: Rules) -> None:
-    model = build_point_mass(edge540, rules, GUSTY)
-    x, u, p = (ca.SX.sym(name, model.system.rates.size1_in(i)) for i, name in enumerate("xup"))
-    total = ca.sum1(model.system.rates(x, u, p))
-    H = ca.Function("H", [x, u, p], [ca.hessian(total, x)[0]])
-    for z in (-100.0, 0.0, 50.0):
-        state = dataclasses.replace(CRUISE, x=30.0, z=z)
-        assert np.all(np.isfinite(np.array(H(state.join(), HOLD.join(), model.parameter_values))))
 
 
 def test_still_air_costs_nothing_of_the_wind(edge540: Aircraft, rules: Rules) -> None:
     still = build_point_mass(edge540, rules, Air()).system
     windy = build_point_mass(edge540, rules, Air(wind=StaticWind(0.0, 5.0))).system
     assert still.rates.n_instructions() + 20 < windy.rates.n_instructions()
-
-
-def test_name_and_parameters_tell_the_structure_and_nothing_else(edge540: Aircraft, rules: Rules) -> None:
-    one = build_point_mass(edge540, rules, GUSTY)
-    heavier = dataclasses.replace(edge540, airframe=dataclasses.replace(edge540.airframe, m=800.0))
-    calmer = dataclasses.replace(GUSTY, wind=StaticWind(2.0, 1.0, Profile.POWER), temperature_offset=20.0)
-    other = build_point_mass(heavier, Rules(n_z=rules.n_z), calmer)
-    assert one.system.name == other.system.name == "point-mass+wind(power)+thermals(2)"
-    assert build_point_mass(edge540, rules, Air()).system.name == "point-mass"
-    assert one.system.parameters == other.system.parameters
-    assert one.system.rates.serialize() == other.system.rates.serialize()
-    assert not np.array_equal(one.parameter_values, other.parameter_values)
-    assert one.parameter_values.shape == (len(one.system.parameters),)
-
-
-def test_models_that_differ_in_numbers_alone_share_their_functions(edge540: Aircraft, rules: Rules) -> None:
-    heavier = dataclasses.replace(edge540, airframe=dataclasses.replace(edge540.airframe, m=800.0))
-    windy, gusty = Air(wind=StaticWind(0.4, 8.0)), Air(wind=StaticWind(0.9, 3.0))
-    one, other = build_point_mass(edge540, rules, windy), build_point_mass(heavier, rules, gusty)
-    assert one.system.rates is other.system.rates
-    assert one.parameter_values.tolist() != other.parameter_values.tolist()
-    assert build_point_mass(edge540, rules, Air()).system.rates is not one.system.rates
-    assert build_point_mass(edge540, rules, windy, counting=True).system.rates is not one.system.rates
-
-
-def test_limits_of_aircraft_and_rules_become_bounds(edge540: Aircraft, rules: Rules) -> None:
-    system = build_point_mass(edge540, rules, Air()).system
-    bounds = {one.name: (one.lower, one.upper) for one in (*system.states, *system.controls, *system.path)}
-    assert bounds["z"] == (-300.0, -5.0)
-    assert bounds["V_K"] == (35.0, 118.0)
-    assert bounds["n_z"] == (-4.0, 10.0)
-    assert bounds["n_y"] == (-1.0, 1.0)
-    assert bounds["p_Kbar"] == (-6.0, 6.0)
-    assert bounds["delta_T"] == bounds["delta_T_cmd"] == (0.0, 1.0)
-    assert bounds["n_z_dot"] == bounds["p_Kbar_dot"] == (-40.0, 40.0)
-    assert bounds["n_y_dot"] == (-10.0, 10.0)
-    assert bounds["C_L"] == (-1.4, 1.4)
-    assert bounds["beta_A"] == pytest.approx((-math.radians(12.0), math.radians(12.0)))
-    assert bounds["q0"] == bounds["x"] == (-math.inf, math.inf)
 
 
 @given(states)

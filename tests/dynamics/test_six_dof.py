@@ -12,12 +12,11 @@ from bodies import (
     body_attitude,
     fly_six_dof,
     level_trim,
-    mirrored,
     wind_at,
     with_airframe,
     with_pitch,
 )
-from flights import mirrored_air, windy_airs
+from flights import windy_airs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -197,24 +196,6 @@ def test_flight_in_uniform_wind_is_flight_in_still_air_seen_from_a_moving_frame(
     assert body_attitude(blown) == pytest.approx(body_attitude(still), abs=1e-6)
     names = ("V_K", "alpha_K", "beta_K", "p_K", "q_K", "r_K")
     assert [getattr(blown, one) for one in names] == pytest.approx([getattr(still, one) for one in names], abs=1e-6)
-
-
-@settings(max_examples=40)
-@given(bodies, windy_airs)
-def test_a_mirrored_aircraft_in_mirrored_wind_has_mirrored_rates(
-    edge540: Aircraft, state: SixDofState[float], air: Air
-) -> None:
-    rate, path = fly_six_dof(edge540, air, state)
-    other_rate, other_path = fly_six_dof(edge540, mirrored_air(air), mirrored(state))
-    assert list(other_rate.join()) == pytest.approx(list(mirrored(rate).join()), rel=1e-9, abs=1e-8)
-    assert list(other_path.join()) == pytest.approx(list(mirrored(path).join()), rel=1e-9, abs=1e-8)
-
-
-@settings(max_examples=40)
-@given(bodies)
-def test_wind_of_zero_speed_is_still_air(edge540: Aircraft, state: SixDofState[float]) -> None:
-    still, blown = (fly_six_dof(edge540, air, state)[0] for air in (Air(), Air(wind=StaticWind(0.3, 0.0))))
-    assert list(blown.join()) == pytest.approx(list(still.join()), rel=1e-9, abs=1e-9)
 
 
 rate = st.floats(-8.0, 8.0)
