@@ -4,9 +4,9 @@ Every stage carries a link of a hash chain. With `h_0` the empty string,
 
     h_i = sha256(h_(i-1) | inputs hash | stage name | digest of the result)
 
-so a stage stands only on the inputs and on the very stages it was computed from. One whose proof is completed later
-takes the place of the one that was solved, and the links above it are made anew: it is the same optimum, on a finer
-mesh.
+so a stage stands only on the inputs and on the very stages it was computed from. One whose mesh check is completed
+later takes the place of the one that was solved, and the links above it are made anew: it is the same optimum, on a
+finer mesh.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +85,8 @@ class Checkpoint:
         link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
 
-    def with_proof(self, result: StageResult) -> Self:
-        """Return this run with a stage whose proof was completed, or tried, in the place of the one that was solved.
+    def with_mesh_check(self, result: StageResult) -> Self:
+        """Return this run with a stage whose mesh check was completed or tried, in place of the one that was solved.
 
         Later stages stay, and those that stood on the one before stand on this one.
         """
@@ -122,21 +122,17 @@ def stale_stages(checkpoint: Checkpoint, current_inputs_hash: str) -> list[tuple
     stale: list[tuple[Stage, str]] = []
     previous = ""
     for stored in checkpoint.stages:
-        reason = _stale_reason(stored, current_inputs_hash, previous)
-        if not reason and stale:
+        reason = ""
+        if stored.inputs_hash != current_inputs_hash:
+            reason = "the resolved configuration changed since it was computed"
+        elif stored.chain_hash != chain_hash(previous, stored.inputs_hash, stored.result):
+            reason = "its record, or a stage before it, changed since it was computed"
+        elif stale:
             reason = f"a stage before it changed ({stale[-1][0].value})"
         if reason:
             stale.append((stored.result.stage, reason))
         previous = stored.chain_hash
     return stale
-
-
-def _stale_reason(stored: StoredStage, current_inputs_hash: str, previous: str) -> str:
-    if stored.inputs_hash != current_inputs_hash:
-        return "the resolved configuration changed since it was computed"
-    if stored.chain_hash != chain_hash(previous, stored.inputs_hash, stored.result):
-        return "its record, or a stage before it, changed since it was computed"
-    return ""
 
 
 def content_digest(value: object) -> str:
@@ -174,15 +170,12 @@ def _pieces(value: object) -> Iterator[bytes]:
         for member in members:
             yield from _pieces(member)
     elif isinstance(value, np.ndarray):
-        yield from _array_pieces(value)  # pyright: ignore[reportUnknownArgumentType]  # narrowed from object
+        array = cast(NDArray[Any], value)  # Any: whatever the array's numbers are
+        number = "<f8" if array.dtype.kind == "f" else "<i8"
+        yield f"{number}{array.shape}".encode()
+        yield array.astype(number).tobytes()
     else:
         yield _scalar(value)
-
-
-def _array_pieces(array: NDArray[Any]) -> Iterator[bytes]:  # Any: whatever the array's numbers are
-    stored = "<f8" if array.dtype.kind == "f" else "<i8"
-    yield f"{stored}{array.shape}".encode()
-    yield array.astype(stored).tobytes()
 
 
 def _scalar(value: object) -> bytes:

@@ -6,7 +6,7 @@ from typing import Never
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.checkpoint.hdf5 import Column, Group, Node, Numbers, R, Series, Table, rows_of
+from airrace.checkpoint.hdf5 import Column, Group, Node, Numbers, R, Series, StoredTable, rows_of
 from airrace.errors import CheckpointError
 from airrace.procedure.result import StageResult
 from airrace.records import record
@@ -14,13 +14,13 @@ from airrace.trajectory import Array
 
 
 @record
-class Place:
+class GroupReader:
     """A group of a tree and its path, which every message names."""
 
     path: str
     node: Group
 
-    def expecting(self, *names: str, optional: tuple[str, ...] = ()) -> "Place":
+    def expecting(self, *names: str, optional: tuple[str, ...] = ()) -> "GroupReader":
         """Return this place if its members are exactly `names`, with or without the optional ones.
 
         Raises:
@@ -33,17 +33,17 @@ class Place:
             raise CheckpointError(f"{self.path or '/'}: {problem}")
         return self
 
-    def group(self, name: str) -> "Place":
+    def group(self, name: str) -> "GroupReader":
         node = self.node.members[name]
-        return Place(f"{self.path}/{name}", node) if isinstance(node, Group) else self._wrong(name, "a group")
+        return GroupReader(f"{self.path}/{name}", node) if isinstance(node, Group) else self._wrong(name, "a group")
 
     def text(self, name: str) -> str:
         node = self.node.members[name]
         return node if isinstance(node, str) else self._wrong(name, "a text")
 
-    def table(self, name: str) -> Table:
+    def table(self, name: str) -> StoredTable:
         node = self.node.members[name]
-        return node if isinstance(node, Table) else self._wrong(name, "a table")
+        return node if isinstance(node, StoredTable) else self._wrong(name, "a table")
 
     def rows(self, name: str, record: type[R]) -> tuple[R, ...]:
         """Return the records of a table.

@@ -41,7 +41,7 @@ class Series:
 
 
 @record
-class Table:
+class StoredTable:
     """A table: columns of equal length, by name."""
 
     columns: Mapping[str, Column]
@@ -55,7 +55,7 @@ class Group:
     attributes: Mapping[str, Attribute] = field(default_factory=dict[str, Attribute])
 
 
-Node = Group | Series | Table | str
+Node = Group | Series | StoredTable | str
 
 
 class Record(Protocol):
@@ -68,28 +68,28 @@ class Record(Protocol):
 R = TypeVar("R", bound=Record)
 
 
-def column_kinds(record: type[Record]) -> dict[str, type]:
+def _column_kinds(record: type[Record]) -> dict[str, type]:
     """Return the columns of a table of such records: the fields and their types."""
     hints = get_type_hints(record)
     return {one.name: hints[one.name] for one in fields(record)}
 
 
-def table_of(record: type[R], rows: Sequence[R]) -> Table:
+def table_of(record: type[R], rows: Sequence[R]) -> StoredTable:
     """Return a table with one row per record; truth values are stored as 0 and 1."""
     columns: dict[str, Column] = {}
-    for name, kind in column_kinds(record).items():
+    for name, kind in _column_kinds(record).items():
         entries = [getattr(row, name) for row in rows]
         columns[name] = tuple(entries) if kind is str else np.array(entries, np.float64 if kind is float else np.int64)
-    return Table(columns)
+    return StoredTable(columns)
 
 
-def rows_of(record: type[R], table: Table, path: str) -> tuple[R, ...]:
+def rows_of(record: type[R], table: StoredTable, path: str) -> tuple[R, ...]:
     """Return the records of a table.
 
     Raises:
         CheckpointError: its columns are not exactly the fields, or a truth value is neither 0 nor 1.
     """
-    kinds = column_kinds(record)
+    kinds = _column_kinds(record)
     if list(table.columns) != list(kinds):
         raise CheckpointError(f"{path}: the columns are {', '.join(table.columns)}, not {', '.join(kinds)}")
     columns = [_entries(table.columns[name], kind, f"{path}.{name}") for name, kind in kinds.items()]
@@ -119,7 +119,13 @@ def image_of(root: Group) -> bytes:
         CheckpointError: a text contains a NUL character.
     """
     with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
-        _attach_axes(list(_Writer().written(h5py.h5g.open(file.id, b"/"), root, "")))
+        series = list(_Writer().write(h5py.h5g.open(file.id, b"/"), root, ""))
+        datasets = {path: dataset for path, _, dataset in series}
+        for _, axis, dataset in series:  # the dimension scales, once all datasets exist
+            if axis:
+                if not h5py.h5ds.is_scale(datasets[axis]):
+                    h5py.h5ds.set_scale(datasets[axis], axis.rsplit("/", 1)[-1].encode("ascii"))
+                h5py.h5ds.attach_scale(dataset, datasets[axis], 0)
         file.flush()
         return bytes(file.id.get_file_image())
 
@@ -138,21 +144,21 @@ class _Writer:
         for properties in (self._of_groups, self._of_datasets):
             properties.set_obj_track_times(False)  # the same contents are the same bytes, whenever they are written
 
-    def written(self, place: Handle, group: Group, path: str) -> Iterator[tuple[str, str, Handle]]:
+    def write(self, place: Handle, group: Group, path: str) -> Iterator[tuple[str, str, Handle]]:
         """Write what a group holds; yield the path, the path of the axis and the dataset of every series."""
         self._write_attributes(place, group.attributes)
         for name, node in group.members.items():
             match node:
                 case Group():
                     below = h5py.h5g.create(place, name.encode("ascii"), gcpl=self._of_groups)
-                    yield from self.written(below, node, f"{path}/{name}")
+                    yield from self.write(below, node, f"{path}/{name}")
                 case str():
                     self._dataset(place, name, _text(node))
                 case Series():
                     dataset = self._dataset(place, name, node.values)
                     self._write_attributes(dataset, node.attributes)
                     yield f"{path}/{name}", node.axis, dataset
-                case Table():
+                case StoredTable():
                     self._dataset(place, name, _rows(node))
 
     def _dataset(self, place: Handle, name: str, values: NDArray[Any]) -> Handle:  # Any: numbers, strings or rows
@@ -180,23 +186,13 @@ class _Writer:
         return self._kinds[dtype]
 
 
-def _attach_axes(series: Sequence[tuple[str, str, Handle]]) -> None:
-    """Declare the dimension scales, once all datasets exist."""
-    datasets = {path: dataset for path, _, dataset in series}
-    for _, axis, dataset in series:
-        if axis:
-            if not h5py.h5ds.is_scale(datasets[axis]):
-                h5py.h5ds.set_scale(datasets[axis], axis.rsplit("/", 1)[-1].encode("ascii"))
-            h5py.h5ds.attach_scale(dataset, datasets[axis], 0)
-
-
 def _text(text: str) -> NDArray[np.bytes_]:
     """Return a scalar string of just the length it needs (HDF5 has no strings of length 0: one NUL stands for that)."""
     encoded = _encoded(text)
     return np.array(encoded, h5py.string_dtype("utf-8", max(1, len(encoded))))
 
 
-def _rows(table: Table) -> NDArray[np.void]:
+def _rows(table: StoredTable) -> NDArray[np.void]:
     columns: dict[str, NDArray[Any]] = {name: _column_array(column) for name, column in table.columns.items()}
     rows = np.zeros(len(next(iter(columns.values()))), np.dtype([(name, one.dtype) for name, one in columns.items()]))
     for name, column in columns.items():
@@ -219,22 +215,29 @@ def _encoded(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
-OBJECTS_MAX = 20_000
-"""The largest number of groups and datasets that are read."""
-DEPTH_MAX = 8
-"""The deepest nesting of groups that is read."""
-ATTRIBUTES_MAX = 16
-"""The largest number of attributes of a group or a dataset."""
-ATTRIBUTE_BYTES_MAX = 64_000
-"""The size of the largest attribute that is read, bytes; HDF5's own limit is 64 KiB."""
+@record
+class ReadLimits:
+    """The most that is read of an image.
+
+    Attributes:
+        objects: groups and datasets.
+        depth: of groups within one another.
+        attributes: of a group or a dataset.
+        attribute_bytes: of one attribute; HDF5's own limit is 64 KiB.
+    """
+
+    objects: int = 20_000
+    depth: int = 8
+    attributes: int = 16
+    attribute_bytes: int = 64_000
+
+
+LIMITS = ReadLimits()
 # Attributes of HDF5's dimension scales. They are never read; two of them hold references.
 SCALE_ATTRIBUTES = frozenset({b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST"})
 NAMES_OF_FILES = re.compile(r"/.*/path|/versions\.name")
 """The texts that may be no UTF-8, as names of files on Linux."""
 NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))
-
-# Any: h5py's identifiers, which have no types.
-ReadHandle = Any
 
 
 def tree_of(image: bytes, without: Collection[str] = ()) -> Group:
@@ -250,7 +253,7 @@ def tree_of(image: bytes, without: Collection[str] = ()) -> Group:
     try:
         file = h5py.h5f.open_file_image(image)
         try:
-            return _Reader(Budget(len(image)), without).group(h5py.h5g.open(file, b"/"), "", 0)
+            return _ImageReader(len(image), without).group(h5py.h5g.open(file, b"/"), "", 0)
         finally:
             file.close()
     except CheckpointError:
@@ -260,44 +263,36 @@ def tree_of(image: bytes, without: Collection[str] = ()) -> Group:
 
 
 @dataclass
-class Budget:
-    """A count of what may still be read: all datasets together cannot hold more bytes than the image does."""
+class _ImageReader:
+    """A reader of one image, by HDF5's own calls; it looks at a type once, however often it occurs.
+
+    It counts what may still be read: all datasets together cannot hold more bytes than the image does.
+    """
 
     bytes_left: int
-    objects_left: int = OBJECTS_MAX
+    without: Collection[str] = ()
+    objects_left: int = LIMITS.objects
+    _dtypes: dict[bytes, np.dtype[Any]] = field(default_factory=dict[bytes, np.dtype[Any]])
 
-    def take(self, path: str, *, objects: int = 0, size: int = 0) -> None:
-        """Account for objects or bytes before they are read.
-
-        Raises:
-            CheckpointError: more is claimed than the image can hold.
-        """
+    def _take(self, path: str, *, objects: int = 0, size: int = 0) -> None:
+        """Account for objects or bytes before they are read."""
         self.objects_left -= objects
         self.bytes_left -= size
         if self.objects_left < 0 or self.bytes_left < 0:
             raise CheckpointError(f"{path or '/'}: claims to hold more than a checkpoint can")
 
-
-@dataclass
-class _Reader:
-    """A reader of one image, by HDF5's own calls; it looks at a type once, however often it occurs."""
-
-    budget: Budget
-    without: Collection[str] = ()
-    _dtypes: dict[bytes, np.dtype[Any]] = field(default_factory=dict[bytes, np.dtype[Any]])
-
-    def group(self, group: ReadHandle, path: str, depth: int) -> Group:
-        if depth > DEPTH_MAX:  # hard links can make a group its own member
-            raise CheckpointError(f"{path}: groups are nested more than {DEPTH_MAX} deep")
-        self.budget.take(path, objects=group.get_num_objs())
+    def group(self, group: Handle, path: str, depth: int) -> Group:
+        if depth > LIMITS.depth:  # hard links can make a group its own member
+            raise CheckpointError(f"{path}: groups are nested more than {LIMITS.depth} deep")
+        self._take(path, objects=group.get_num_objs())
         members: dict[str, Node] = {}
         for name in list(group):
-            told = name.decode("utf-8", "replace")
-            if f"{path}/{told}" not in self.without:
-                members[told] = self._member(group, name, f"{path}/{told}", depth)
+            text = name.decode("utf-8", "replace")
+            if f"{path}/{text}" not in self.without:
+                members[text] = self._member(group, name, f"{path}/{text}", depth)
         return Group(members, self._attributes(group, path))
 
-    def _member(self, group: ReadHandle, name: bytes, path: str, depth: int) -> Node:
+    def _member(self, group: Handle, name: bytes, path: str, depth: int) -> Node:
         if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
             raise CheckpointError(f"{path}: is a soft or external link; a checkpoint has none")
         member = h5py.h5o.open(group, name)
@@ -307,14 +302,14 @@ class _Reader:
             return self._dataset(member, path)
         raise CheckpointError(f"{path}: is neither a group nor a dataset")
 
-    def _dataset(self, dataset: ReadHandle, path: str) -> Series | Table | str:
+    def _dataset(self, dataset: Handle, path: str) -> Series | StoredTable | str:
         dtype, kind = self._dtype(dataset)
         shape: tuple[int, ...] | None = dataset.shape
         known = _is_text(dtype) if shape == () else _is_row(dtype)
         if shape is None or len(shape) > 1 or not known:
             raise CheckpointError(f"{path}: is neither a text, nor a series of 64-bit numbers, nor a table of both")
         size = math.prod(shape) * dtype.itemsize
-        self.budget.take(path, size=size)
+        self._take(path, size=size)
         # Only what is stored in one piece, without filters and in this file, has an offset.
         if size and dataset.get_offset() is None:
             raise CheckpointError(f"{path}: is not stored plainly in the file itself")
@@ -326,33 +321,33 @@ class _Reader:
             return _decoded(values.item(), path)
         if dtype.names is None:
             return Series(values, self._attributes(dataset, path))
-        return Table({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
+        return StoredTable({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
 
-    def _attributes(self, place: ReadHandle, path: str) -> dict[str, Attribute]:
+    def _attributes(self, place: Handle, path: str) -> dict[str, Attribute]:
         """Return the scalar attributes of a group or dataset, without those of HDF5's dimension scales."""
         count: int = h5py.h5a.get_num_attrs(place)
-        if count > ATTRIBUTES_MAX:
+        if count > LIMITS.attributes:
             raise CheckpointError(f"{path or '/'}: has {count} attributes")
         attributes: dict[str, Attribute] = {}
         for index in range(count):
             attribute = h5py.h5a.open(place, index=index)
             name: bytes = attribute.name
             if name not in SCALE_ATTRIBUTES:
-                told = name.decode("utf-8", "replace")
-                attributes[told] = self._attribute(attribute, f"{path or '/'}@{told}")
+                text = name.decode("utf-8", "replace")
+                attributes[text] = self._attribute(attribute, f"{path or '/'}@{text}")
         return attributes
 
-    def _attribute(self, attribute: ReadHandle, path: str) -> Attribute:
+    def _attribute(self, attribute: Handle, path: str) -> Attribute:
         dtype, kind = self._dtype(attribute)
         known = dtype in NUMBERS or _is_text(dtype)
-        if attribute.shape != () or not known or dtype.itemsize > ATTRIBUTE_BYTES_MAX:
+        if attribute.shape != () or not known or dtype.itemsize > LIMITS.attribute_bytes:
             raise CheckpointError(f"{path}: is neither a 64-bit number nor a short text")
         stored = np.zeros((), dtype)
         attribute.read(stored, kind)
         value: Any = stored.item()  # Any: untyped, but of the dtype just checked
         return _decoded(value, path) if isinstance(value, bytes) else value
 
-    def _dtype(self, stored: ReadHandle) -> tuple[np.dtype[Any], ReadHandle]:  # Any: this is what is being found out
+    def _dtype(self, stored: Handle) -> tuple[np.dtype[Any], Handle]:  # Any: this is what is being found out
         """Return the type of a dataset or an attribute, as numpy and as HDF5 have it."""
         kind = stored.get_type()
         key: bytes = kind.encode()

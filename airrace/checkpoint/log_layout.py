@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
-from airrace.checkpoint.group_reader import Place, ensure_attitudes, ensure_sizes
-from airrace.checkpoint.hdf5 import Group, Node, Series, Table, table_of
+from airrace.checkpoint.group_reader import GroupReader, ensure_attitudes, ensure_sizes
+from airrace.checkpoint.hdf5 import Group, Node, Series, StoredTable, table_of
 from airrace.checkpoint.run_layout import (
     CONTENT,
     QUANTITY_NAME,
@@ -121,7 +121,7 @@ def encode_log(recorded: LogCheckpoint) -> Group:
                 "line": integers(log.lines, "line of the log"),
                 "offset": series(np.array([log.offset]), "s", "time of the log at which the flight's clock starts"),
                 "columns": Group({_named(name): series(one, "", "") for name, one in log.columns.items()}),
-                "remarks": Table({"remark": log.remarks}),
+                "remarks": StoredTable({"remark": log.remarks}),
             }
         ),
         "flight": Group(
@@ -159,7 +159,7 @@ def decode_log(root: Group) -> LogCheckpoint:
     schema = root.attributes.get("schema")
     if not is_log_checkpoint(root) or schema != LOG_SCHEMA:
         raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {LOG_SCHEMA}")
-    place = Place("", root).expecting("inputs", "versions", "log", "flight")
+    place = GroupReader("", root).expecting("inputs", "versions", "log", "flight")
     flight = place.group("flight").expecting("label", "time", "histories", "passings", "violations")
     time = flight.floats("time")
     ensure_sizes(time, f"{flight.path}/time")
@@ -188,7 +188,7 @@ def _named(name: str) -> str:
     return name
 
 
-def _log(place: Place) -> RawLog:
+def _log(place: GroupReader) -> RawLog:
     place.expecting("path", "format", "begins", "time", "line", "offset", "columns", "remarks")
     time, lines, offset = place.floats("time"), place.integers("line"), place.floats("offset")
     columns = place.group("columns")
@@ -201,7 +201,7 @@ def _log(place: Place) -> RawLog:
     return RawLog(path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark"))
 
 
-def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:
+def _histories(place: GroupReader, length: int) -> tuple[StoredHistory, ...]:
     rows: dict[int, StoredHistory] = {}
     for name in place.node.members:
         path, attributes = f"{place.path}/{name}", dict(place.series(name).attributes)

@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.group_reader import Place, ensure_possible
-from airrace.checkpoint.hdf5 import Attribute, Group, Node, Series, Table, table_of
+from airrace.checkpoint.group_reader import GroupReader, ensure_possible
+from airrace.checkpoint.hdf5 import Attribute, Group, Node, Series, StoredTable, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
@@ -123,13 +123,13 @@ def inputs_group(inputs: StoredInputs) -> Group:
     return Group(
         {
             **{name: Group({"path": one.path, "text": one.text}) for name, one in documents.items() if one},
-            "overrides": Table({"override": inputs.overrides}),
+            "overrides": StoredTable({"override": inputs.overrides}),
             "resolved": inputs.resolved,
         }
     )
 
 
-def versions_table(versions: Mapping[str, str]) -> Table:
+def versions_table(versions: Mapping[str, str]) -> StoredTable:
     """Return versions by name as a table, as runs and flown logs store them."""
     return table_of(Version, [Version(name, number) for name, number in versions.items()])
 
@@ -145,7 +145,7 @@ def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
         "interval_time": series(flown.time[:-1], "s", "time at the beginning of the intervals"),
         "states": _encode_histories(flown.states, flown.state, f"{path}/time"),
         "controls": _encode_histories(flown.controls, flown.control, f"{path}/interval_time"),
-        "phases": Table({"phase": flown.phases}),
+        "phases": StoredTable({"phase": flown.phases}),
         "first_node": integers(flown.first_node, "node at which each phase begins, and the last node"),
         "durations": series(flown.durations, "s", "duration of each phase"),
         "constraint_multipliers": series(result.constraint_multipliers, "1", "multipliers of the constraints"),
@@ -165,7 +165,7 @@ def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
         "search": Group(
             {
                 "routes": table_of(Route, search.routes),
-                "loops": Table({"loop": search.loops}),
+                "loops": StoredTable({"loop": search.loops}),
                 "summary": table_of(SearchSummary, [summary]),
             }
         ),
@@ -222,7 +222,7 @@ def decode(root: Group) -> Checkpoint:
     schema = root.attributes.get("schema")
     if schema != SCHEMA:
         raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
-    place = Place("", root).expecting("inputs", "versions", "stages")
+    place = GroupReader("", root).expecting("inputs", "versions", "stages")
     stages = place.group("stages")
     if unknown := set(stages.node.members) - {stage.value for stage in STAGES}:
         raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
@@ -230,7 +230,7 @@ def decode(root: Group) -> Checkpoint:
     return Checkpoint(inputs_of(place.group("inputs")), versions_of(place), tuple(stored))
 
 
-def inputs_of(place: Place) -> StoredInputs:
+def inputs_of(place: GroupReader) -> StoredInputs:
     """Return the inputs that a group holds, as runs and flown logs store them.
 
     Raises:
@@ -245,7 +245,7 @@ def inputs_of(place: Place) -> StoredInputs:
     return StoredInputs(documents["track"], documents["aircraft"], documents.get("settings"), overrides, resolved)
 
 
-def versions_of(place: Place) -> dict[str, str]:
+def versions_of(place: GroupReader) -> dict[str, str]:
     """Return the versions that stand at a place, by name."""
     return {row.name: row.version for row in place.rows("versions", Version)}
 
@@ -258,7 +258,7 @@ _MEMBERS = (
 _OPTIONAL = ("certificate", "suggested_changes")
 
 
-def _decode_stage(place: Place, stage: Stage) -> StoredStage:
+def _decode_stage(place: GroupReader, stage: Stage) -> StoredStage:
     place.expecting(*_MEMBERS, "inputs_hash", "chain_hash", "alternatives", optional=_OPTIONAL)
     alternatives = place.group("alternatives")
     numbers = [str(number) for number in range(1, len(alternatives.node.members) + 1)]
@@ -267,7 +267,7 @@ def _decode_stage(place: Place, stage: Stage) -> StoredStage:
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
 
-def _decode_result(place: Place, stage: Stage) -> StageResult:
+def _decode_result(place: GroupReader, stage: Stage) -> StageResult:
     trajectory = _decode_trajectory(place)
     outcome = place.text("outcome")
     if outcome not in [one.value for one in OUTCOMES]:
@@ -312,7 +312,7 @@ def _decode_result(place: Place, stage: Stage) -> StageResult:
     return result
 
 
-def _decode_mesh(place: Place, intervals: int) -> MeshRecord:
+def _decode_mesh(place: GroupReader, intervals: int) -> MeshRecord:
     place.expecting("why", "coarser", "defect", "drift")
     why, coarser = place.integers("why"), place.integers("coarser")
     defect, drift = place.floats("defect"), place.floats("drift")
@@ -324,7 +324,7 @@ def _decode_mesh(place: Place, intervals: int) -> MeshRecord:
     return MeshRecord(why.astype(np.int8), coarser.astype(np.bool_), defect, drift)
 
 
-def _decode_trajectory(place: Place) -> Trajectory:
+def _decode_trajectory(place: GroupReader) -> Trajectory:
     time = place.floats("time")
     intervals = len(time) - 1
     phases = place.texts("phases", "phase")
@@ -342,7 +342,7 @@ def _decode_trajectory(place: Place) -> Trajectory:
     return Trajectory(phases, first_node, durations, time, states, state, controls, control)
 
 
-def _decode_histories(place: Place, length: int) -> tuple[tuple[Quantity, ...], Array]:
+def _decode_histories(place: GroupReader, length: int) -> tuple[tuple[Quantity, ...], Array]:
     """Return declarations and values, shape (n, length), in the order of their rows."""
     rows: dict[int, tuple[Quantity, Array]] = {}
     for name in place.node.members:

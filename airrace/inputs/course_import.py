@@ -41,7 +41,7 @@ NOTICE = """\
 """
 
 
-class Shape(Enum):
+class PlacemarkShape(Enum):
     """The shape of a placemark: its places are one point, the corners of a line, or those of an area."""
 
     POINT = "point"
@@ -60,7 +60,7 @@ class Placemark:
     """
 
     name: str
-    shape: Shape
+    shape: PlacemarkShape
     places: tuple[tuple[float, float], ...]
 
 
@@ -87,7 +87,7 @@ def read_placemarks(path: Path) -> list[Placemark]:
 
 
 def _of_kml(path: str, root: Element) -> Iterator[Placemark]:
-    shapes = {"Point": Shape.POINT, "LineString": Shape.LINE, "LinearRing": Shape.AREA}
+    shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
     for mark in root.iter("Placemark"):
         holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
         for one in mark.iter():
@@ -100,7 +100,7 @@ def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
     for one in root.iter():
         if one.tag in ("wpt", "rtept"):
             place = one.get("lon", ""), one.get("lat", "")
-            yield from _placemark(path, one.findtext("name"), Shape.POINT, [place])
+            yield from _placemark(path, one.findtext("name"), PlacemarkShape.POINT, [place])
 
 
 def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
@@ -119,11 +119,11 @@ def _geometry(path: str, name: object, geometry: Any) -> Iterator[Placemark]:  #
     places: Any = geometry.get("coordinates")
     match geometry["type"]:
         case "Point":
-            yield from _placemark(path, name, Shape.POINT, [places])
+            yield from _placemark(path, name, PlacemarkShape.POINT, [places])
         case "LineString":
-            yield from _placemark(path, name, Shape.LINE, places)
+            yield from _placemark(path, name, PlacemarkShape.LINE, places)
         case "Polygon":
-            yield from _placemark(path, name, Shape.AREA, places[0])
+            yield from _placemark(path, name, PlacemarkShape.AREA, places[0])
         case "GeometryCollection":
             for one in geometry["geometries"]:
                 yield from _geometry(path, name, one)
@@ -131,12 +131,14 @@ def _geometry(path: str, name: object, geometry: Any) -> Iterator[Placemark]:  #
             return
 
 
-def _placemark(path: str, name: object, shape: Shape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
+def _placemark(
+    path: str, name: object, shape: PlacemarkShape, places: Sequence[Sequence[object]]
+) -> Iterator[Placemark]:
     """Yield a placemark if its places (longitude first) make one; the outline of an area is opened."""
     corners = [_place(path, place[1::-1]) for place in places]
-    if shape is Shape.AREA and len(corners) > 1 and corners[0] == corners[-1]:
+    if shape is PlacemarkShape.AREA and len(corners) > 1 and corners[0] == corners[-1]:
         corners.pop()
-    if len(corners) >= {Shape.POINT: 1, Shape.LINE: 2, Shape.AREA: 3}[shape]:
+    if len(corners) >= {PlacemarkShape.POINT: 1, PlacemarkShape.LINE: 2, PlacemarkShape.AREA: 3}[shape]:
         yield Placemark(" ".join(str(name or "").split()), shape, tuple(corners))
 
 
@@ -179,7 +181,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
     elements, skipped = _elements(marks, Origin(math.radians(latitude), math.radians(longitude)))
     if len(elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
-    areas = [mark for mark in marks if mark.shape is Shape.AREA]
+    areas = [mark for mark in marks if mark.shape is PlacemarkShape.AREA]
     airspace = next((mark for mark in areas if "airspace" in mark.name.lower()), None)
     names: set[str] = set()
     crowd = {
@@ -206,7 +208,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
 
 def _elements(marks: Sequence[Placemark], origin: Origin) -> tuple[list[_Sketch], list[Placemark]]:
     """Return the elements, and the placemarks of which none became one."""
-    sides = {_base(mark): index for index, mark in enumerate(marks) if mark.shape is Shape.POINT}
+    sides = {_base(mark): index for index, mark in enumerate(marks) if mark.shape is PlacemarkShape.POINT}
     partners = {
         index: sides[name, "r"] for (name, side), index in sides.items() if side == "l" and (name, "r") in sides
     }
@@ -214,7 +216,7 @@ def _elements(marks: Sequence[Placemark], origin: Origin) -> tuple[list[_Sketch]
     found: list[_Sketch] = []
     skipped: list[Placemark] = []
     for index, mark in enumerate(marks):
-        if mark.shape is Shape.AREA or index in partners.values():
+        if mark.shape is PlacemarkShape.AREA or index in partners.values():
             continue
         places, name = mark.places, mark.name
         if index in partners:

@@ -84,7 +84,7 @@ class SequenceNode:
 
 
 @record
-class Entry:
+class MappingEntry:
     """A key of a mapping with its value."""
 
     key_place: Place
@@ -96,7 +96,7 @@ class MappingNode:
     """A mapping: keys and values in the order of the file."""
 
     place: Place
-    entries: Mapping[str, Entry] = field(default_factory=dict[str, Entry])
+    entries: Mapping[str, MappingEntry] = field(default_factory=dict[str, MappingEntry])
 
     def plain(self) -> JSON:
         return {key: entry.value.plain() for key, entry in self.entries.items()}
@@ -193,7 +193,7 @@ class Reporter:
         return place
 
 
-def child(node: Node, part: str | int) -> Entry | None:
+def child(node: Node, part: str | int) -> MappingEntry | None:
     """Return the entry one step down: an entry of a mapping, or an item of a list.
 
     The place of an item serves as that of its key. None stands for an entry that does not exist.
@@ -201,5 +201,5 @@ def child(node: Node, part: str | int) -> Entry | None:
     if isinstance(node, MappingNode) and isinstance(part, str):
         return node.entries.get(part)
     if isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
-        return Entry(node.items[part].place, node.items[part])
+        return MappingEntry(node.items[part].place, node.items[part])
     return None

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from airrace.errors import Finding, InputError
-from airrace.inputs.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
+from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
 from airrace.inputs.yaml_reader import plain_scalar, read_yaml
 from airrace.records import record
@@ -92,7 +92,7 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
     if node is None:
         node = MappingNode(PLACE)
     elif isinstance(node, ScalarNode) and isinstance(node.value, str) and schema and schema.shorthand:
-        node = MappingNode(node.place, {schema.shorthand: Entry(node.place, node)})
+        node = MappingNode(node.place, {schema.shorthand: MappingEntry(node.place, node)})
     if isinstance(node, MappingNode):
         entries = dict(node.entries)
         known, within = entries.get(name), inner(tags_of(expected).get(str(node.scalar("type")), expected), name)
@@ -100,7 +100,7 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
             entries.pop(name, None)
         else:
             place = known.key_place if known and rest else PLACE
-            entries[name] = Entry(place, _replace(known.value if known else None, rest, value, within))
+            entries[name] = MappingEntry(place, _replace(known.value if known else None, rest, value, within))
         return MappingNode(node.place, entries)
     if isinstance(node, SequenceNode):
         if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):

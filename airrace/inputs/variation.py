@@ -18,7 +18,7 @@ from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
 
-Entry = TypeVar("Entry", bound=Schema)
+AnySchema = TypeVar("AnySchema", bound=Schema)
 
 
 class Variation:
@@ -114,7 +114,7 @@ def _with_heights(defaults: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -
     return _fill(defaults, band)
 
 
-def _fill(entry: Entry, numbers: Mapping[str, float | None]) -> Entry:
+def _fill(entry: AnySchema, numbers: Mapping[str, float | None]) -> AnySchema:
     """Return an entry with the numbers that it does not give."""
     return entry.model_copy(update={key: value for key, value in numbers.items() if getattr(entry, key) is None})
 

@@ -15,8 +15,8 @@ import yaml
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import (
     LIMITS,
-    Entry,
     KeyPath,
+    MappingEntry,
     MappingNode,
     Node,
     Place,
@@ -87,7 +87,7 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     if len(text) > LIMITS.size:
         raise InputError([Finding(file, 0, 0, "", f"is too large: at most {LIMITS.size} characters are read")])
     _check_characters(file, text)
-    reader = _Reader(file)
+    reader = _TreeBuilder(file)
     try:
         node = reader.document(_events(text, loader))
     except _Abort:
@@ -130,7 +130,7 @@ class _Abort(Exception):
     """A signal that reading on would be useless or dangerous; the reason is among the findings."""
 
 
-class _Reader:
+class _TreeBuilder:
     """A builder of nodes from events, which lives for one text."""
 
     def __init__(self, file: str) -> None:
@@ -179,15 +179,15 @@ class _Reader:
             yield self._node(event, events, (*path, index))
             index += 1
 
-    def _entries(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, Entry]:
-        entries: dict[str, Entry] = {}
+    def _entries(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, MappingEntry]:
+        entries: dict[str, MappingEntry] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             key_event, key = event, self._key(event, events, path)
             value = self._node(next(events), events, (*path, key or "?"))
             if key in entries:
                 self._refuse(key_event, (*path, key), f"duplicate key; first in line {entries[key].key_place.line}")
             elif key:
-                entries[key] = Entry(self._place(key_event), value)
+                entries[key] = MappingEntry(self._place(key_event), value)
         return entries
 
     def _key(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> str:

@@ -113,7 +113,7 @@ def _execute_locked(
         timeout=timeout,
         progress=progress,
     ):
-        run = run.with_proof(result) if result.stage in kept else run.with_stage(result)
+        run = run.with_mesh_check(result) if result.stage in kept else run.with_stage(result)
         _store(run, {one.stage for one in run.results} - {result.stage})
         progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
         yield run, result

@@ -159,9 +159,9 @@ class Run:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
-    def with_proof(self, result: StageResult) -> Self:
-        """Return this run with a finished stage as it is after its proof was completed, or tried; later stages stay."""
-        return replace(self, checkpoint=self.checkpoint.with_proof(result))
+    def with_mesh_check(self, result: StageResult) -> Self:
+        """Return this run with a finished stage as its completed or tried mesh check leaves it; later stages stay."""
+        return replace(self, checkpoint=self.checkpoint.with_mesh_check(result))
 
     def moved(self, path: Path) -> Self:
         """Return this run with another file, which is not written yet."""

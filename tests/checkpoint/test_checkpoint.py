@@ -344,7 +344,7 @@ def test_a_stage_exchanged_for_another_run_s_does_not_fit_the_chain() -> None:
 def test_a_stage_computed_again_replaces_itself_and_drops_what_stood_on_it_but_one_that_was_checked_does_not() -> None:
     checkpoint = example_checkpoint(*LADDER)
     result = example_result(Stage.POINT_MASS, intervals=8)
-    for replaced, stages in ((checkpoint.with_stage(result), LADDER[:2]), (checkpoint.with_proof(result), LADDER)):
+    for replaced, stages in ((checkpoint.with_stage(result), LADDER[:2]), (checkpoint.with_mesh_check(result), LADDER)):
         assert [stored.result.stage for stored in replaced.stages] == list(stages)
         assert replaced.stages[0] is checkpoint.stages[0]
         assert len(replaced.stages[1].result.trajectory.time) == 9
@@ -356,8 +356,10 @@ def test_a_completed_mesh_check_makes_no_stale_stage_good_again() -> None:
     checkpoint, result = example_checkpoint(*LADDER), example_result(Stage.POINT_MASS, intervals=8)
     first, second, third = checkpoint.stages
     altered = replace(third, result=replace(third.result, message="altered"))
-    assert stale_names(replace(checkpoint, stages=(first, second, altered)).with_proof(result)) == [third.result.stage]
-    assert len(stale_stages(checkpoint.with_proof(result), inputs_hash("{}"))) == len(LADDER)
+    assert stale_names(replace(checkpoint, stages=(first, second, altered)).with_mesh_check(result)) == [
+        third.result.stage
+    ]
+    assert len(stale_stages(checkpoint.with_mesh_check(result), inputs_hash("{}"))) == len(LADDER)
 
 
 def test_a_stage_is_found_by_its_name() -> None:

@@ -14,7 +14,7 @@ import airrace
 from airrace.errors import InputError, UsageError
 from airrace.export.globe import features
 from airrace.inputs import load_inputs
-from airrace.inputs.course_import import Shape, read_placemarks
+from airrace.inputs.course_import import PlacemarkShape, read_placemarks
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point
@@ -194,8 +194,8 @@ def test_waypoints_of_gpx_are_read(tmp_path: Path) -> None:
     path.write_text('<gpx><wpt lat="45" lon="13"><name>a</name></wpt><rte><rtept lat="45.01" lon="13"/></rte></gpx>')
     marks = read_placemarks(path)
     assert [(mark.name, mark.shape, mark.places) for mark in marks] == [
-        ("a", Shape.POINT, ((45.0, 13.0),)),
-        ("", Shape.POINT, ((45.01, 13.0),)),
+        ("a", PlacemarkShape.POINT, ((45.0, 13.0),)),
+        ("", PlacemarkShape.POINT, ((45.01, 13.0),)),
     ]
 
 
