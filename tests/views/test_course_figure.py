@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from example_courses import SHIPPED, everything, race
-from example_courses import race as race_of
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.table import Table
@@ -27,41 +26,33 @@ from airrace.track.gates import Gate
 from airrace.trajectory import Array
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_page
+from airrace.views.drawing import Figure
 from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import map_model
 from airrace.views.plain_console import PlainConsole
-from airrace.views.plain_text import SafeStream, escaped, plain, styled
+from airrace.views.plain_text import SafeStream, escape_html, keep_colours, plain
 from airrace.views.plan_svg import COLOURS, plan_svg
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_shipped_course_is_drawn_with_one_scale_and_all_names(path: Path) -> None:
-    flown = race(path)
-    seen = map_model(flown)
+def test_every_shipped_course_is_drawn_with_one_scale_and_all_names_that_do_not_overlap(path: Path) -> None:
+    seen = map_model(race(path))
     figure = course_figure(seen)
+    figure.savefig(io.BytesIO(), format="png", dpi=figure.dpi)
     (axes,) = figure.axes
     assert axes.get_aspect() == 1.0
     texts = [text.get_text() for text in axes.texts if text.get_text()]
     assert {text.split("  ")[0] for text in texts} == {mark.label for mark in seen.marks if mark.label}
     numbers = sorted(int(number) for text in texts for number in text.split("  ")[1].split(", "))
     assert numbers == sorted(number for mark in seen.marks for number, _ in mark.passings)
-
-
-def test_labels_do_not_overlap() -> None:
-    for path in SHIPPED:
-        flown = race(path)
-        figure = course_figure(map_model(flown))
-        figure.savefig(io.BytesIO(), format="png", dpi=figure.dpi)
-        (axes,) = figure.axes
-        boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
-        for one, other in itertools.combinations(boxes, 2):
-            common = one.intersection(one, other)
-            assert common is None or common.width * common.height < 0.1 * one.width * one.height, path.stem
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
+    for one, other in itertools.combinations(boxes, 2):
+        common = one.intersection(one, other)
+        assert common is None or common.width * common.height < 0.1 * one.width * one.height
 
 
 def test_gates_stand_to_scale() -> None:
-    flown = race(SHIPPED[0])
-    seen = map_model(flown)
+    seen = map_model(race(SHIPPED[0]))
     (axes,) = course_figure(seen).axes
     drawn = np.concatenate([np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata())])
     for mark in seen.marks:
@@ -71,33 +62,23 @@ def test_gates_stand_to_scale() -> None:
             assert (np.abs(away - half) < 1e-6).sum() >= 2
 
 
-def test_the_legend_names_what_is_there_and_only_that(tmp_path: Path) -> None:
-    def entries(path: Path) -> str:
-        flown = race(path)
-        (legend,) = course_figure(map_model(flown)).legends
+def test_legend_and_wind_show_what_is_there_and_only_that(tmp_path: Path) -> None:
+    def entries(figure: Figure) -> str:
+        (legend,) = figure.legends
         return "\n".join(text.get_text() for text in legend.get_texts())
 
-    full = entries(everything(tmp_path))
+    figures = [course_figure(map_model(race(everything(tmp_path)))) for _ in range(2)]
     for piece in ("lap 1", "crowd", "beach", "on the way to q/1, q/2", "airspace", "gate", "pylon"):
-        assert piece in full
-    bare = entries(next(path for path in SHIPPED if path.stem == "rovinj_2014"))
-    assert not any(piece in bare for piece in ("crowd", "forbidden", "airspace", "lap 2"))
-
-
-def test_the_wind_is_drawn_where_there_is_one(tmp_path: Path) -> None:
-    flown = race(everything(tmp_path))
-    (axes,) = course_figure(map_model(flown)).axes
-    assert "wind 34 kt" in [text.get_text() for text in axes.texts]
-
-
-def test_a_course_is_drawn_the_same_every_time(tmp_path: Path) -> None:
-    flown = race(everything(tmp_path))
+        assert piece in entries(figures[0])
+    assert "wind 34 kt" in [text.get_text() for text in figures[0].axes[0].texts]
     images: list[bytes] = []
-    for _ in range(2):
+    for figure in figures:
         content = io.BytesIO()
-        course_figure(map_model(flown)).savefig(content, format="png")
+        figure.savefig(content, format="png")
         images.append(content.getvalue())
     assert images[0] == images[1]
+    bare = entries(course_figure(map_model(load_inputs("rovinj_2014").race)))
+    assert not any(piece in bare for piece in ("crowd", "forbidden", "airspace", "lap 2"))
 
 
 anchor_lists = st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 1000)), min_size=1, max_size=12, unique=True)
@@ -146,14 +127,10 @@ def test_every_shipped_course_is_drawn_within_its_frame(name: str) -> None:
         assert 0.0 < float(circle.attrib["cy"]) < height
 
 
-def test_gates_and_pylons_bear_their_names() -> None:
-    race = load_inputs("rovinj_2014").race
-    written = {text.text for text in drawn(race).iter(f"{SVG}text")}
-    assert {passage.element.name for passage in race.course.passages} <= written
-
-
 def test_north_is_up_east_is_right_and_the_scale_is_the_same_both_ways() -> None:
     race = load_inputs("rovinj_2014").race
+    texts = {text.text for text in drawn(race).iter(f"{SVG}text")}
+    assert {passage.element.name for passage in race.course.passages} <= texts
     north, east = np.array([0.0, 300.0, 300.0]), np.array([0.0, 0.0, 300.0])
     path = places(drawn(race, np.column_stack([north, east]), np.full(3, 80.0)), "polyline")
     first, second, third = path[:3]
@@ -162,28 +139,22 @@ def test_north_is_up_east_is_right_and_the_scale_is_the_same_both_ways() -> None
     assert first[1] > second[1]
 
 
-def test_a_flight_beyond_the_course_widens_the_drawing() -> None:
+def test_a_flight_widens_the_drawing_and_its_colours_go_from_slow_to_fast() -> None:
     race = load_inputs("rovinj_2014").race
     far = drawn(race, np.array([[0.0, 0.0], [5000.0, 0.0]]), np.array([80.0, 90.0]))
     path = places(far, "polyline")
     assert path.min() >= 0.0
     assert path[:, 1].max() <= float(far.attrib["height"])
-
-
-def test_the_colours_go_from_slow_to_fast() -> None:
-    race = load_inputs("rovinj_2014").race
     speed = np.linspace(60.0, 110.0, 61)
     root = drawn(race, np.column_stack([np.linspace(0.0, 800.0, 61), np.zeros(61)]), speed)
     assert [line.attrib["stroke"] for line in root.iter(f"{SVG}polyline")] == list(COLOURS)
 
 
 def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path: Path) -> None:
-    race = race_of(everything(tmp_path))
-    course = replace(race.course, name="<script>&")
-    root = drawn(replace(race, course=course))
-    titles = [title.text for title in root.iter(f"{SVG}title")]
-    assert titles == ["<script>& from above"]
-    hostile = replace(race, course=course)
+    flown = race(everything(tmp_path))
+    hostile = replace(flown, course=replace(flown.course, name="<script>&"))
+    root = drawn(hostile)
+    assert [title.text for title in root.iter(f"{SVG}title")] == ["<script>& from above"]
     assert "<script>" not in course_page(map_model(hostile), ["a <b> warning"])
     assert len(list(root.iter(f"{SVG}polygon"))) > 0
 
@@ -207,35 +178,29 @@ def test_no_control_character_is_left(text: str) -> None:
 
 @given(st.text(st.characters(exclude_categories=["Cc", "Cf", "Cs"])))
 def test_what_is_harmless_stays_as_it_is(text: str) -> None:
-    assert plain(text) == styled(text) == text
+    assert plain(text) == keep_colours(text) == text
 
 
 @given(st.text(st.sampled_from("\x1b[]0;31mHJ\a\x9bx")))
 def test_of_escapes_only_colours_are_left(text: str) -> None:
-    assert commands(COLOUR.sub("", styled(text))) == []
-
-
-def test_the_direction_of_reading_is_not_turned() -> None:
-    assert plain("g1\u202e2g") == "g1\ufffd2g"
-
-
-def test_what_is_no_character_is_shown_as_that() -> None:
-    name = b"caf\xe9.yaml".decode("utf-8", "surrogateescape")
-    assert plain(name) == styled(name) == "caf\ufffd.yaml"
+    assert commands(COLOUR.sub("", keep_colours(text))) == []
 
 
 @given(st.text())
 def test_a_text_in_a_page_is_apart_from_the_rest_and_can_be_written(text: str) -> None:
-    isolated = escaped(text)
+    isolated = escape_html(text)
     isolated.encode("utf-8")
     inside = isolated.removeprefix("<bdi>").removesuffix("</bdi>")
     assert not set("<>\"'\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\x00") & set(inside)
     assert html.unescape(inside) == plain(text)
 
 
-def test_a_name_that_is_read_from_the_right_is_isolated_in_a_page() -> None:
-    assert escaped("\u05e9\u05e2\u05e8 1") == "<bdi>\u05e9\u05e2\u05e8 1</bdi>"
-    assert escaped("g1\u202e2g & \u2212 1.5") == "g1\ufffd2g &amp; \u2212 1.5"
+def test_of_names_no_character_turns_the_direction_of_reading_or_is_none() -> None:
+    assert plain("g1\u202e2g") == "g1\ufffd2g"
+    name = b"caf\xe9.yaml".decode("utf-8", "surrogateescape")
+    assert plain(name) == keep_colours(name) == "caf\ufffd.yaml"
+    assert escape_html("\u05e9\u05e2\u05e8 1") == "<bdi>\u05e9\u05e2\u05e8 1</bdi>"
+    assert escape_html("g1\u202e2g & \u2212 1.5") == "g1\ufffd2g &amp; \u2212 1.5"
 
 
 def test_a_table_on_a_terminal_keeps_its_own_colours_alone() -> None:

@@ -30,17 +30,18 @@ def watch_a_stage(progress: Progress) -> None:
     progress.iteration(Iteration(7, 57.25, 1.5e-4))
 
 
-def test_plain_lines_tell_stages_and_hold_no_control_codes() -> None:
+def test_plain_lines_name_stages_and_hold_no_control_codes() -> None:
     stream = io.StringIO()
-    lines = PlainLines(stream)
+    lines = PlainLines(stream, STAGES)
     watch_a_stage(lines)
     lines.stage_finished(stage_result(Stage.POINT_MASS))
+    lines.stage_started(Stage.SIX_DOF)
     shown = stream.getvalue()
-    assert "point-mass: started" in shown
+    assert "point-mass: started (stage 2 of 2)" in shown
     assert "joint problem" in shown
     assert "race time 10.000 s" in shown
-    assert "\x1b" not in shown
-    assert "\r" not in shown
+    assert shown.endswith("six-dof: started\n")
+    assert not set("\x1b\r") & set(shown)
 
 
 def test_plain_lines_thin_iterations_out() -> None:
@@ -53,19 +54,24 @@ def test_plain_lines_thin_iterations_out() -> None:
     assert stream.getvalue().count("iteration") == 9
 
 
-def test_the_live_view_shows_all_there_is_to_know() -> None:
+def test_the_live_view_shows_all_there_is_to_know_of_the_present_activity() -> None:
     clock = Clock()
     console = Console(file=io.StringIO(), force_terminal=True, width=80, color_system=None)
     view = LiveView("Rovinj 2014", console, STAGES, clock)
+
+    def shown() -> str:
+        with console.capture() as capture:
+            console.print(view.live.get_renderable())
+        return capture.get()
+
     view.stage_started(Stage.HOMOTOPY)
     view.activity("phase 3 of 16: g2 -> g3", 2, 16)
     view.iteration(Iteration(42, 57.25, 1.5e-4))
     clock.now = 3.25
-    with console.capture() as capture:
-        console.print(view.live.get_renderable())
-    shown = capture.get()
     for piece in ("Rovinj 2014", "homotopy, stage 1 of 2", "phase 3 of 16", "42", "57.250 s", "1.5e-04", "3.2 s"):
-        assert piece in shown
+        assert piece in shown()
+    view.activity("phase 4 of 16: g3 -> g4", 3, 16)
+    assert "57.250" not in shown()
 
 
 @pytest.mark.parametrize(("columns", "width"), [(80, 76), (120, 76), (50, 50)])
@@ -91,25 +97,6 @@ def test_the_box_keeps_its_size_whatever_happens_in_it(columns: int, width: int)
     view.activity("joint problem", 0, 0)
     sizes.append(size())
     assert sizes == [(9, {width})] * 5
-
-
-def test_plain_lines_say_which_stage_of_how_many_it_is() -> None:
-    stream = io.StringIO()
-    lines = PlainLines(stream, STAGES)
-    lines.stage_started(Stage.POINT_MASS)
-    lines.stage_started(Stage.SIX_DOF)
-    assert "point-mass: started (stage 2 of 2)" in stream.getvalue()
-    assert stream.getvalue().endswith("six-dof: started\n")
-
-
-def test_a_new_activity_forgets_the_iterations_of_the_old_one() -> None:
-    console = Console(file=io.StringIO(), force_terminal=True, width=80, color_system=None)
-    view = LiveView("t", console)
-    watch_a_stage(view)
-    view.activity("phase 4 of 16: g3 -> g4", 3, 16)
-    with console.capture() as capture:
-        console.print(view.live.get_renderable())
-    assert "57.250" not in capture.get()
 
 
 def test_quiet_shows_nothing_not_even_the_log(capsys: pytest.CaptureFixture[str]) -> None:
