@@ -14,7 +14,7 @@ from airrace import interrupts
 from airrace.errors import UsageError
 from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
 from airrace.standard_streams import STANDARD, abandon_stdout
-from airrace.views.plain_text import one_line, styled
+from airrace.views.plain_text import keep_colours, one_line
 
 FINDINGS_SHOWN = 20
 """The largest number of findings that are printed for people."""
@@ -93,7 +93,7 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
     texts = [json.dumps(answer.fields, allow_nan=False)] if as_json else answer.texts
     try:
         if texts:
-            print("\n\n".join(styled(text).removesuffix("\n") for text in texts))
+            print("\n\n".join(keep_colours(text).removesuffix("\n") for text in texts))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has seen enough
         abandon_stdout()

@@ -23,7 +23,7 @@ from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.views.map_model import map_model
-from airrace.views.plain_text import escaped, plain
+from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Cell, Column, Table
 
@@ -59,14 +59,14 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     map_ = map_model(first.race)
     track = np.stack([first["x"], first["y"]], axis=1)
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
-    verdict, good = escaped(first.source.verdict or "recorded"), "bad" if first.source.doubtful else "good"
+    verdict, good = escape_html(first.source.verdict or "recorded"), "bad" if first.source.doubtful else "good"
     return _template().substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
         "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
         title=html.escape(plain(first.course.name)),
-        heading=escaped(first.course.name),
-        subtitle=escaped(_subtitle(first)),
+        heading=escape_html(first.course.name),
+        subtitle=escape_html(_subtitle(first)),
         race_time=number(first.race_time, 3),
         verdict=f'<div class="verdict {good}">{verdict}</div>',
         readings="".join(
@@ -77,7 +77,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         ),
         plan=plan_svg(map_.with_track(track), first["V_K"]),
         sections="\n".join(filter(None, (flights_section(flights), legs_section(first), *losses, *sections))),
-        footer=escaped(footer),
+        footer=escape_html(footer),
         style=style,
         contents=as_json(contents_of(flights, comparisons, map_)),
         script=script,

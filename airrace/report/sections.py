@@ -9,7 +9,7 @@ from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
-from airrace.views.plain_text import escaped
+from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import certificate_table, search_table
 from airrace.views.tables import Cell, Column, Table
 
@@ -24,7 +24,7 @@ def number(value: float, digits: int, *, signed: bool = False) -> str:
 
 def section(title: str, body: str) -> str:
     """Return a part of the page with a heading; `body` is HTML."""
-    return f'<section class="panel"><h2>{escaped(title)}</h2>{body}</section>'
+    return f'<section class="panel"><h2>{escape_html(title)}</h2>{body}</section>'
 
 
 def table_section(table: Table) -> str:
@@ -34,12 +34,12 @@ def table_section(table: Table) -> str:
 
 def note(text: str) -> str:
     """Return a sentence below a table."""
-    return f'<p class="note">{escaped(text)}</p>' if text else ""
+    return f'<p class="note">{escape_html(text)}</p>' if text else ""
 
 
 def _facts(pairs: Iterable[tuple[str, str]]) -> str:
     """Return a list of names and what they stand for."""
-    entries = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in pairs)
+    entries = "".join(f"<dt>{escape_html(name)}</dt><dd>{escape_html(text)}</dd>" for name, text in pairs)
     return f'<dl class="facts">{entries}</dl>'
 
 
@@ -102,14 +102,14 @@ def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions:
     ]
     documents = [("Course", inputs.track), ("Aircraft", inputs.aircraft), ("Settings", inputs.settings_file)]
     texts = [
-        f"<details><summary>{name} file</summary><pre>{escaped(one.text)}</pre></details>"
+        f"<details><summary>{name} file</summary><pre>{escape_html(one.text)}</pre></details>"
         for name, one in documents
         if one is not None
     ]
     return section("Inputs", _facts(pairs) + "".join(texts))
 
 
-def violations_table(violations: Sequence[Violation], title: str) -> Table:
+def _violations_table(violations: Sequence[Violation], notes: Sequence[str]) -> Table:
     """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
     columns = (
         Column("at"),
@@ -136,19 +136,18 @@ def violations_table(violations: Sequence[Violation], title: str) -> Table:
         )
         for one in violations
     ]
-    return Table(title, columns, rows)
+    return Table("Rules", columns, rows, notes)
 
 
 def violations_section(violations: Sequence[Violation], penalty: float) -> str:
     """Return a table of all rules that a flight would break."""
     if not violations:
         return section("Rules", note("Every passing keeps the rules of the course."))
-    table = violations_table(violations, "Rules")
     notes = (
         f"Penalties of what is certain: {penalty_text(penalty)}.",
         "A violation smaller than three standard deviations of its measurement (+-) is not certain.",
     )
-    return table_section(Table(table.title, table.columns, table.rows, notes))
+    return table_section(_violations_table(violations, notes))
 
 
 def recording_section(pairs: Sequence[tuple[str, str]], remarks: Sequence[str]) -> str:

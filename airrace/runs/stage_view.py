@@ -27,7 +27,7 @@ from airrace.runs.output import write_or_return, write_text
 from airrace.sensitivity.sensitivity import Sensitivity
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
-from airrace.views.plain_text import escaped, one_line
+from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
 from airrace.views.stage_tables import certificate_table, splits_table
 from airrace.views.tables import Column, Table
@@ -198,7 +198,7 @@ def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     stages = Table(title, STAGES, [_stage_cells(result) for result in results]).html()
     sentence = verdict(results)[1] if results else "no stage is finished yet"
-    remark = f"<p>{escaped(sentence)}</p>" if sentence else ""
+    remark = f"<p>{escape_html(sentence)}</p>" if sentence else ""
     return f"<div>{stages}{remark}{_flight_html(race, results[-1]) if results else ''}</div>"
 
 
@@ -207,7 +207,7 @@ def stage_page(race: Race, result: StageResult) -> str:
     certificate, measured = result.certificate, ""
     if certificate is not None:
         measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
-    line = escaped(run_line(race.course.name, [result]))
+    line = escape_html(run_line(race.course.name, [result]))
     return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
 
 

@@ -12,7 +12,7 @@ from airrace.records import record
 from airrace.track.course import Passage
 from airrace.track.polygons import Point
 from airrace.views.map_model import MapModel
-from airrace.views.plain_text import escaped
+from airrace.views.plain_text import escape_html
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Column, Table
 
@@ -173,5 +173,5 @@ def course_page(map_: MapModel, warnings: Sequence[str]) -> str:
         for row in rows(race)[:ROWS_MAX]
     ]
     table = Table(f"{race.course.name}, flown by {race.aircraft.name}", COLUMNS, cells)
-    entries = "".join(f"<li>{escaped(text)}</li>" for text in warnings)
+    entries = "".join(f"<li>{escape_html(text)}</li>" for text in warnings)
     return f"<div>{table.html()}{plan_svg(map_)}{f'<ul>{entries}</ul>' if entries else ''}</div>"

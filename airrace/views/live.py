@@ -24,7 +24,7 @@ ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 
 
 @record
-class _Seen:
+class _StageUnderWay:
     """The stage under way: which one, its number in the run, since when, and what it is doing."""
 
     stage: Stage
@@ -51,7 +51,7 @@ class LiveView(Progress):
         self._stages = stages
         self._clock = clock
         self._started = clock()
-        self._seen: _Seen | None = None
+        self._current: _StageUnderWay | None = None
         self.live = Live(
             console=console,
             get_renderable=self._render,
@@ -61,18 +61,18 @@ class LiveView(Progress):
         )
 
     def stage_started(self, stage: Stage) -> None:
-        self._seen = _Seen(stage, stage_number(stage, self._stages), self._clock())
+        self._current = _StageUnderWay(stage, stage_number(stage, self._stages), self._clock())
 
     def activity(self, text: str, done: int, total: int) -> None:
-        if self._seen is not None:
-            self._seen = replace(self._seen, activity=text, done=done, total=total, iteration=None)
+        if self._current is not None:
+            self._current = replace(self._current, activity=text, done=done, total=total, iteration=None)
 
     def iteration(self, iteration: Iteration) -> None:
-        if self._seen is not None:
-            self._seen = replace(self._seen, iteration=iteration)
+        if self._current is not None:
+            self._current = replace(self._current, iteration=iteration)
 
     def stage_finished(self, result: StageResult) -> None:
-        self._seen = None
+        self._current = None
         self.live.console.print(Text(outcome_line(result)))
 
     def _render(self) -> RenderableType:
@@ -80,7 +80,7 @@ class LiveView(Progress):
         rows = Table.grid(padding=(0, 2), expand=True)
         rows.add_column(style="dim", width=NAME_WIDTH)
         rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
-        for name, value in _rows(self._seen, now):
+        for name, value in _rows(self._current, now):
             rows.add_row(name, value)
         rows.add_row("elapsed", _duration(now - self._started))
         # A box of the same size whatever happens in it, so that nothing jumps.
@@ -88,20 +88,20 @@ class LiveView(Progress):
         return Panel(rows, title=Text(self._title), title_align="left", width=width, padding=(0, 1))
 
 
-def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]]:
+def _rows(current: _StageUnderWay | None, now: float) -> Iterator[tuple[str, RenderableType]]:
     """Yield always the same rows; without a stage they are empty."""
-    if seen is None:
+    if current is None:
         yield from ((name, Text("")) for name in ROWS)
         return
-    iteration = seen.iteration
+    iteration = current.iteration
     measured = ("-", "-", "-")
     if iteration is not None:
         measured = (str(iteration.number), f"{iteration.objective:.3f} s", f"{iteration.infeasibility:.1e}")
-    number = f", {seen.number}" if seen.number else ""
-    done = ProgressBar(total=seen.total, completed=seen.done, width=40) if seen.total else Text("")
+    number = f", {current.number}" if current.number else ""
+    done = ProgressBar(total=current.total, completed=current.done, width=40) if current.total else Text("")
     values = (
-        Text.assemble((seen.stage.value, "bold"), f"{number}, {_duration(now - seen.since)}"),
-        Text(seen.activity or "preparing"),
+        Text.assemble((current.stage.value, "bold"), f"{number}, {_duration(now - current.since)}"),
+        Text(current.activity or "preparing"),
         done,
         *(Text(one) for one in measured),
     )

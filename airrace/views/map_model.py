@@ -156,7 +156,7 @@ def map_model(race: Race, planned: Flight | None = None) -> MapModel:
     course = race.course
     marks = _marks(course)
     long = len(course.passages) > PLANNED_MAX
-    ways = _straight(course) if long else _planned(planned_flight(race) if planned is None else planned)
+    ways = _straight_ways(course) if long else _planned_ways(planned_flight(race) if planned is None else planned)
     lines = tuple(_line(course, line) for line in course.safety_lines)
     airspace = coordinates((*course.airspace, course.airspace[0])) if course.airspace else None
     beside = [*(line.ends for line in lines), *(coordinates(crowd.corners) for crowd in course.crowd)]
@@ -188,7 +188,7 @@ def _marks(course: Course) -> tuple[Mark, ...]:
     return tuple(marks.values())
 
 
-def _planned(flight: Flight) -> tuple[Way, ...]:
+def _planned_ways(flight: Flight) -> tuple[Way, ...]:
     """Return the ways of a planned flight, leg by leg; where it is straight, from one known place to the next."""
     ways: list[Way] = []
     before: list[NDArray[np.int64]] = []
@@ -207,7 +207,7 @@ def _planned(flight: Flight) -> tuple[Way, ...]:
     return tuple(ways)
 
 
-def _straight(course: Course) -> tuple[Way, ...]:
+def _straight_ways(course: Course) -> tuple[Way, ...]:
     """Return straight ways from place to place, a lap at a time."""
     ways: list[Way] = []
     last: list[tuple[float, float]] = []

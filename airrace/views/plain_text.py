@@ -32,14 +32,14 @@ def one_line(text: str) -> str:
     return plain(text).translate({0x09: 0x2409, 0x0A: 0x240A, 0x2028: 0xFFFD, 0x2029: 0xFFFD})
 
 
-def escaped(text: str) -> str:
+def escape_html(text: str) -> str:
     """Return a text as HTML, apart from what stands around it: names that are read from the right turn nothing else."""
     shown = html.escape(plain(text))
     from_the_right = any(unicodedata.bidirectional(sign) in ("R", "AL", "AN") for sign in text)
     return f"<bdi>{shown}</bdi>" if from_the_right else shown
 
 
-def styled(text: str) -> str:
+def keep_colours(text: str) -> str:
     """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal."""
     return _COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED)
 
@@ -95,7 +95,7 @@ class SafeStream(io.TextIOBase):
 
 
 class PlainStream(io.TextIOBase):
-    """A stream of a long text for people or programs, in which control characters are shown as in `styled`.
+    """A stream of a long text for people or programs, in which control characters are shown as in `keep_colours`.
 
     Args:
         stream: what is written to.
@@ -106,7 +106,7 @@ class PlainStream(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write a text; return its length."""
-        self._stream.write(styled(text))
+        self._stream.write(keep_colours(text))
         return len(text)
 
 

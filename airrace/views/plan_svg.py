@@ -63,7 +63,7 @@ def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
     dashed = [(way, BLUE, "") if way.planned else (way, GREY, "3 4") for way in map_.ways]
     tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in dashed]
     if speed is not None:
-        tracks = _coloured(sheet, map_.ways[0].line, speed)
+        tracks = _colour_by_speed(sheet, map_.ways[0].line, speed)
     parts = [*_surroundings(sheet, map_), *tracks, *_marks(sheet, map_), *_labels(sheet, map_), *_scale(sheet, speed)]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
@@ -88,7 +88,7 @@ def _surroundings(sheet: _Sheet, map_: MapModel) -> list[str]:
     return [*parts, *(_shape("polyline", sheet.points(line.ends), AMBER, dash="6 3") for line in map_.lines)]
 
 
-def _coloured(sheet: _Sheet, places: Array, speed: Array) -> list[str]:
+def _colour_by_speed(sheet: _Sheet, places: Array, speed: Array) -> list[str]:
     """Return a track in pieces of one colour each, from slow to fast."""
     slowest, fastest = float(speed.min()), float(speed.max())
     share = (0.5 * (speed[1:] + speed[:-1]) - slowest) / max(fastest - slowest, 1e-9)

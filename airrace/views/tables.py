@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from airrace.export.extras import extra
 from airrace.records import record
-from airrace.views.plain_text import escaped
+from airrace.views.plain_text import escape_html
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -42,7 +42,7 @@ class Column:
     wraps: bool = False
 
     @property
-    def shown(self) -> bool:
+    def visible(self) -> bool:
         """Whether people see it."""
         return bool(self.name) or not self.key
 
@@ -56,8 +56,8 @@ class Column:
         """Return what stands in a cell of a page; numbers have a typographic minus."""
         text = self.text(value)
         if not self.form:
-            return escaped(text)
-        return escaped(DASH if text == "-" else text.replace("-", MINUS))
+            return escape_html(text)
+        return escape_html(DASH if text == "-" else text.replace("-", MINUS))
 
 
 @record
@@ -97,12 +97,12 @@ class Table:
 
     def texts(self) -> list[list[str]]:
         """Return what people see, the heads first: the texts of the cells, row by row."""
-        heads = [f"{column.name} {column.unit}".strip() for column in self.columns if column.shown]
-        return [heads, *([column.text(cell.value) for column, cell in row] for row in self._shown())]
+        heads = [f"{column.name} {column.unit}".strip() for column in self.columns if column.visible]
+        return [heads, *([column.text(cell.value) for column, cell in row] for row in self._visible_rows())]
 
     def text(self) -> str:
         """Return columns side by side, names to the left and numbers to the right, without rules."""
-        texts, shown = self.texts(), [column for column in self.columns if column.shown]
+        texts, shown = self.texts(), [column for column in self.columns if column.visible]
         widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
         lines = [
             "  ".join(
@@ -120,18 +120,18 @@ class Table:
             inline: whether it carries its style, its title and its notes itself, as notebooks need it.
         """
         lines: list[str] = []
-        for number, row in enumerate(self._shown()):
+        for number, row in enumerate(self._visible_rows()):
             place = f' data-passing="{number}"' if self.by_leg else ""
             lines.append(f"<tr{place}>{''.join(_html_cell(column, cell, inline) for column, cell in row)}</tr>")
         head, caption, notes = "", "", ""
         for column in self.columns:
-            if column.shown:
-                unit = f" <small>{escaped(column.unit)}</small>" if column.unit else ""
-                head += f'<th scope="col"{_style(column, inline)}>{escaped(column.name)}{unit}</th>'
+            if column.visible:
+                unit = f" <small>{escape_html(column.unit)}</small>" if column.unit else ""
+                head += f'<th scope="col"{_style(column, inline)}>{escape_html(column.name)}{unit}</th>'
         if inline:
             bold = '<caption style="text-align: left; font-weight: bold">'
-            caption = f"{bold}{escaped(self.title)}</caption>" if self.title else ""
-            notes = "".join(f"<p>{escaped(note)}</p>" for note in self.notes)
+            caption = f"{bold}{escape_html(self.title)}</caption>" if self.title else ""
+            notes = "".join(f"<p>{escape_html(note)}</p>" for note in self.notes)
         return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>{notes}"
 
     def markdown(self) -> str:
@@ -140,7 +140,7 @@ class Table:
             " | ".join(" ".join(text.split()).replace("<", "&lt;").replace("|", "\\|") for text in row)
             for row in self.texts()
         ]
-        rules = "|".join("---:" if column.form else "---" for column in self.columns if column.shown)
+        rules = "|".join("---:" if column.form else "---" for column in self.columns if column.visible)
         return "\n".join([f"| {heads} |", f"|{rules}|", *(f"| {line} |" for line in lines)])
 
     def csv(self, form: str = "", end: str = "\n") -> str:
@@ -152,7 +152,7 @@ class Table:
         """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator=end)
-        heads, *rows = self._stored()
+        heads, *rows = self._data_rows()
         writer.writerow(heads)
         for row in rows:
             writer.writerow([format(one + 0.0, form) if form and isinstance(one, float) else one for one in row])
@@ -160,7 +160,7 @@ class Table:
 
     def objects(self) -> list[dict[str, Value]]:
         """Return the rows as objects by the columns' keys, for JSON."""
-        heads, *rows = self._stored()
+        heads, *rows = self._data_rows()
         values = ([None if isinstance(one, float) and not math.isfinite(one) else one for one in row] for row in rows)
         return [dict(zip(map(str, heads), row, strict=True)) for row in values]
 
@@ -174,7 +174,7 @@ class Table:
             UsageError: pandas is not installed.
         """
         pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-        heads, *rows = self._stored()
+        heads, *rows = self._data_rows()
         return pandas.DataFrame(rows, columns=heads).set_index(index)
 
     def rich(self) -> "RichTable":
@@ -192,23 +192,23 @@ class Table:
             show_edge=False,
         )
         for column in self.columns:
-            if column.shown:
+            if column.visible:
                 head = f"{column.name}\n{column.unit}" if column.unit else column.name
                 justify, overflow = "right" if column.form else "left", "fold" if column.wraps else "ellipsis"
                 table.add_column(head, justify=justify, no_wrap=not column.wraps, overflow=overflow)
-        for row in self._shown():
+        for row in self._visible_rows():
             table.add_row(*(Text(column.text(cell.value), "bold red" if cell.bad else "") for column, cell in row))
         if self.notes:
             table.caption, table.caption_justify = Text("\n".join(self.notes)), "left"
         return table
 
-    def _shown(self) -> Iterator[list[tuple[Column, Cell]]]:
+    def _visible_rows(self) -> Iterator[list[tuple[Column, Cell]]]:
         """Yield what people see, row by row."""
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
-            yield [(column, one if isinstance(one, Cell) else Cell(one)) for column, one in pairs if column.shown]
+            yield [(column, one if isinstance(one, Cell) else Cell(one)) for column, one in pairs if column.visible]
 
-    def _stored(self) -> Iterator[list[Value]]:
+    def _data_rows(self) -> Iterator[list[Value]]:
         """Yield what CSV and JSON have: the columns' keys, then the values, row by row."""
         yield [column.key for column in self.columns if column.key]
         for row in self.rows:
