@@ -28,7 +28,7 @@ from typing import Any
 
 from airrace.__main__ import main as command
 from airrace.checkpoint import store
-from airrace.control import simulation, trim
+from airrace.control import simulation
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.fidelity_continuation import FidelityContinuation
@@ -43,7 +43,7 @@ BETWEEN = "-"
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
     REPLAY: (replay.replay, replay.replay_phases, replay.estimate_defect, replay.estimate_error),
-    SIMULATION: (simulation.follow, trim.settle),
+    SIMULATION: (simulation.follow, simulation.trim_along),
     FILES: (store.write_checkpoint, store.read_checkpoint, store.read_stored),
 }
 
@@ -152,8 +152,8 @@ def watch(clocks: Clocks) -> None:
         for function in functions:
             replace_everywhere(function, timed(clocks, part, function))
     FidelityContinuation.flight = timed(clocks, MODELS, FidelityContinuation.flight)
-    FidelityContinuation.make_ready = timed(clocks, MODELS, FidelityContinuation.make_ready)
-    climb, solve = FidelityContinuation.climb, SolverService.solve
+    FidelityContinuation.prepare = timed(clocks, MODELS, FidelityContinuation.prepare)
+    climb, solve = FidelityContinuation.solve_stage, SolverService.solve
 
     def climbed(ladder: FidelityContinuation, stage: Stage, *arguments: Any) -> Any:
         clocks.enter(stage.value)
@@ -174,7 +174,7 @@ def watch(clocks: Clocks) -> None:
         clocks.solved(time.perf_counter() - begun, solution.seconds, solution.derivative_seconds)
         return solution
 
-    FidelityContinuation.climb, SolverService.solve = climbed, waited
+    FidelityContinuation.solve_stage, SolverService.solve = climbed, waited
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 REPLACED = {
     "STAGES": "airrace.procedure.run",
     "optimize": "airrace.procedure.run",
-    "remeasured": "airrace.procedure.run",
+    "recompute": "airrace.procedure.run",
     "continuous": "airrace.procedure.results_api",
     "derived_quantities": "airrace.procedure.results_api",
     "ensure_matches_model": "airrace.procedure.results_api",
@@ -144,7 +144,7 @@ def _result(stage: Stage, scenario: str, passings: Sequence[str]) -> StageResult
     return stage_result(stage, outcomes.get(scenario, Status.SOLVED), passings=passings)
 
 
-def remeasured(
+def recompute(
     race: Race, settings: Settings, results: Sequence[StageResult]
 ) -> Iterator[tuple[StageResult, StageResult]]:
     for result in results:

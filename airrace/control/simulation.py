@@ -4,6 +4,9 @@ The outer loop asks for load factors and a roll rate that lead back to the refer
 model's own controls of them. Everything advances in steps of equal time with the classical Runge-Kutta scheme; the
 reference, linear between its samples, is looked up at the beginning of a step and as far ahead as its clock can run.
 Many steps are one call.
+
+A flight begins trimmed: in the state in which the model does at rest what the reference does. Trimmed states all along
+a reference are a guess for models that cannot follow it; the lag of the inner loop is missing from them.
 """
 
 from collections.abc import Callable
@@ -11,14 +14,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.control.inner_controller import InnerController, InnerLoopInverse
-from airrace.control.outer_loop import PathGains, errors, path_following
+from airrace.control.outer_loop import Commands, PathGains, errors, path_following
 from airrace.control.reference import Reference, ReferencePoint
-from airrace.control.trim import at, settled_states
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import FlightPathState
+from airrace.dynamics.flight_model import FlightModel, RollCounter
+from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
+from airrace.frames import normalise
 from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.records import record
@@ -43,6 +45,8 @@ LOST = 500.0
 """The distance from the reference beyond which a simulation has departed and is ended, m."""
 K_COUNTER = 1.0
 """The rate constant with which errors of roll counters are wound back, 1/s."""
+TRIM_STEPS = 30
+"""The number of steps of Newton's method towards a trimmed state."""
 
 
 @record
@@ -90,7 +94,7 @@ class TrackingSimulator:
     advance: ca.Function
 
 
-def pilot(
+def tracking_simulator(
     model: FlightModel, inverse: InnerLoopInverse, *, gains: PathGains | None = None, step: float = STEP
 ) -> TrackingSimulator:
     """Put a model under its controllers.
@@ -105,19 +109,95 @@ def pilot(
     return TrackingSimulator(model, inner, step, _advance(model, inner, gains or PathGains(), step))
 
 
-def follow(pilot: TrackingSimulator, reference: Reference, *, nodes: Array) -> Followed:
+def follow(simulator: TrackingSimulator, reference: Reference, *, nodes: Array) -> Followed:
     """Fly along `reference`, in the air that both have in common.
 
     Args:
-        pilot: flies.
+        simulator: flies.
         reference: what is to be followed.
         nodes: wanted values of the reference's clock, s; rising from zero to its end, shape (N + 1,).
     """
-    return _followed(pilot.model.system, reference, nodes, _fly(pilot, reference))
+    system, flown = simulator.model.system, _simulate(simulator, reference)
+    time, *rows = (np.interp(nodes, flown.clock, row, right=np.nan) for row in (flown.time, *flown.state))
+    state = np.stack(rows)
+    if system.projection is not None:
+        state = at_points(system.projection, state)
+    end = min(reference.duration, float(flown.clock[-1]))
+    inside = flown.clock < end
+    clock = np.append(flown.clock[inside], end)
+    distance = np.append(flown.distance[inside], np.interp(end, flown.clock, flown.distance))
+    worst = int(np.argmax(distance))
+    return Followed(
+        finished=bool(flown.clock[-1] >= reference.duration),
+        time=time,
+        state=state,
+        control=_controls(system, flown, time, state),
+        durations=np.diff(np.interp(reference.boundaries, flown.clock, flown.time, right=np.nan)),
+        tracking_error=float(distance[worst]),
+        tracking_error_time=float(clock[worst]),
+        end_distance=float(distance[-1]),
+        end_roll=float(np.interp(end, flown.clock, flown.roll)),
+    )
+
+
+def trim_along(
+    model: FlightModel, inverse: InnerLoopInverse, reference: Reference, *, nodes: Array
+) -> tuple[Array, Array]:
+    """Return trimmed states at instants of the reference, and the controls between them.
+
+    Args:
+        model: with the numbers of its aircraft and air.
+        inverse: builds the model's inner controller.
+        reference: what is imitated.
+        nodes: values of the reference's clock, s; shape (N + 1,).
+
+    Returns:
+        Shapes (n_x, N + 1) and (n_u, N); controls are within their bounds.
+    """
+    here = at(reference, nodes)
+    state = trimmed_states(model.system, inverse(model), here)
+    rates = {one.name: np.diff(row) / np.diff(nodes) for one, row in zip(model.system.states, state, strict=True)}
+    held = {"delta_T_cmd": here.delta_T, "Phi_reset": here.Phi_reset, "gain_reset": here.gain_reset}
+
+    def control(one: Quantity) -> Array:
+        values = rates[one.rate_of] if one.rate_of else 0.5 * (held[one.name][1:] + held[one.name][:-1])
+        return np.clip(values, one.lower, one.upper)
+
+    return state, np.stack([control(one) for one in model.system.controls])
+
+
+def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
+    """Return the reference at values of its clock (s), linear between its samples."""
+    histories = zip(ReferencePoint.names(), reference.histories.join(), strict=True)
+    here = {name: np.asarray(np.interp(nodes, reference.s, row), dtype=np.float64) for name, row in histories}
+    here |= zip(ATTITUDE, normalise([here[name] for name in ATTITUDE]), strict=True)
+    return ReferencePoint[Array](**here)
+
+
+def trimmed_states(system: System, inner: InnerController, here: ReferencePoint[Array]) -> Array:
+    """Return the states in which a model at rest does what the reference does, shape (n_x, N + 1)."""
+    nothing = np.zeros(len(here.x))
+    V_K = np.linalg.norm(np.stack(here.velocity), axis=0)
+    known = dict(zip(ReferencePoint.names(), here.join(), strict=True)) | {"V_K": V_K}
+    shared = (*PoweredState.names(), *RollCounter.names())  # by all models
+    x = np.stack([known[one.name] if one.name in shared else nothing for one in system.states])
+    commands = Commands[Array](
+        n_x=nothing,
+        delta_T_dot=nothing,
+        n_y=here.n_y,
+        n_z=here.soft_n_z,
+        n_z_dot=here.soft_n_z_dot,
+        p=here.soft_p,
+        p_dot=here.soft_p_dot,
+    )
+    wanted = np.stack(list(commands.join()))
+    for _ in range(TRIM_STEPS):
+        x = at_points(inner.settled, x, wanted)
+    return x
 
 
 @record
-class _Flown:
+class _Simulated:
     """The samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
 
     time: Array
@@ -128,36 +208,30 @@ class _Flown:
     roll: Array
 
 
-def _fly(pilot: TrackingSimulator, reference: Reference) -> _Flown:
-    system, step = pilot.model.system, pilot.step
+def _simulate(simulator: TrackingSimulator, reference: Reference) -> _Simulated:
+    """Fly until the reference's clock is at its end, or the aircraft is lost."""
+    system, step, lookup = simulator.model.system, simulator.step, _lookup(reference)
     n_x, n_u = len(system.states), len(system.controls)
-    advance = _step(pilot, reference).mapaccum("flight", CHUNK)
-    now = np.append(_beginning(system, pilot.inner, reference), 0.0)
+    y = ca.MX.sym("y", n_x + 1)  # (x, s)
+    after: Any = simulator.advance(y, lookup(y[-1]), lookup(y[-1] + step))  # Any: the stub does not know of two outputs
+    advance = ca.Function("step", [y], list(after)).mapaccum("flight", CHUNK)
+    begin = trimmed_states(system, simulator.inner, at(reference, np.zeros(1))).ravel()
+    now = np.append(begin, 0.0)
     before: list[Array] = []
     seen: list[Array] = []
     while not before or (before[-1][n_x, -1] < reference.duration and np.isfinite(now).all()):
-        after, outputs = (np.asarray(one) for one in advance(now))
-        before.append(np.hstack([now[:, None], after[:, :-1]]))
+        states, outputs = (np.asarray(one) for one in advance(now))
+        before.append(np.hstack([now[:, None], states[:, :-1]]))
         seen.append(outputs)
-        now = after[:, -1]
+        now = states[:, -1]
         if outputs[n_u].max() > LOST:
             break
     rows, outputs = np.hstack(before), np.hstack(seen)
     good = int(np.argmin(np.append(np.isfinite(rows).all(axis=0) & (outputs[n_u] < LOST), False)))
     rows, outputs = rows[:, :good], outputs[:, :good]
-    return _Flown(
+    return _Simulated(
         step * np.arange(good, dtype=float), rows[n_x], rows[:n_x], outputs[:n_u], outputs[n_u], outputs[n_u + 1]
     )
-
-
-def _step(pilot: TrackingSimulator, reference: Reference) -> ca.Function:
-    """Return one step along a reference as a function: from (x, s) to (x, s) after it and the observations before."""
-    lookup = _lookup(reference)
-    y = ca.MX.sym("y", len(pilot.model.system.states) + 1)
-    after: Any = pilot.advance(
-        y, lookup(y[-1]), lookup(y[-1] + pilot.step)
-    )  # Any: the stub does not know of two outputs
-    return ca.Function("step", [y], list(after))
 
 
 def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step: float) -> ca.Function:
@@ -214,63 +288,18 @@ def _lookup(reference: Reference) -> ca.Function:
     return interpolant("reference", "linear", [grid.tolist()], values, {"lookup_mode": ["exact"]})
 
 
-def _beginning(system: System, inner: InnerController, reference: Reference) -> Array:
-    """Return the state in which the model flies as the reference does at its beginning."""
-    return settled_states(system, inner, at(reference, np.zeros(1))).ravel()
-
-
-def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown) -> Followed:
-    """Return the samples, read at the wanted values of the clock."""
-    finished = bool(flown.clock[-1] >= reference.duration)
-    time = _at(nodes, flown.clock, flown.time)
-    state = np.stack([_at(nodes, flown.clock, row) for row in flown.state])
-    if system.projection is not None:
-        state = at_points(system.projection, state)
-    end = min(reference.duration, float(flown.clock[-1]))
-    inside = flown.clock < end
-    clock = np.append(flown.clock[inside], end)
-    distance = np.append(flown.distance[inside], np.interp(end, flown.clock, flown.distance))
-    worst = int(np.argmax(distance))
-    return Followed(
-        finished=finished,
-        time=time,
-        state=state,
-        control=_controls(system, flown, time, state),
-        durations=np.diff(_at(reference.boundaries, flown.clock, flown.time)),
-        tracking_error=float(distance[worst]),
-        tracking_error_time=float(clock[worst]),
-        end_distance=float(distance[-1]),
-        end_roll=float(np.interp(end, flown.clock, flown.roll)),
-    )
-
-
-def _at(wanted: Array, clock: Array, row: Array) -> Array:
-    """Return a history read at values of the clock; NaN beyond its end."""
-    return np.interp(wanted, clock, row, right=np.nan)
-
-
-def _controls(system: System, flown: _Flown, time: Array, state: Array) -> Array:
+def _controls(system: System, flown: _Simulated, time: Array, state: Array) -> Array:
     """Return the controls from node to node, shape (n_u, N).
 
     They are the mean rate of a state where the control is its rate, and the mean of the recorded control otherwise.
     """
     rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
-    steps = np.diff(time)
     controls: list[Array] = []
     for one, recorded in zip(system.controls, flown.control, strict=True):
         if one.rate_of:
-            mean = np.diff(rows[one.rate_of]) / steps
+            moved = rows[one.rate_of]
         else:
-            mean = np.diff(_integral(flown.time, recorded, time)) / steps
-        controls.append(_clipped(mean, one))
+            sums = np.append(0.0, np.cumsum(0.5 * (recorded[1:] + recorded[:-1]) * np.diff(flown.time)))
+            moved = np.where(np.isnan(time), np.nan, np.interp(time, flown.time, sums))
+        controls.append(np.clip(np.diff(moved) / np.diff(time), one.lower, one.upper))
     return np.stack(controls)
-
-
-def _integral(times: Array, values: Array, wanted: Array) -> Array:
-    """Return the integral of a history from its beginning to the wanted times."""
-    sums = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times)))
-    return np.where(np.isnan(wanted), np.nan, np.interp(wanted, times, sums))
-
-
-def _clipped(values: NDArray[np.float64], bounds: Quantity) -> Array:
-    return np.clip(values, bounds.lower, bounds.upper)

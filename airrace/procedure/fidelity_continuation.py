@@ -1,4 +1,4 @@
-"""The ladder: the flight of every stage, and the starts of its joint problem."""
+"""The fidelity continuation: the stages of one race in order, each started from the one before."""
 
 import dataclasses
 import functools
@@ -8,18 +8,18 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from airrace.control.simulation import TrackingSimulator, pilot
+from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import plan_from_solution
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import plan
 from airrace.planning.race import Race
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.fidelity import fidelity_of, iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import InfeasibilityTest, solve_homotopy
+from airrace.procedure.homotopy import solve_homotopy
 from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
 from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
 from airrace.procedure.infeasibility.local_infeasibility import (
@@ -39,22 +39,21 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.warm_start import followed, recorded, settled
+from airrace.procedure.warm_start import map_controls, track, trimmed_start
 
 logger = logging.getLogger(__name__)
 
-CLOSE = 4.0
+NEAR_TIE = 4.0
 """The multiple of the limit of the certificate's `race_time_change` (1) that settles which of two flights is faster.
 
-Flights that were solved on one mesh each, and whose race times differ by less, are proved before the faster one is
-chosen. Each mesh may err by about that limit.
+The meshes of flights that were solved on one mesh each, and whose race times differ by less, are checked before the
+faster one is chosen. Each mesh may err by about that limit.
 """
-
-LOST = 0.1
+MAX_LOSS = 0.1
 """The time by which an optimum may be slower than the rough one that it started from, s.
 
 On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
-another way was proved than the one that was found.
+another route was certified than the one that was found.
 """
 
 
@@ -64,12 +63,17 @@ def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
     return list(STAGES[first : STAGES.index(until) + 1])
 
 
+def checks_mesh(settings: Settings, stage: Stage, last: Stage | None) -> bool:
+    """Tell whether a stage of a run up to `last` is checked on a second mesh; `last` is None where every stage is."""
+    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
+
+
 class FidelityContinuation:
-    """The stages of one race, climbed one after the other; `done` holds those that are finished.
+    """The stages of one race, solved one after the other; `done` holds those that are finished.
 
     Args:
         first: the stage whose model is made at once.
-        last: the stage that a run ends with, which is always proved; None to prove every stage that is climbed.
+        last: the stage that a run ends with, whose mesh is always checked; None to check that of every stage.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
@@ -87,12 +91,12 @@ class FidelityContinuation:
         self._settings = settings
         self._last = last
         self._flights: dict[Stage, StageProblem] = {}
-        self._pilots: dict[Stage, TrackingSimulator] = {}
+        self._simulators: dict[Stage, TrackingSimulator] = {}
         self._pieces: StageResult | None = None
         self._local_infeasibility: LocalInfeasibility | None = None
         self._relaxed: RelaxedRoutes | None = None
         self.done = {result.stage: result for result in finished}
-        self.flight(first)  # inputs that contradict each other are told before anything is solved
+        self.flight(first)  # inputs that contradict each other are reported before anything is solved
 
     def flight(self, stage: Stage) -> StageProblem:
         """Return the model of a stage, made when it is first asked for.
@@ -108,62 +112,68 @@ class FidelityContinuation:
                 self._flights[stage] = formulate(stage, self._race, self._settings)
         return self._flights[stage]
 
-    def make_ready(self, stage: Stage) -> None:
+    def along(self, stage: Stage, optimum: StageResult) -> StageProblem:
+        """Return a stage's model, planned as an optimum goes round."""
+        flight = self.flight(stage)
+        route = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
+        return dataclasses.replace(flight, plan=route)
+
+    def prepare(self, stage: Stage) -> None:
         """Make what a stage needs that does not depend on the stage below it."""
         fidelity = fidelity_of(stage)
         self.flight(stage)
         if fidelity.inner_controller is not None and fidelity.warm_start.same_dynamics_as is None:
-            self._pilot(stage)
+            self._simulator(stage)
 
-    def _pilot(self, stage: Stage) -> TrackingSimulator:
-        if stage not in self._pilots:
+    def _simulator(self, stage: Stage) -> TrackingSimulator:
+        if stage not in self._simulators:
             with defer_signals():
-                self._pilots[stage] = pilot(self.flight(stage).model, fidelity_of(stage).controller())
-        return self._pilots[stage]
+                self._simulators[stage] = tracking_simulator(self.flight(stage).model, fidelity_of(stage).controller())
+        return self._simulators[stage]
 
-    def climb(self, stage: Stage, session: SolverSession) -> StageResult:
+    def solve_stage(self, stage: Stage, session: SolverSession) -> StageResult:
         """Run one stage and return its result; those before it are done."""
         fidelity = fidelity_of(stage)
         if fidelity.guess:
             result = self._homotopy(session)
         elif fidelity.inner_controller is None:
-            result = diagnose_infeasibility(
-                self._first_optimum(session), self._race, self.flight(stage), session, self._relaxed
-            )
+            result = self._point_mass(session)
+            # By then it is known whether the limits were relaxed before anything was solved.
+            result = diagnose_infeasibility(result, self._race, self.flight(stage), session, self._relaxed)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
-            climbing = (below, *below.alternatives)
-            results = [self._optimum(stage, list(self._handovers(stage, one, session)), session) for one in climbing]
-            result = _on_record(_fastest(self._resolve_near_ties(results, session)), session)
+            sources = (below, *below.alternatives)
+            results = [self._optimum(stage, list(self._warm_starts(stage, one, session)), session) for one in sources]
+            result = _with_log(_fastest(self._resolve_near_ties(results, session)), session)
         self.done[stage] = result
         return result
 
-    def explores(self, stage: Stage) -> bool:
+    def searches(self, stage: Stage) -> bool:
         """Tell whether other routes are tried in a stage."""
         return stage is Stage.POINT_MASS and self._settings.search is not SearchEffort.OFF
 
-    def proves(self, stage: Stage) -> bool:
+    def checks_mesh(self, stage: Stage) -> bool:
         """Tell whether a stage is checked on a second mesh."""
-        return proves(self._settings, stage, self._last)
+        return checks_mesh(self._settings, stage, self._last)
 
-    def complete(self, stage: Stage, session: SolverSession) -> StageResult:
-        """Complete the proof of a stage that was solved on one mesh, and of its alternatives.
+    def check_mesh(self, stage: Stage, session: SolverSession) -> StageResult:
+        """Check the mesh of a stage that was solved on a single one, and those of its alternatives.
 
         Returns:
-            The stage, certified; as it was, with a message that says why, where that fails.
+            The stage, certified; as it was, with a note that says why, where that fails.
         """
         solved = self.done[stage]
         session.restore_log(solved.attempts, solved.timings)
-        main, *alternatives = (self._proved(one, session) for one in (solved, *solved.alternatives))
-        result = dataclasses.replace(_on_record(main, session), alternatives=tuple(alternatives))
+        main, *alternatives = (self._checked(one, session) for one in (solved, *solved.alternatives))
+        result = dataclasses.replace(_with_log(main, session), alternatives=tuple(alternatives))
         self.done[stage] = result
         return result
 
-    def _proved(self, optimum: StageResult, session: SolverSession) -> StageResult:
-        """Return an optimum with its proof; the optimum itself where there is nothing to prove, or where that fails."""
+    def _checked(self, optimum: StageResult, session: SolverSession) -> StageResult:
+        """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""
         if optimum.certified or not optimum.holds:
             return optimum
-        found = check_mesh_convergence(self.as_flown(optimum.stage, optimum), optimum, session)
+        found = check_mesh_convergence(self.along(optimum.stage, optimum), optimum, session)
         notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
         if isinstance(found, StageResult):
             return dataclasses.replace(found, notes=notes)
@@ -173,23 +183,23 @@ class FidelityContinuation:
     def _optimum(
         self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], session: SolverSession
     ) -> StageResult:
-        """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
-        refine = None if self.proves(stage) else solve_single_mesh
+        """Return the optimum of a stage, certified where that is wanted, else on a single good mesh."""
+        refine = None if self.checks_mesh(stage) else solve_single_mesh
         # Of the point mass all conflicts are analysed, see `diagnose_infeasibility`.
         diagnose = None if stage is Stage.POINT_MASS else diagnose_window
         return solve_with_refinement(session, starts, refine, diagnose=diagnose)
 
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
-        """Optima of one stage, proved where their meshes may hide which of them is the fastest.
+        """Check the meshes of optima of one stage where they may hide which of them is the fastest.
 
-        Of those, only optima whose proof succeeds still hold, unless none does.
+        Of those, only optima whose check succeeds still hold, unless none does.
         """
         times = [one.trajectory.race_time if one.holds else math.inf for one in results]
-        closest = min(times) + CLOSE * self._settings.certificate.race_time_of(min(times))
+        closest = min(times) + NEAR_TIE * self._settings.certificate.race_time_of(min(times))
         close = [time <= closest < math.inf for time in times]
         if sum(close) < 2:
             return results
-        after = [self._proved(one, session) if near else one for one, near in zip(results, close, strict=True)]
+        after = [self._checked(one, session) if near else one for one, near in zip(results, close, strict=True)]
         if not any(one.certified for one in after):
             return after
         return [
@@ -200,23 +210,23 @@ class FidelityContinuation:
     def find_faster_route(self, optimum: StageResult) -> Callable[[SolverPool], str]:
         """Return the search for a route that is faster than that of another run's optimum.
 
-        It finds words; none where there is no such way, or where none is looked for. What is searched does not depend
-        on what is solved meanwhile: the optimum is flown again by the point mass under this race's numbers.
+        It finds a description; an empty one where there is no such route, or where none is looked for. What is searched
+        does not depend on what is solved meanwhile: the optimum is solved by the point mass under this race's numbers.
         """
         if self._settings.search is SearchEffort.OFF:
-            return _nothing
-        flight, source = self.flight(Stage.POINT_MASS), self.as_flown(optimum.stage, optimum)
-        if source.model.system.states != optimum.trajectory.states:
-            return _nothing  # it flies other equations, and is no start either
+            return lambda _: ""
+        flight, source = self.flight(Stage.POINT_MASS), self.along(optimum.stage, optimum)
+        if source.model.system.states != optimum.trajectory.states:  # of other equations, which is no start either
+            return lambda _: ""
         return functools.partial(find_faster_route, flight, source, optimum, self._race.course)
 
-    def _first_optimum(self, session: SolverSession) -> StageResult:
+    def _point_mass(self, session: SolverSession) -> StageResult:
         """Optimise the point mass from what the search found, then from the homotopy and the plan.
 
         The one that the user prefers comes first.
         """
         if self._local_infeasibility is not None:
-            return self._infeasible(self._local_infeasibility, session)
+            return self._locally_infeasible(self._local_infeasibility, session)
         known = self._first_starts(session)
         budget = BUDGETS.get(self._settings.search)
         if budget is None:
@@ -225,118 +235,111 @@ class FidelityContinuation:
         best = found.report(0)
         results: list[StageResult] = []
         for number, start in enumerate(found.starts):
-            if number >= self._settings.alternatives and any(_kept(one, best) for one in results):
+            if number >= self._settings.alternatives and any(_confirms(one, best) for one in results):
                 break
-            results.append(
-                self._optimum(Stage.POINT_MASS, [functools.partial(_made, start)], session)
-            )  # by all solvers
+            results.append(self._optimum(Stage.POINT_MASS, [functools.partial(_itself, start)], session))
         if not any(one.holds for one in results):
             results.append(self._optimum(Stage.POINT_MASS, known, session))
         results = list(self._resolve_near_ties(results, session))
         result = _fastest(results)
         winner = _winner(results)
-        explored = found.report(winner) if winner < len(found.starts) else best
-        _warn(result, explored, best)
-        return dataclasses.replace(_on_record(result, session), search=explored)
+        report = found.report(winner) if winner < len(found.starts) else best
+        for loop in report.loops:
+            logger.warning("the flight may hold a needless loop: %s", loop)
+        if result.holds and not _confirms(result, best):
+            logger.warning(
+                "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another "
+                "one, takes %.2f s",
+                *(best.routes[0].race_time, result.status.value, result.trajectory.race_time),
+            )
+        return dataclasses.replace(_with_log(result, session), search=report)
 
     def _search_routes(self, budget: SearchBudget, session: SolverSession) -> FoundRoutes:
-        """Search routes, with the starts without a search among the starts, so that nothing is lost by it."""
+        """Search routes, with the starts of a run without a search among the starts, so that none is lost by it."""
         flight, course, starts = self.flight(Stage.POINT_MASS), self._race.course, list[InitialGuess]()
         if budget.homotopy or Stage.HOMOTOPY in self.done:
             pieces = self._homotopy(session)
             if pieces.outcome is Status.SOLVED:
-                starts.append(_initial_guess(flight, pieces))
-        mirrored = plan(course, flight.plan.cruise, MIRRORED_TIES)
-        own, other = (_planned(flight, way, session) for way in (flight.plan, mirrored))
-        starts.append(own)
-        if not np.array_equal(own.guess.state, other.guess.state):
-            starts.append(other)
+                mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
+                starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
+        for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
+            along, mesh = dataclasses.replace(flight, plan=route), first_mesh(route, session.settings.mesh)
+            start = InitialGuess(along, mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True)
+            if route is flight.plan or not np.array_equal(starts[-1].guess.state, start.guess.state):
+                starts.append(start)
         return search_routes(flight, course, session, budget, starts, self._settings.alternatives)
 
     def _first_starts(self, session: SolverSession) -> Sequence[Callable[[], Start | StageResult]]:
         """Return the homotopy and the plan as starts, the one that the user prefers first."""
-        flight, flown = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
+        flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
-        def planned() -> Start:
-            mesh = first_mesh(flight.plan, session.settings.mesh)
-            return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
+        def planned_start() -> Start:
+            problem, iterate = self._planned(session)
+            return Start(flight, problem, iterate, InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
             where = ""
-            if flown is None:  # nor has the plan led anywhere
+            if pieces is None:  # nor has the plan led anywhere
                 self._relaxed = RelaxedRoutes(self._race, flight, session)
                 where = conflict_location(self._relaxed)
             first = self._homotopy(session, plain=bool(where))
             if where and first.notes:  # phases could not be added
-                return self._conflicting(where, session)
+                message = f"the limits contradict each other at {where}"
+                return self._infeasible(session, *self._planned(session), message)
             if self._local_infeasibility is not None:
-                return self._infeasible(self._local_infeasibility, session)
-            pieces = first.trajectory
-            return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), InitialBarrier.PIECES)
+                return self._locally_infeasible(self._local_infeasibility, session)
+            problem = flight.problem(mesh_of(first.trajectory))
+            return Start(flight, problem, iterate_of(first.trajectory), InitialBarrier.PIECES)
 
-        return (concatenate_phases, planned) if flown else (planned, concatenate_phases)
+        return (concatenate_phases, planned_start) if pieces else (planned_start, concatenate_phases)
+
+    def _planned(self, session: SolverSession) -> tuple[Problem, Iterate]:
+        """Return the point mass's problem on its first mesh, and its guess from the plan."""
+        flight = self.flight(Stage.POINT_MASS)
+        mesh = first_mesh(flight.plan, session.settings.mesh)
+        return flight.problem(mesh), guess(flight.plan, mesh)
 
     def _homotopy(self, session: SolverSession, *, plain: bool = False) -> StageResult:
-        """Return the pieces of the homotopy, which is flown once; `plain` as of `primary_only`."""
-        if self._pieces is None:
-            flown = self.done.get(Stage.HOMOTOPY)
-            infeasible = self._infeasibility_test(session, plain=plain)
-            self._pieces = flown or solve_homotopy(self.flight(Stage.HOMOTOPY), session, infeasible)
-        return self._pieces
-
-    def _infeasibility_test(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
-        """Return the question whether a phase contradicts itself, whose answer is kept."""
+        """Return the pieces of the homotopy, which is solved once; `plain` as of `primary_only`."""
 
         def window_is_infeasible(problem: Problem, phase: int, guesses: Sequence[Iterate]) -> bool:
             self._local_infeasibility = find_local_infeasibility(session, problem, phase, guesses, primary_only=plain)
             return self._local_infeasibility is not None
 
-        return window_is_infeasible
+        if self._pieces is None:
+            solved = self.done.get(Stage.HOMOTOPY)
+            self._pieces = solved or solve_homotopy(self.flight(Stage.HOMOTOPY), session, window_is_infeasible)
+        return self._pieces
 
-    def _conflicting(self, where: str, session: SolverSession) -> StageResult:
-        """Return the result of a race whose limits contradict each other at a place."""
+    def _locally_infeasible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
+        """Return the result of a race that is infeasible around a phase, which says what stands in the way."""
+        return self._infeasible(session, found.problem, found.guess, binding_limit(session, found))
+
+    def _infeasible(self, session: SolverSession, problem: Problem, iterate: Iterate, message: str) -> StageResult:
         flight = self.flight(Stage.POINT_MASS)
-        mesh = first_mesh(flight.plan, session.settings.mesh)
-        problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
-        return conclude(flight, session, problem, guess(flight.plan, mesh), outcome=Status.INFEASIBLE, message=message)
+        return conclude(flight, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
 
-    def _infeasible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
-        """Return the result of a race that cannot be flown, which says what stands in the way."""
-        message = binding_limit(session, found)
-        flight = self.flight(Stage.POINT_MASS)
-        return conclude(flight, session, found.problem, found.guess, outcome=Status.INFEASIBLE, message=message)
+    def _warm_starts(self, stage: Stage, below: StageResult, session: SolverSession) -> Iterator[Callable[[], Start]]:
+        """Yield the starts of a higher fidelity: along the stage below, trimmed in it, trimmed in the point mass."""
 
-    def _handovers(self, stage: Stage, below: StageResult, session: SolverSession) -> Iterator[Callable[[], Start]]:
-        """Yield the starts of a higher fidelity: along the stage below, at rest in it, at rest in the point mass."""
-        yield functools.partial(self._handed_over, stage, below, session)
-        yield functools.partial(self._at_rest, stage, below)
+        def trimmed_in(optimum: StageResult) -> Start:
+            with defer_signals():
+                return trimmed_start(self.along(stage, optimum), self.along(optimum.stage, optimum), optimum)
+
+        def from_below() -> Start:
+            flight, source = self.along(stage, below), self.along(below.stage, below)
+            if flight.fidelity.warm_start.same_dynamics_as is below.stage:
+                return map_controls(flight, source, below)
+            session.progress.activity(f"flying along the optimum of {below.stage.value} by error feedback", 0, 0)
+            with defer_signals():
+                return track(flight, self._simulator(stage), source, below)
+
+        yield from_below
+        yield functools.partial(trimmed_in, below)
         point_mass = self.done.get(Stage.POINT_MASS)  # a run started from another may lack it
-        is_rival = below is not self.done[below.stage]  # which goes another way than the point mass
-        if point_mass is not None and below is not point_mass and not is_rival:
-            yield functools.partial(self._at_rest, stage, point_mass)
-
-    def _at_rest(self, stage: Stage, optimum: StageResult) -> Start:
-        with defer_signals():
-            return settled(self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum), optimum)
-
-    def _handed_over(self, stage: Stage, optimum: StageResult, session: SolverSession) -> Start:
-        flight, below = self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum)
-        if flight.fidelity.warm_start.same_dynamics_as is optimum.stage:
-            return recorded(flight, below, optimum)
-        session.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
-        with defer_signals():
-            return followed(flight, self._pilot(stage), below, optimum)
-
-    def as_flown(self, stage: Stage, optimum: StageResult) -> StageProblem:
-        """Return a stage's model, planned as an optimum goes round."""
-        flight = self.flight(stage)
-        way = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
-        return dataclasses.replace(flight, plan=way)
-
-
-def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
-    """Tell whether a stage of a run up to `last` is checked on a second mesh; `last` is None where every stage is."""
-    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
+        is_alternative = below is not self.done[below.stage]  # which goes another route than the point mass
+        if point_mass is not None and below is not point_mass and not is_alternative:
+            yield functools.partial(trimmed_in, point_mass)
 
 
 def _fastest(results: Sequence[StageResult]) -> StageResult:
@@ -352,48 +355,17 @@ def _winner(results: Sequence[StageResult]) -> int:
     return times.index(min(times))
 
 
-def _on_record(result: StageResult, session: SolverSession) -> StageResult:
+def _with_log(result: StageResult, session: SolverSession) -> StageResult:
     """Return a result with the record of all that was solved for its stage, before it and after it."""
     return dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
 
 
-def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> None:
-    """Warn of what a user should look at: loops that are left, and a better way that could not be confirmed."""
-    for loop in explored.loops:
-        logger.warning("the flight may hold a needless loop: %s", loop)
-    if result.holds and not _kept(result, best):
-        logger.warning(
-            "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another one, "
-            "takes %.2f s",
-            *(best.routes[0].race_time, result.status.value, result.trajectory.race_time),
-        )
-
-
-def _kept(result: StageResult, explored: SearchReport) -> bool:
-    """Tell whether a flight holds and is about as fast as the best way was when it was solved coarsely."""
-    if not result.holds or not explored.routes:
+def _confirms(result: StageResult, report: SearchReport) -> bool:
+    """Tell whether a flight holds and is about as fast as the best route was when it was solved coarsely."""
+    if not result.holds or not report.routes:
         return result.holds
-    return result.trajectory.race_time <= explored.routes[0].race_time + LOST
+    return result.trajectory.race_time <= report.routes[0].race_time + MAX_LOSS
 
 
-def _made(start: Start) -> Start:
+def _itself(start: Start) -> Start:
     return start
-
-
-def _nothing(_: SolverPool) -> str:
-    return ""
-
-
-def _planned(flight: StageProblem, way: Plan, session: SolverSession) -> InitialGuess:
-    """Return a plan as an initial guess, on the mesh on which the race's own is solved without a search."""
-    mesh = first_mesh(way, session.settings.mesh)
-    return InitialGuess(
-        dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), InitialBarrier.COLD, is_baseline=True
-    )
-
-
-def _initial_guess(flight: StageProblem, pieces: StageResult) -> InitialGuess:
-    """Return the pieces of a homotopy as an initial guess."""
-    return InitialGuess(
-        flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), InitialBarrier.PIECES, is_baseline=True
-    )

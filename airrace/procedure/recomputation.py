@@ -1,8 +1,8 @@
-"""A stored result measured again, from what is believed of it: its histories, its multipliers and its coarser mesh.
+"""Stored results computed again from what is trusted of them: histories, multipliers and the coarser mesh.
 
-All else that a stage tells follows from these and from the race, so it is computed anew and can be compared with what
-is stored. What was done to find the flight (solver calls, seconds, routes that were tried) leaves no trace in it; such
-records are taken over as they are, and `UNVERIFIABLE` of `result.py` names them.
+All else of a stage follows from these and from the race, so it can be compared with what is stored. How the flight was
+found (solver calls, seconds, routes that were tried) leaves no trace in it; such records are taken over as they are,
+and `UNVERIFIABLE` of `result.py` names them.
 """
 
 import math
@@ -36,33 +36,32 @@ from airrace.trajectory import Array, Trajectory
 
 @record
 class TrustedData:
-    """All that is believed of a stored stage.
+    """All that is trusted of a stored stage.
 
     Attributes:
         stage: which one.
-        flown: its flight; of this nothing counts but the declared histories, the durations and the mesh.
+        trajectory: of this nothing counts but the declared histories, the durations and the mesh.
         multipliers: of the constraints, shape (n_g,).
         coarser: which nodes belong to the mesh that its race time was compared with; None where it does not claim such
             a comparison.
     """
 
     stage: Stage
-    flown: Trajectory
+    trajectory: Trajectory
     multipliers: Array
     coarser: Marks | None
 
     @classmethod
     def of(cls, result: StageResult) -> "TrustedData":
-        """Return what is believed of a stored stage."""
-        certificate = result.certificate
-        claims = certificate is None or certificate.compares_meshes
+        """Return what is trusted of a stored stage."""
+        claims = result.certificate is None or result.certificate.compares_meshes
         coarser = result.mesh.coarser if claims else None
         return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser)
 
 
 @record
 class Measured:
-    """All that follows from what is believed of a stage.
+    """All that follows from what is trusted of a stage.
 
     Attributes:
         trajectory: the flight as the race's own problem declares and names it, on its time axis.
@@ -82,16 +81,16 @@ class Measured:
     items: tuple[Item, ...]
 
 
-def remeasured(
+def recompute(
     race: Race, settings: Settings, results: Sequence[StageResult]
 ) -> Iterator[tuple[StageResult, StageResult]]:
-    """Measure stored results again, each from its histories and multipliers alone.
+    """Compute stored results again, each from its histories and multipliers alone.
 
     One thing is solved for: the optimum on the coarser mesh that the result's was divided from, whose race time is
-    compared. Of a stage that does not claim that comparison it is not made.
+    compared, unless the stage does not claim that comparison.
 
     Yields:
-        Every result as it is stored, and as it has to be stored if what is believed of it is true. One that found no
+        Every result as it is stored, and as it has to be stored if what is trusted of it is true. One that found no
         flight is yielded twice as it is.
 
     Raises:
@@ -100,34 +99,30 @@ def remeasured(
     """
     if not results:
         return
-    solver = settings.solver
-    with SolverService(stall_seconds=solver.stall_seconds) as service:
+    with SolverService(stall_seconds=settings.solver.stall_seconds) as service:
         for result in results:
-            if result.is_flight:
-                ensure_matches_model(race, result)
-                alternatives = tuple(
-                    _again(race, settings, alternative, service) for alternative in result.alternatives
-                )
-                yield result, replace(_again(race, settings, result, service), alternatives=alternatives)
-            else:
+            if not result.is_flight:
                 yield result, result
+                continue
+            ensure_matches_model(race, result)
+            alternatives = [_recomputed(race, settings, one, service) for one in result.alternatives]
+            yield result, replace(_recomputed(race, settings, result, service), alternatives=tuple(alternatives))
 
 
 def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:
-    """Measure the certificate of one stored result again, as `remeasured` does."""
-    ((_, again),) = remeasured(race, settings, [replace(result, alternatives=())])
+    """Measure the certificate of one stored result again, as `recompute` does."""
+    ((_, again),) = recompute(race, settings, [replace(result, alternatives=())])
     assert again.certificate is not None  # of an optimum
     return again.certificate
 
 
-def _again(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
+def _recomputed(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
     if fidelity_of(result.stage).guess:
         flight = formulate(Stage.POINT_MASS, race, settings)
-        flown = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
-        return replace(result, trajectory=flown, splits=gate_splits(flight, flown), certificate=None)
-    found = measured(race, settings, TrustedData.of(result), service)
-    stored = result.certificate
-    status = "" if stored is None else stored.solver_status
+        trajectory = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
+        return replace(result, trajectory=trajectory, splits=gate_splits(flight, trajectory), certificate=None)
+    found = measure(race, settings, TrustedData.of(result), service)
+    status = "" if result.certificate is None else result.certificate.solver_status
     return replace(
         result,
         trajectory=found.trajectory,
@@ -146,15 +141,15 @@ def _claim(attempts: Sequence[Attempt], status: str) -> Item:
     return Item("solver", math.nan, 0.0, "", "says nothing") if words is None else Item("solver", 0.0, 0.0, "", words)
 
 
-def measured(race: Race, settings: Settings, trusted: TrustedData, service: SolverService) -> Measured:
+def measure(race: Race, settings: Settings, trusted: TrustedData, service: SolverService) -> Measured:
     """Measure what follows from a flight and its multipliers, and from nothing else.
 
     Raises:
         CheckpointError: the multipliers do not belong to a flight of this race.
         SolverCrash: the solver process died.
     """
-    flight = formulate(trusted.stage, race, settings, trusted.flown)
-    problem, iterate = flight.problem(mesh_of(trusted.flown)), iterate_of(trusted.flown)
+    flight = formulate(trusted.stage, race, settings, trusted.trajectory)
+    problem, iterate = flight.problem(mesh_of(trusted.trajectory)), iterate_of(trusted.trajectory)
     layout = Layout(problem)
     if trusted.multipliers.shape != (layout.constraints,):
         raise CheckpointError(
@@ -175,12 +170,12 @@ def measured(race: Race, settings: Settings, trusted: TrustedData, service: Solv
         kkt_error=error.largest,
         coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
     )
-    flown = trajectory_of(problem, iterate)
+    trajectory = trajectory_of(problem, iterate)
     return Measured(
-        trajectory=flown,
-        splits=gate_splits(flight, flown),
+        trajectory=trajectory,
+        splits=gate_splits(flight, trajectory),
         bound_multipliers=bound_multipliers,
-        regularisation=functions.f - flown.race_time,
+        regularisation=functions.f - trajectory.race_time,
         defect=evidence.check.defect,
         drift=evidence.drift,
         items=certificate.items[1:],
@@ -195,16 +190,14 @@ def _coarser_race_time(
     NaN if there is no such mesh, if it is not everywhere coarser by half, or if no optimum is found on it; None where
     that is not claimed.
     """
-    kept, flown = trusted.coarser, trusted.flown
-    if kept is None:
+    coarser, trajectory = trusted.coarser, trusted.trajectory
+    if coarser is None:
         return None
-    nodes = np.flatnonzero(kept)
-    whole = kept.shape == flown.time.shape and bool(kept[flown.first_node].all())
-    if not whole or np.diff(nodes).min(initial=2) < 2:
+    whole = coarser.shape == trajectory.time.shape and bool(coarser[trajectory.first_node].all())
+    if not whole or np.diff(np.flatnonzero(coarser)).min(initial=2) < 2:
         return math.nan
-    mesh, guess = restrict(mesh_of(flown), iterate_of(flown), kept)
+    mesh, guess = restrict(mesh_of(trajectory), iterate_of(trajectory), coarser)
     session = SolverSession(service, settings, Silent())
-    solution = session.solve(
-        flight.problem(mesh), guess, "half of the intervals", barrier=InitialBarrier.COARSER_MESH, passing=True
-    )
+    problem, barrier = flight.problem(mesh), InitialBarrier.COARSER_MESH
+    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, passing=True)
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan

@@ -20,11 +20,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import Note, NoteKind, Stage, StageProvenance, StageResult, Status
+from airrace.procedure.result import Stage, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -36,7 +35,6 @@ from airrace.procedure.solve_and_refine import (
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
@@ -119,26 +117,6 @@ def warm_start_from(
     return None, _remark(another, obstacles, "the start is from scratch")
 
 
-def superseded(another: SourceRun, optimum: StageResult, route: str) -> str:
-    """Return why a start from another run was not enough: another route has become faster."""
-    return (
-        f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
-        f"but {route}; so the start is from scratch"
-    )
-
-
-def is_better(fallback: StageResult, result: StageResult) -> bool:
-    """Tell whether the optimum of a start from another run is better than what came from scratch instead."""
-    if result.outcome is not Status.SOLVED:
-        return True
-    return result.stage is fallback.stage and fallback.trajectory.race_time < result.trajectory.race_time
-
-
-def with_remark(result: StageResult, remark: str) -> StageResult:
-    """Return a result with a note on its start; the result itself where there is none."""
-    return replace(result, notes=(Note(NoteKind.START, remark), *result.notes)) if remark else result
-
-
 def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
     """Return a sentence on what did not lead to a result, and what was done instead; empty where everything did."""
     reasons = [
@@ -155,7 +133,7 @@ def _from_optimum(
     stored = _in_order_of(continuation.flight(optimum.stage), optimum)
     if stored is None:
         return "which flies other equations, no start was made"
-    flight = continuation.as_flown(optimum.stage, optimum)
+    flight = continuation.along(optimum.stage, optimum)
     if other_way := _other_way(flight, optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
@@ -185,7 +163,7 @@ def _from_optimum(
         start.barrier,
         (primary,),
         following,
-        _multipliers(flight, optimum, start),
+        start.multipliers,
         number=-1,
         passing=True,
         iterations_max=ITERATIONS_MAX,
@@ -196,16 +174,6 @@ def _from_optimum(
         status = "it stalled" if found.solution is None else found.solution.status
         return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
-
-
-def _multipliers(flight: StageProblem, optimum: StageResult, start: Start) -> Multipliers | None:
-    """Return the stored multipliers, on the mesh of the start; None where they belong to other limits."""
-    problem = flight.problem(mesh_of(optimum.trajectory))
-    layout = Layout(problem)
-    stored = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
-    if stored.constraints.shape != (layout.constraints,) or stored.bounds.shape != (layout.unknowns,):
-        return None
-    return carry_multipliers(stored, problem, start.problem)
 
 
 def _other_way(flight: StageProblem, optimum: StageResult) -> str:
@@ -226,18 +194,24 @@ def _other_way(flight: StageProblem, optimum: StageResult) -> str:
 def _start(flight: StageProblem, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, nodes, finer = mesh_of(optimum.trajectory), optimum.coarser_nodes, None
-    provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
+    whole = flight.problem(mesh)
     if not nodes.all() and nodes[optimum.trajectory.first_node].all():
         finer = bisect_coarse(MeshProposal(mesh, stored, optimum.mesh.why, nodes))
         mesh, stored = restrict(mesh, stored, nodes)
-    return Start(flight, flight.problem(mesh), stored, InitialBarrier.OTHER_MESH, provenance), finer
+    problem, layout = flight.problem(mesh), Layout(whole)
+    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    if known.constraints.shape == (layout.constraints,) and known.bounds.shape == (layout.unknowns,):
+        known = carry_multipliers(known, whole, problem)
+    else:
+        known = None  # they belong to other limits
+    provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
+    return Start(flight, problem, stored, InitialBarrier.OTHER_MESH, provenance, known), finer
 
 
 def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
     """Return the flight on the finer mesh, moved by what a solve has changed on the coarser one."""
     places = np.flatnonzero(finer.coarser)
-    share = np.concatenate([np.asarray(phase) for phase in finer.mesh])
-    passed = np.concatenate([[0.0], np.cumsum(share)])  # each phase counts 1
+    passed = np.concatenate([[0.0], np.cumsum(np.concatenate(finer.mesh))])  # each phase counts 1
     changed: list[Array] = [np.interp(passed, passed[places], row) for row in after.state - before.state]
     parent = np.cumsum(finer.coarser[:-1]) - 1
     return Iterate(
@@ -248,16 +222,16 @@ def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
 
 
 def _in_order_of(flight: StageProblem, optimum: StageResult) -> Iterate | None:
-    """Return the stored flight with the states and controls of a model, by their names; None where they differ."""
-    system, flown, stored = flight.model.system, optimum.trajectory, iterate_of(optimum.trajectory)
-    states, controls = _rows(system.states, flown.states), _rows(system.controls, flown.controls)
-    if states is None or controls is None:
-        return None
-    return Iterate(stored.durations, stored.state[states], stored.control[controls])
-
-
-def _rows(wanted: Sequence[Quantity], stored: Sequence[Quantity]) -> list[int] | None:
-    """Return where each of the quantities is stored; None unless they are the same, unit for unit."""
-    place = {(one.name, one.unit): row for row, one in enumerate(stored)}
-    keys = [(one.name, one.unit) for one in wanted]
-    return [place[key] for key in keys] if set(keys) == set(place) else None
+    """Return the stored flight with the states and controls of a model, by names and units; None where they differ."""
+    system, flown = flight.model.system, optimum.trajectory
+    rows: list[Array] = []
+    for wanted, stored, values in (
+        (system.states, flown.states, flown.state),
+        (system.controls, flown.controls, flown.control),
+    ):
+        place = {(one.name, one.unit): row for row, one in enumerate(stored)}
+        keys = [(one.name, one.unit) for one in wanted]
+        if set(keys) != set(place):
+            return None
+        rows.append(values[[place[key] for key in keys]])
+    return Iterate(flown.durations, *rows)

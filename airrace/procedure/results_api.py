@@ -5,7 +5,7 @@ coefficients, load factors, forces. Whatever shows, compares or writes runs impo
 that it never loads a solver.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -17,10 +17,10 @@ from airrace.optimal_control.replay import sample
 from airrace.planning.race import Race
 from airrace.points import at_points
 from airrace.procedure.fidelity import Histories, ensure_matches_model, fidelity_of, iterate_of, stage_model
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.trajectory import Array, Trajectory
+from airrace.trajectory import Array
 
 __all__ = ["Continuous", "continuous", "derived_quantities", "ensure_matches_model", "sampler"]
 
@@ -31,39 +31,19 @@ FORCES = (
 )
 
 
-@record
-class _Group:
-    """Quantities that one function of the named histories yields together."""
-
-    quantities: tuple[Quantity, ...]
-    of: Callable[[Histories], Histories]
-
-
 def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
+
+    def entry(of: Callable[[Histories], Histories], name: str) -> Callable[[Histories], Array]:
+        return lambda histories: of(histories)[name]
+
     groups = _groups(race, stage_model(result.stage, race))
-    own = {one: _entry(group.of, one.name) for group in groups for one in group.quantities}
+    own = {one: entry(values, one.name) for quantities, values in groups for one in quantities}
     return {**fidelity_of(result.stage).columns, **own}
 
 
-def derived_histories(race: Race, stage: Stage, model: FlightModel, histories: Histories) -> Mapping[Quantity, Array]:
-    """Return the same quantities as values, each of shape (n,); every function is evaluated once.
-
-    Args:
-        race: course, aircraft and air.
-        stage: that was flown.
-        model: its equations.
-        histories: of all states and controls, by name, each of shape (n,).
-    """
-    columns = {one: function(histories) for one, function in fidelity_of(stage).columns.items()}
-    for group in _groups(race, model):
-        values = group.of(histories)
-        columns.update({one: values[one.name] for one in group.quantities})
-    return columns
-
-
-def _groups(race: Race, model: FlightModel) -> tuple[_Group, ...]:
-    """Return what the model limits along the path, then load factors and forces."""
+def _groups(race: Race, model: FlightModel) -> Iterator[tuple[Sequence[Quantity], Callable[[Histories], Histories]]]:
+    """Yield what the model limits along the path, then load factors and forces, each with the function of them all."""
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
     path = [one for one in system.path if one.name not in known]
@@ -76,21 +56,16 @@ def _groups(race: Race, model: FlightModel) -> tuple[_Group, ...]:
 
     def along_path(histories: Histories) -> Histories:
         assert system.path_values is not None  # asked for its quantities alone
-        values = rows(system.path_values, histories)
-        return dict(zip((one.name for one in system.path), values, strict=True))
+        return dict(zip((one.name for one in system.path), rows(system.path_values, histories), strict=True))
 
     def loads(histories: Histories) -> Histories:
-        values = rows(load_factors(system), histories)
-        n = LoadFactors[Array].split(values)
+        n = LoadFactors[Array].split(rows(load_factors(system), histories))
         weight = race.aircraft.airframe.m * g0
         return vars(n) | {"F_x": weight * n.n_x, "F_y": weight * n.n_y, "F_z": -weight * n.n_z}
 
-    of_path = (_Group(tuple(path), along_path),) if path else ()
-    return (*of_path, _Group((*load, *FORCES), loads))
-
-
-def _entry(of: Callable[[Histories], Histories], name: str) -> Callable[[Histories], Array]:
-    return lambda histories: of(histories)[name]
+    if path:
+        yield path, along_path
+    yield (*load, *FORCES), loads
 
 
 @record
@@ -122,45 +97,36 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
         longest_step: between two times, s.
     """
     flown, model = result.trajectory, stage_model(result.stage, race)
-    time, interval = _times(flown, longest_step)
-    system = model.system
-
-    def rates(state: Array) -> Array:
-        return at_points(system.rates, state, flown.control, model.parameter_values)
-
-    states = _cubic(flown, rates(flown.state[:, :-1]), rates(flown.state[:, 1:]), time, interval)
-    solved = dict(zip(flown.states, states, strict=True))
-    solved |= dict(zip(flown.controls, flown.control[:, interval], strict=True))
-    histories = {quantity.name: values for quantity, values in solved.items()}
-    declared = {one.name: one for one in (*system.states, *system.controls)}
-    bounded = {declared.get(quantity.name, quantity): values for quantity, values in solved.items()}
-    return Continuous(time, bounded, derived_histories(race, result.stage, model, histories))
-
-
-def _times(flown: Trajectory, longest_step: float) -> tuple[Array, np.ndarray]:
-    """Nodes, and evenly between them as many times as the step asks for; and the interval that each belongs to."""
-    steps = np.diff(flown.time)
+    system, steps = model.system, np.diff(flown.time)
     parts = np.maximum(np.ceil(steps / longest_step - 1e-9), 1.0).astype(np.int64)
-    interval = np.repeat(np.arange(len(steps)), parts)
+    interval = np.repeat(np.arange(len(steps)), parts)  # that each time belongs to
     number = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
-    time = flown.time[interval] + number / parts[interval] * steps[interval]
-    return np.append(time, flown.time[-1]), np.append(interval, len(steps) - 1)
-
-
-def _cubic(flown: Trajectory, first: Array, last: Array, time: Array, interval: np.ndarray) -> Array:
-    """Hermite's cubics through the nodes; exact at the nodes themselves."""
-    h = np.diff(flown.time)[interval]
+    time = np.append(flown.time[interval] + number / parts[interval] * steps[interval], flown.time[-1])
+    interval = np.append(interval, len(steps) - 1)
+    first, last = (
+        at_points(system.rates, state, flown.control, model.parameter_values)
+        for state in (flown.state[:, :-1], flown.state[:, 1:])
+    )
+    h = steps[interval]
     s = (time - flown.time[interval]) / h
-    before, after = flown.state[:, interval], flown.state[:, interval + 1]
-    values = (
+    before = flown.state[:, interval]
+    states = (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * before
-        + s**2 * (3.0 - 2.0 * s) * after
+        + s**2 * (3.0 - 2.0 * s) * flown.state[:, interval + 1]
         + h * s * (1.0 - s) ** 2 * first[:, interval]
         - h * s**2 * (1.0 - s) * last[:, interval]
     )
-    values[:, s == 0.0] = before[:, s == 0.0]
-    values[:, -1] = flown.state[:, -1]
-    return values
+    states[:, s == 0.0] = before[:, s == 0.0]  # exact at the nodes
+    states[:, -1] = flown.state[:, -1]
+    solved = dict(zip((*flown.states, *flown.controls), [*states, *flown.control[:, interval]], strict=True))
+    histories = {quantity.name: values for quantity, values in solved.items()}
+    declared = {one.name: one for one in (*system.states, *system.controls)}
+    bounded = {declared.get(quantity.name, quantity): values for quantity, values in solved.items()}
+    derived = {one: function(histories) for one, function in fidelity_of(result.stage).columns.items()}
+    for quantities, function in _groups(race, model):
+        values = function(histories)
+        derived |= {one: values[one.name] for one in quantities}
+    return Continuous(time, bounded, derived)
 
 
 def sampler(race: Race, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:

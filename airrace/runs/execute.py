@@ -11,7 +11,7 @@ from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
 from airrace.errors import OutOfTime, UsageError
 from airrace.procedure import run as procedure
-from airrace.procedure.fidelity_continuation import proves
+from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.runs.command_result import CommandResult, ExitCode
@@ -156,7 +156,7 @@ def execute_for_command(
         summarise(answer, plan.run.name, results, time.perf_counter() - started)
         answer.fields["stages"] = stages_object(plan.run.inputs, results)
         for result in results:
-            if result.status is Status.SOLVED and proves(plan.run.inputs.settings, result.stage, plan.until):
+            if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
         if plan.start is not None:
             answer.fields["compared"] = split_comparison_object(plan.start, results)

@@ -14,7 +14,7 @@ from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import read_named
 from airrace.procedure import run as procedure
-from airrace.procedure.fidelity_continuation import proves
+from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import Stage, StageResult, Status
@@ -245,7 +245,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
         steps.append(PlannedStage(stage, reason))
         if stored is not None and not reason:
             kept.append(stored.result)
-            if stored.result.status is Status.SOLVED and proves(run.inputs.settings, stage, until):
+            if stored.result.status is Status.SOLVED and checks_mesh(run.inputs.settings, stage, until):
                 steps[-1] = replace(steps[-1], unproved="it was solved on one mesh")
     return ExecutionPlan(run, until, tuple(kept), tuple(steps))
 

@@ -324,7 +324,7 @@ def verify_run(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
         ended = [f"; {result.stage.value} ended {result.outcome.value}" for result in unsolved]
         raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
     general = list(_of_the_run(run, versions=versions))
-    measured = procedure.remeasured(run.inputs.race, run.inputs.settings, results)
+    measured = procedure.recompute(run.inputs.race, run.inputs.settings, results)
     return tuple(_verification(run, result, again, general) for result, again in measured)
 
 

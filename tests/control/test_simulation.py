@@ -12,7 +12,7 @@ from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
 
 from airrace.control.outer_loop import Commands, PathGains, errors, path_following, path_rate
 from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, softened
-from airrace.control.simulation import STEP, Followed, follow, pilot
+from airrace.control.simulation import STEP, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import g0
@@ -37,7 +37,9 @@ def followed(
     """A manoeuvre flown by a model of the ladder."""
     reference = flown(name, air).reference
     nodes = np.linspace(0.0, reference.duration, intervals + 1)
-    flying = pilot(ladder_model(stage, air), fidelity_of(Stage(stage)).controller(), gains=gains, step=step)
+    flying = tracking_simulator(
+        ladder_model(stage, air), fidelity_of(Stage(stage)).controller(), gains=gains, step=step
+    )
     return follow(flying, reference, nodes=nodes)
 
 
@@ -98,7 +100,7 @@ def mirrored(reference: Reference) -> Reference:
 def test_mirrored_reference_is_followed_in_the_mirrored_way(stage: str) -> None:
     reference = flown("7 g slalom").reference
     nodes = np.linspace(0.0, reference.duration, 30)
-    flying = pilot(ladder_model(stage), fidelity_of(Stage(stage)).controller())
+    flying = tracking_simulator(ladder_model(stage), fidelity_of(Stage(stage)).controller())
     one, other = (follow(flying, each, nodes=nodes) for each in (reference, mirrored(reference)))
     signs = np.array([[1.0], [-1.0], [1.0]])
     assert signs * other.state[:3] == pytest.approx(one.state[:3], abs=1e-4)
@@ -144,7 +146,7 @@ def test_rolls_are_counted_along(stage: str) -> None:
     model = ladder_model(stage, counting=True)
     reference = flown("barrel roll", counting=True).reference
     nodes = np.linspace(0.0, reference.duration, 40)
-    flight = follow(pilot(model, fidelity_of(Stage(stage)).controller()), reference, nodes=nodes)
+    flight = follow(tracking_simulator(model, fidelity_of(Stage(stage)).controller()), reference, nodes=nodes)
     histories = {one.name: values for one, values in zip(model.system.states, flight.state, strict=True)}
     assert histories["Phi"][-1] == pytest.approx(2.0 * np.pi, abs=0.1)
     assert histories["gain"] == pytest.approx(np.interp(nodes, reference.s, reference.histories.gain), abs=2.0)
@@ -154,7 +156,7 @@ def test_phases_are_those_of_the_reference() -> None:
     whole = flown("barrel roll").reference
     parts = dataclasses.replace(whole, boundaries=np.array([0.0, 1.0, 2.5, whole.duration]))
     nodes = np.linspace(0.0, whole.duration, 21)
-    flying = pilot(ladder_model("six-dof"), fidelity_of(Stage.SIX_DOF).controller())
+    flying = tracking_simulator(ladder_model("six-dof"), fidelity_of(Stage.SIX_DOF).controller())
     flight = follow(flying, parts, nodes=nodes)
     times = np.interp(parts.boundaries, nodes, flight.time)
     assert flight.durations == pytest.approx(np.diff(times), abs=1e-3)

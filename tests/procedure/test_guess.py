@@ -10,7 +10,7 @@ from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
 from transformations import mirrored
 
 from airrace.control.inner_controller import InnerLoopInverse
-from airrace.control.simulation import TrackingSimulator, pilot
+from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
@@ -177,12 +177,12 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
 
     def watched(model: FlightModel, inverse: InnerLoopInverse) -> TrackingSimulator:
         made.append(model)
-        return pilot(model, inverse)
+        return tracking_simulator(model, inverse)
 
     monkeypatch.setattr(module, "pilot", watched)
     ladder = FidelityContinuation(SMALL, settings(GuessKind.PLAN), ())
     for _ in range(2):
-        ladder.make_ready(stage)
+        ladder.prepare(stage)
     assert len(made) == simulations
     assert all(model is ladder.flight(stage).model for model in made)
 

@@ -277,9 +277,9 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
     ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
-        assert ladder.climb(Stage.HOMOTOPY, used).outcome is Status.SOLVED
+        assert ladder.solve_stage(Stage.HOMOTOPY, used).outcome is Status.SOLVED
         used.reset_log()
-    result = ladder.climb(Stage.POINT_MASS, used)
+    result = ladder.solve_stage(Stage.POINT_MASS, used)
     assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]

@@ -24,7 +24,7 @@ from races import (
 )
 
 from airrace.control.reference import from_optimum
-from airrace.control.trim import at
+from airrace.control.simulation import at
 from airrace.dynamics import flight_model, state_space_inversion
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
@@ -39,7 +39,7 @@ from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import history, mesh_of
-from airrace.procedure.warm_start import FEWEST, first_nodes, recorded, settled
+from airrace.procedure.warm_start import FEWEST, first_nodes, map_controls, trimmed_start
 from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)
@@ -137,7 +137,7 @@ def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
 def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
     source, flight = prepared(RACES[name], Stage.STATE_SPACE_INVERSION), prepared(RACES[name], Stage.STATE_SPACE)
     optimum = optimum_of(name, Stage.STATE_SPACE_INVERSION)
-    start = recorded(flight, source, optimum)
+    start = map_controls(flight, source, optimum)
     flown, steps = optimum.trajectory, interval_durations(start.problem, start.guess.durations)
     nodes = np.concatenate([[0.0], np.cumsum(steps)])
     assert steps.max() <= flight.longest_interval + 1e-9
@@ -191,7 +191,7 @@ def test_first_mesh_is_as_dense_as_the_one_before_and_no_coarser_than_allowed(lo
 def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> None:
     """Without its corners, which no aircraft that rotates can follow."""
     source, flight, optimum = prepared(SMALL), prepared(SMALL, stage), solve_stages(SMALL)[0]
-    start = settled(flight, source, optimum)
+    start = trimmed_start(flight, source, optimum)
     reference = from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
     wanted = at(reference, first_nodes(optimum, flight.longest_interval)[0])
     x, u = start.guess.state, np.hstack([start.guess.control, start.guess.control[:, -1:]])

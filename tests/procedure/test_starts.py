@@ -42,7 +42,7 @@ def canned(*verdicts: str) -> SolverSession:
 def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
     finished, used = solve_stages(SMALL)[:kept], canned("stuck")
     ladder = FidelityContinuation(SMALL, PLAN, finished)
-    result = ladder.climb(OPTIMA[kept], used)
+    result = ladder.solve_stage(OPTIMA[kept], used)
     assert (result.stage, result.outcome) == (OPTIMA[kept], Status.NOT_CONVERGED)
     assert not result.certified
     assert "gave up (stuck)" in result.message

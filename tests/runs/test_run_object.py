@@ -313,10 +313,10 @@ def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, mon
 def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def remeasured(_: object, __: object, results: Sequence[StageResult]) -> Iterator[tuple[StageResult, StageResult]]:
+    def recompute(_: object, __: object, results: Sequence[StageResult]) -> Iterator[tuple[StageResult, StageResult]]:
         yield from ((result, result) for result in results)
 
-    monkeypatch.setattr(procedure, "remeasured", remeasured)
+    monkeypatch.setattr(procedure, "recompute", recompute)
     below, last = run.verify()
     assert (below.verified, last.verified) == (True, True)
     assert below.finding == "verified as solved on one mesh, its race time not confirmed on a second one"

@@ -25,7 +25,7 @@ from airrace.runs.run import open_run
 from airrace.runs.verification import verify_run
 from airrace.trajectory import Trajectory
 
-measure = recomputation.measured
+measure = recomputation.measure
 MEASURED: dict[str, Measured] = {}
 
 
@@ -45,7 +45,7 @@ def measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
             MEASURED[key] = measure(race, settings, trusted, service)
         return MEASURED[key]
 
-    monkeypatch.setattr(recomputation, "measured", once)
+    monkeypatch.setattr(recomputation, "measure", once)
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatc
     answers = Answers(taking(9.0), taking(8.9), making=False)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     with open_session(BOTH) as session:
-        result = FidelityContinuation(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, session)
+        result = FidelityContinuation(HALF_CUBAN, BOTH, (below,)).solve_stage(Stage.TRANSFER_FUNCTION, session)
     assert len(answers.asked) == 2
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
@@ -132,7 +132,7 @@ def first_stage(
     monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search))
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
-        result = FidelityContinuation(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
     assert answers.verdicts == []
     return result, answers.asked, list(starts)
 
@@ -163,7 +163,7 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     )
     monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
-        result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, QUICK, ()).solve_stage(Stage.POINT_MASS, session)
     assert result.search.routes[0].text == "second"
 
 
@@ -211,7 +211,9 @@ def close_together(
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
     with open_session(two) as session:
-        result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).solve_stage(
+            Stage.POINT_MASS, session
+        )
     return result, asked
 
 

@@ -146,7 +146,7 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     monkeypatch.setattr(fidelity_continuation, "search_routes", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
-        result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, QUICK, ()).solve_stage(Stage.POINT_MASS, session)
     assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 
@@ -311,7 +311,7 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
     promise = "left -> right, flat, saves about 0.03 s"
     monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
     for scratch in (slower(good), dataclasses.replace(good, outcome=Status.NOT_CERTIFIED)):
-        monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
+        monkeypatch.setattr(FidelityContinuation, "solve_stage", lambda *_, found=scratch: found)
         result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
         assert result.remarks.endswith("so the start is from scratch, which led to nothing faster")
@@ -329,7 +329,7 @@ def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest
             good, stage=Stage.TRANSFER_FUNCTION, outcome=Status.NOT_CERTIFIED, message="no"
         ),
     }
-    monkeypatch.setattr(FidelityContinuation, "climb", lambda _, stage, session: scratch[stage])
+    monkeypatch.setattr(FidelityContinuation, "solve_stage", lambda _, stage, session: scratch[stage])
     run = optimize(
         *(WINDY, QUICK),
         until=Stage.TRANSFER_FUNCTION,
