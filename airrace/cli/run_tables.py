@@ -13,7 +13,7 @@ from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.tables import PAGE, number, rendered
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
-from airrace.procedure.split_comparison import compared, last_common
+from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight, laps_of
@@ -347,7 +347,7 @@ def start_table(start: "SourceRun", results: Sequence[StageResult]) -> Table | N
     common = last_common(start.results, results)
     if common is None:
         return None
-    comparison = compared(*common)
+    comparison = compare_splits(*common)
     rows: list[tuple[str | float, ...]] = [
         (leg.name, leg.before, leg.after, leg.difference, leg.cumulative) for leg in comparison.legs
     ]

@@ -20,11 +20,11 @@ from airrace.control.inner_controller import (
     InnerController,
     Named,
     Plant,
-    declared,
     jacobian,
-    limited,
+    quantity_named,
     solve,
     with_values,
+    within_bounds,
 )
 from airrace.control.outer_loop import clip
 from airrace.dynamics.flight_model import FlightModel
@@ -120,7 +120,7 @@ def invert_body_motion(model: FlightModel, chain: InversionChain) -> InnerContro
             "alpha_K": wanted.alpha,
             "beta_K": wanted.beta,
             **{name: turning[row] for row, name in enumerate(chain.rates)},
-            **{name: limited(plant.system, name, trim[row]) for row, name in enumerate(chain.movers)},
+            **{name: within_bounds(plant.system, name, trim[row]) for row, name in enumerate(chain.movers)},
         },
     )
 
@@ -133,8 +133,8 @@ def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -
     n_z, n_y, lift_slope, side_slope = (
         with_values(one, movers, trim) for one in (plant.load.n_z, plant.load.n_y, lift_slope, side_slope)
     )
-    higher = _within(plant, "alpha_A", (limited(system, "n_z", command.n_z) - n_z) / lift_slope)
-    further = _within(plant, "beta_A", (limited(system, "n_y", command.n_y) - n_y) / side_slope)
+    higher = _within(plant, "alpha_A", (within_bounds(system, "n_z", command.n_z) - n_z) / lift_slope)
+    further = _within(plant, "beta_A", (within_bounds(system, "n_y", command.n_y) - n_y) / side_slope)
     path = FlightPathState.names()
     along, path_rates = column(x[name] for name in path), column(plant.rates[name] for name in path)
     n_z_dot, n_y_dot = (jacobian(one, along) @ path_rates for one in (plant.load.n_z, plant.load.n_y))
@@ -143,7 +143,7 @@ def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -
     return _Wanted(
         alpha=x["alpha_K"] + higher,
         beta=x["beta_K"] + further,
-        roll=limited(system, chain.roll_rate, command.p) - plant.load.p_Kbar,
+        roll=within_bounds(system, chain.roll_rate, command.p) - plant.load.p_Kbar,
         pitch=alpha_dot - plant.rates["alpha_K"],
         yaw=plant.rates["beta_K"] - beta_dot,
     )
@@ -151,5 +151,5 @@ def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -
 
 def _within(plant: Plant, name: str, change: Scalar) -> Scalar:
     """Return a change of an angle, limited so that the path quantity `name` that changes with it keeps its bounds."""
-    bounds, now = declared(plant.system.path, name), plant.path[name]
+    bounds, now = quantity_named(plant.system.path, name), plant.path[name]
     return clip(change, bounds.lower - now, bounds.upper - now)

@@ -105,7 +105,7 @@ class Plant:
         """
         controls: Named = {}
         for name, value in wanted.items():
-            state, control = declared(self.system.states, name), rate_declared(self.system.controls, name)
+            state, control = quantity_named(self.system.states, name), rate_quantity(self.system.controls, name)
             inside = clip(value, state.lower, state.upper)
             controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
         return controls
@@ -129,17 +129,17 @@ class Plant:
         return {one.name: values[row] for row, one in enumerate(system.path)}
 
 
-def declared(quantities: Sequence[Quantity], name: str) -> Quantity:
+def quantity_named(quantities: Sequence[Quantity], name: str) -> Quantity:
     """Return the declaration of the quantity `name`."""
     return next(one for one in quantities if one.name == name)
 
 
-def rate_declared(quantities: Sequence[Quantity], name: str) -> Quantity:
+def rate_quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
     """Return the declaration of the quantity that is the rate of the state `name`."""
     return next(one for one in quantities if one.rate_of == name)
 
 
-def limited(system: System, name: str, value: Scalar) -> Scalar:
+def within_bounds(system: System, name: str, value: Scalar) -> Scalar:
     """Return `value` within the bounds of the state or path quantity `name`."""
-    bounds = declared((*system.states, *system.path), name)
+    bounds = quantity_named((*system.states, *system.path), name)
     return clip(value, bounds.lower, bounds.upper)

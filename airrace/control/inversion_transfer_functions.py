@@ -8,7 +8,15 @@ and the commands follow by inverting the lags exactly. The bandwidth is the lag'
 commands that move faster than a pilot's hand: a slow aircraft would be shaken instead of flown.
 """
 
-from airrace.control.inner_controller import InnerController, Named, Plant, declared, jacobian, limited, rate_declared
+from airrace.control.inner_controller import (
+    InnerController,
+    Named,
+    Plant,
+    jacobian,
+    quantity_named,
+    rate_quantity,
+    within_bounds,
+)
 from airrace.control.outer_loop import clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.environment.elementary import maximum, minimum, sqrt
@@ -29,7 +37,7 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
     x, command = plant.x, plant.commands
     n_z = _allowed(plant, "n_z", command.n_z, "C_L")
     n_y = _allowed(plant, "n_y", command.n_y, "beta_A")
-    p = limited(plant.system, "p_Kbar", command.p)
+    p = within_bounds(plant.system, "p_Kbar", command.p)
     wanted: Named = {
         "n_z_cmd": _command_for(plant, "n_z_dot", _answer(plant, "n_z", "n_z_cmd", n_z, command.n_z_dot), "n_z_cmd"),
         "n_y_cmd": _command_for(plant, "n_y_dot", _answer(plant, "n_y", "n_y_cmd", n_y, 0.0), "n_y_cmd"),
@@ -50,16 +58,16 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
 
 def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
     """Return a load factor within its own bounds and those of the path quantity `by`, which is proportional to it."""
-    largest = declared(plant.system.path, by).upper
-    smallest = declared(plant.system.path, by).lower
+    largest = quantity_named(plant.system.path, by).upper
+    smallest = quantity_named(plant.system.path, by).lower
     slope = jacobian(plant.path[by], plant.x[name])
     one, other = HEADROOM * largest / slope, HEADROOM * smallest / slope  # whichever way the slope goes
-    return limited(plant.system, name, clip(value, minimum(one, other), maximum(one, other)))
+    return within_bounds(plant.system, name, clip(value, minimum(one, other), maximum(one, other)))
 
 
 def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
     """Return `n''_des` (g/s2) of the load factor `name`, which is commanded by the state `by`."""
-    rate = rate_declared(plant.system.states, name).name
+    rate = rate_quantity(plant.system.states, name).name
     w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
     return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
 

@@ -15,7 +15,7 @@ turned; near zero g the bank is the reference's own, and side force takes over:
     n_x,cmd = [s'^2 a_ref . t + K_V (V_ref - V_K)] / g0 - R31      n_z,cmd = -f_z      p_cmd = s' p_ref + K_mu e_mu
     n_y,cmd = n_y,ref + clip(eps^2 (f_y - n_y,ref) / (f_y^2 + f_z^2 + eps^2))
 
-The reference's own part in `n_z,cmd` and `p_cmd` is taken without its corners (`softened` in the module on references),
+The reference's own part in `n_z,cmd` and `p_cmd` is taken without its corners (`soften` in the module on references),
 for no inner loop can follow them, and along with it goes its rate, for a loop with a lag to lead by.
 """
 

@@ -113,7 +113,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     R: list[list[Array]] = rotation([own[name] for name in ("q0", "q1", "q2", "q3")])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)
-    soft_n_z, soft_p = softened(s, load.n_z), softened(s, load.p_Kbar)
+    soft_n_z, soft_p = soften(s, load.n_z), soften(s, load.p_Kbar)
     nothing = np.zeros(len(s))
     counted = {name: own.get(name, nothing) for name in ("Phi", "gain", "Phi_reset", "gain_reset")}
     histories = ReferencePoint[Array](
@@ -137,7 +137,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     return Reference(s, histories, boundaries)
 
 
-def softened(s: Array, values: Array) -> Array:
+def soften(s: Array, values: Array) -> Array:
     """Return a history without its corners: its mean under a triangle `SOFTENING` wide to either side.
 
     What happens in between is neither early nor late, and its integral is kept; the ends hold their values.
@@ -153,25 +153,25 @@ def softened(s: Array, values: Array) -> Array:
     return np.interp(s, grid, means)
 
 
-def from_optimum(model: FlightModel, problem: Problem, flown: Trajectory) -> Reference:
+def from_optimum(model: FlightModel, problem: Problem, trajectory: Trajectory) -> Reference:
     """Return a stage's optimum as a reference, sampled between its nodes as the certificate samples it.
 
     Args:
         model: whose system the problem is about.
-        problem: the problem on the mesh of `flown`.
-        flown: its solution.
+        problem: the problem on the mesh of `trajectory`.
+        trajectory: its solution.
     """
     # Imported here: models are read without whatever compiles them, and the guidance laws are part of their list.
     from airrace.optimal_control.replay import interval_durations, replay
 
-    sampled = replay(problem, Iterate(flown.durations, flown.state, flown.control)).state
+    sampled = replay(problem, Iterate(trajectory.durations, trajectory.state, trajectory.control)).state
     n_x, _, samples = sampled.shape
-    steps = interval_durations(problem, flown.durations)
+    steps = interval_durations(problem, trajectory.durations)
     share = np.linspace(0.0, 1.0, samples)[:-1]
-    s = np.append((flown.time[:-1, None] + steps[:, None] * share).ravel(), flown.time[-1])
+    s = np.append((trajectory.time[:-1, None] + steps[:, None] * share).ravel(), trajectory.time[-1])
     state = np.hstack([sampled[:, :, :-1].reshape(n_x, -1), sampled[:, -1, -1:]])
-    control = np.hstack([np.repeat(flown.control, samples - 1, axis=1), flown.control[:, -1:]])
-    return from_histories(model, s, state, control, flown.time[flown.first_node])
+    control = np.hstack([np.repeat(trajectory.control, samples - 1, axis=1), trajectory.control[:, -1:]])
+    return from_histories(model, s, state, control, trajectory.time[trajectory.first_node])
 
 
 def sum_of_products(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:

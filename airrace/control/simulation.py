@@ -117,26 +117,26 @@ def follow(simulator: TrackingSimulator, reference: Reference, *, nodes: Array) 
         reference: what is to be followed.
         nodes: wanted values of the reference's clock, s; rising from zero to its end, shape (N + 1,).
     """
-    system, flown = simulator.model.system, _simulate(simulator, reference)
-    time, *rows = (np.interp(nodes, flown.clock, row, right=np.nan) for row in (flown.time, *flown.state))
+    system, samples = simulator.model.system, _simulate(simulator, reference)
+    time, *rows = (np.interp(nodes, samples.clock, row, right=np.nan) for row in (samples.time, *samples.state))
     state = np.stack(rows)
     if system.projection is not None:
         state = at_points(system.projection, state)
-    end = min(reference.duration, float(flown.clock[-1]))
-    inside = flown.clock < end
-    clock = np.append(flown.clock[inside], end)
-    distance = np.append(flown.distance[inside], np.interp(end, flown.clock, flown.distance))
+    end = min(reference.duration, float(samples.clock[-1]))
+    inside = samples.clock < end
+    clock = np.append(samples.clock[inside], end)
+    distance = np.append(samples.distance[inside], np.interp(end, samples.clock, samples.distance))
     worst = int(np.argmax(distance))
     return Followed(
-        finished=bool(flown.clock[-1] >= reference.duration),
+        finished=bool(samples.clock[-1] >= reference.duration),
         time=time,
         state=state,
-        control=_controls(system, flown, time, state),
-        durations=np.diff(np.interp(reference.boundaries, flown.clock, flown.time, right=np.nan)),
+        control=_controls(system, samples, time, state),
+        durations=np.diff(np.interp(reference.boundaries, samples.clock, samples.time, right=np.nan)),
         tracking_error=float(distance[worst]),
         tracking_error_time=float(clock[worst]),
         end_distance=float(distance[-1]),
-        end_roll=float(np.interp(end, flown.clock, flown.roll)),
+        end_roll=float(np.interp(end, samples.clock, samples.roll)),
     )
 
 
@@ -288,18 +288,18 @@ def _lookup(reference: Reference) -> ca.Function:
     return interpolant("reference", "linear", [grid.tolist()], values, {"lookup_mode": ["exact"]})
 
 
-def _controls(system: System, flown: _Simulated, time: Array, state: Array) -> Array:
+def _controls(system: System, samples: _Simulated, time: Array, state: Array) -> Array:
     """Return the controls from node to node, shape (n_u, N).
 
     They are the mean rate of a state where the control is its rate, and the mean of the recorded control otherwise.
     """
     rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
     controls: list[Array] = []
-    for one, recorded in zip(system.controls, flown.control, strict=True):
+    for one, recorded in zip(system.controls, samples.control, strict=True):
         if one.rate_of:
             moved = rows[one.rate_of]
         else:
-            sums = np.append(0.0, np.cumsum(0.5 * (recorded[1:] + recorded[:-1]) * np.diff(flown.time)))
-            moved = np.where(np.isnan(time), np.nan, np.interp(time, flown.time, sums))
+            sums = np.append(0.0, np.cumsum(0.5 * (recorded[1:] + recorded[:-1]) * np.diff(samples.time)))
+            moved = np.where(np.isnan(time), np.nan, np.interp(time, samples.time, sums))
         controls.append(np.clip(np.diff(moved) / np.diff(time), one.lower, one.upper))
     return np.stack(controls)

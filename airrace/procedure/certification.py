@@ -44,13 +44,13 @@ class Evidence:
     """The measurements of an optimum, apart from the solver's own claims.
 
     Attributes:
-        flown: its controls flown again.
+        replay: its controls flown again.
         check: limits and gates on that flight.
         drift: how far the Hamiltonian is from minus the weight of time, shape (N,).
         integration: what each interval's error of integration takes off the race time, s; shape (N,).
     """
 
-    flown: Replay
+    replay: Replay
     check: ConstraintCheck
     drift: Array
     integration: Array
@@ -58,11 +58,11 @@ class Evidence:
 
 def examine(problem: Problem, iterate: Iterate, constraint_multipliers: Array, limits: CertificateLimits) -> Evidence:
     """Measure an optimum."""
-    flown = replay(problem, iterate)
+    again = replay(problem, iterate)
     drift = np.abs(hamiltonian(problem, iterate, constraint_multipliers) + problem.objective.time)
-    measured = check_constraints(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
-    integration = errors_in_objective(problem, flown.defect, constraint_multipliers)
-    return Evidence(flown, measured, drift, integration)
+    measured = check_constraints(problem, iterate, again, tolerances=tolerances(limits), defect_limit=limits.replay)
+    integration = errors_in_objective(problem, again.defect, constraint_multipliers)
+    return Evidence(again, measured, drift, integration)
 
 
 def certify(

@@ -112,15 +112,15 @@ def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
 
 def _counters(plan: Plan, mesh: Sequence[Fractions], steps: Array, state: Array) -> tuple[Array, Array]:
     """Return histories of `RollCounter` (2, N + 1) and `RollReset` (2, N), which count on rolls and rest elsewhere."""
-    flown = PointMassState[Array].split(state)
-    passing = np.vstack([0.5 * (flown.p_Kbar[1:] + flown.p_Kbar[:-1]), np.diff(-flown.z) / steps])
+    history = PointMassState[Array].split(state)
+    passing = np.vstack([0.5 * (history.p_Kbar[1:] + history.p_Kbar[:-1]), np.diff(-history.z) / steps])
     counted = np.zeros((2, len(steps) + 1))
     nodes = np.concatenate([[0], np.cumsum([len(fractions) for fractions in mesh])])
     for waypoint, first, last in zip(plan.waypoints[1:], nodes, nodes[1:], strict=False):
         if waypoint.passage.roll is not None:
             share = np.concatenate([[0.0], np.cumsum(steps[first:last])]) / steps[first:last].sum()
             counted[0, first : last + 1] = waypoint.rolled * share
-            counted[1, first : last + 1] = flown.z[first] - flown.z[first : last + 1]
+            counted[1, first : last + 1] = history.z[first] - history.z[first : last + 1]
     return counted, np.diff(counted, axis=1) / steps - passing
 
 

@@ -191,15 +191,15 @@ def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal
     return _divide(optimum, parts, why, inherited_nodes(parts))
 
 
-def bisect_coarse(draft: MeshProposal, flown: Replay | None = None) -> MeshProposal:
+def bisect_coarse(draft: MeshProposal, replay: Replay | None = None) -> MeshProposal:
     """Return a mesh everywhere finer by half, at least, than the coarser mesh behind a draft.
 
     Args:
-        flown: its controls flown again, for states at the new nodes; None for states straight between the old ones.
+        replay: its controls flown again, for states at the new nodes; None for states straight between the old ones.
     """
     sizes = np.diff(np.flatnonzero(draft.coarser))
     parts = np.where(sizes == 1, 2, 1).astype(np.int64)[np.cumsum(draft.coarser[:-1]) - 1]
-    mesh, guess = divide(draft.mesh, draft.guess, flown, parts)
+    mesh, guess = divide(draft.mesh, draft.guess, replay, parts)
     return MeshProposal(mesh, guess, np.repeat(draft.why, parts), _still_coarser(draft, parts))
 
 
@@ -387,7 +387,7 @@ def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits
 
 def _divide(optimum: MeshSolution, parts: Indices, why: NDArray[np.int8], coarser: Marks | None) -> MeshProposal:
     """Return the mesh with intervals cut into parts; all nodes are its own first ones without a coarser mesh."""
-    mesh, guess = divide(optimum.problem.mesh, optimum.iterate, optimum.evidence.flown, parts)
+    mesh, guess = divide(optimum.problem.mesh, optimum.iterate, optimum.evidence.replay, parts)
     nodes = np.ones(int(parts.sum()) + 1, dtype=np.bool_) if coarser is None else coarser
     return MeshProposal(mesh, guess, np.repeat(why, parts), nodes)
 

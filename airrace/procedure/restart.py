@@ -223,15 +223,15 @@ def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
 
 def _in_order_of(flight: StageProblem, optimum: StageResult) -> Iterate | None:
     """Return the stored flight with the states and controls of a model, by names and units; None where they differ."""
-    system, flown = flight.model.system, optimum.trajectory
+    system, trajectory = flight.model.system, optimum.trajectory
     rows: list[Array] = []
     for wanted, stored, values in (
-        (system.states, flown.states, flown.state),
-        (system.controls, flown.controls, flown.control),
+        (system.states, trajectory.states, trajectory.state),
+        (system.controls, trajectory.controls, trajectory.control),
     ):
         place = {(one.name, one.unit): row for row, one in enumerate(stored)}
         keys = [(one.name, one.unit) for one in wanted]
         if set(keys) != set(place):
             return None
         rows.append(values[[place[key] for key in keys]])
-    return Iterate(flown.durations, *rows)
+    return Iterate(trajectory.durations, *rows)

@@ -96,29 +96,31 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
         result: the stage.
         longest_step: between two times, s.
     """
-    flown, model = result.trajectory, stage_model(result.stage, race)
-    system, steps = model.system, np.diff(flown.time)
+    trajectory, model = result.trajectory, stage_model(result.stage, race)
+    system, steps = model.system, np.diff(trajectory.time)
     parts = np.maximum(np.ceil(steps / longest_step - 1e-9), 1.0).astype(np.int64)
     interval = np.repeat(np.arange(len(steps)), parts)  # that each time belongs to
     number = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
-    time = np.append(flown.time[interval] + number / parts[interval] * steps[interval], flown.time[-1])
+    time = np.append(trajectory.time[interval] + number / parts[interval] * steps[interval], trajectory.time[-1])
     interval = np.append(interval, len(steps) - 1)
     first, last = (
-        at_points(system.rates, state, flown.control, model.parameter_values)
-        for state in (flown.state[:, :-1], flown.state[:, 1:])
+        at_points(system.rates, state, trajectory.control, model.parameter_values)
+        for state in (trajectory.state[:, :-1], trajectory.state[:, 1:])
     )
     h = steps[interval]
-    s = (time - flown.time[interval]) / h
-    before = flown.state[:, interval]
+    s = (time - trajectory.time[interval]) / h
+    before = trajectory.state[:, interval]
     states = (
         (1.0 + 2.0 * s) * (1.0 - s) ** 2 * before
-        + s**2 * (3.0 - 2.0 * s) * flown.state[:, interval + 1]
+        + s**2 * (3.0 - 2.0 * s) * trajectory.state[:, interval + 1]
         + h * s * (1.0 - s) ** 2 * first[:, interval]
         - h * s**2 * (1.0 - s) * last[:, interval]
     )
     states[:, s == 0.0] = before[:, s == 0.0]  # exact at the nodes
-    states[:, -1] = flown.state[:, -1]
-    solved = dict(zip((*flown.states, *flown.controls), [*states, *flown.control[:, interval]], strict=True))
+    states[:, -1] = trajectory.state[:, -1]
+    solved = dict(
+        zip((*trajectory.states, *trajectory.controls), [*states, *trajectory.control[:, interval]], strict=True)
+    )
     histories = {quantity.name: values for quantity, values in solved.items()}
     declared = {one.name: one for one in (*system.states, *system.controls)}
     bounded = {declared.get(quantity.name, quantity): values for quantity, values in solved.items()}

@@ -369,7 +369,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
             MeshProposal.first(there, guess),
             InitialBarrier.OTHER_MESH,
             session.solvers,
-            lambda refined: finer(bisect_coarse(good.draft, good.evidence.flown), refined.solved[0]),
+            lambda refined: finer(bisect_coarse(good.draft, good.evidence.replay), refined.solved[0]),
             carry_multipliers(known, problem, there),
             number=-1,
             passing=True,

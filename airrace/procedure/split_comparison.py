@@ -48,7 +48,7 @@ class SplitComparison:
         return self.after - self.before
 
 
-def compared(before: StageResult, after: StageResult) -> SplitComparison:
+def compare_splits(before: StageResult, after: StageResult) -> SplitComparison:
     """Compare one flight with another of the same passings.
 
     Raises:

@@ -238,15 +238,15 @@ class PerturbedProblem:
 
     def formulation(self, race: Race) -> StageProblem:
         """Return the flight of a race along the plan of the race that was flown."""
-        flight, course, flown = self.flight, race.course, self.race.course
+        flight, course, original = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
-        if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
+        if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
             built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
             system = dataclasses.replace(
                 model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
             )
             model = dataclasses.replace(built, system=system)
-        if _watched(course) != _watched(flown):
+        if _surroundings(course) != _surroundings(original):
             watches = path_constraints(course, model.system.states)
         return dataclasses.replace(
             flight,
@@ -258,7 +258,7 @@ class PerturbedProblem:
         )
 
 
-def _watched(course: Course) -> tuple[object, ...]:
+def _surroundings(course: Course) -> tuple[object, ...]:
     """Return all of a course that watches are made of."""
     own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
     return course.airspace, course.crowd, own

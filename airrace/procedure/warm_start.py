@@ -2,7 +2,7 @@
 
 Where the equations change, the higher fidelity's model is flown along the lower one's optimum by error feedback. Where
 that strays too far, the model is trimmed in the optimum, node by node. Where only the controls change, from commands to
-the deflections they made, the recorded ones are flown.
+the deflections they made, the recorded ones are trajectory.
 """
 
 import dataclasses
@@ -62,20 +62,24 @@ def trimmed_start(flight: StageProblem, source: StageProblem, optimum: StageResu
 
 def map_controls(flight: StageProblem, source: StageProblem, optimum: StageResult) -> Start:
     """Return a start: the flight of a stage, in the states and controls of another one with the same equations."""
-    flown, system = optimum.trajectory, flight.model.system
+    trajectory, system = optimum.trajectory, flight.model.system
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    held = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
-    states = {one.name: np.interp(nodes, flown.time, history(source, flown, one.name)) for one in system.states}
+    held = {one.name: row for one, row in zip(trajectory.controls, trajectory.control, strict=True)}
+    states = {
+        one.name: np.interp(nodes, trajectory.time, history(source, trajectory, one.name)) for one in system.states
+    }
 
     def control(one: Quantity) -> Array:
         moved = states.get(one.rate_of)
         if one.name in held:  # the mean over each new interval
-            added = np.concatenate([[0.0], np.cumsum(held[one.name] * np.diff(flown.time))])
-            moved = np.interp(nodes, flown.time, added)
+            added = np.concatenate([[0.0], np.cumsum(held[one.name] * np.diff(trajectory.time))])
+            moved = np.interp(nodes, trajectory.time, added)
         assert moved is not None  # a control that the source lacks is the rate of a state
         return np.clip(np.diff(moved) / np.diff(nodes), one.lower, one.upper)
 
-    guess = Iterate(flown.durations, np.vstack(list(states.values())), np.vstack([control(u) for u in system.controls]))
+    guess = Iterate(
+        trajectory.durations, np.vstack(list(states.values())), np.vstack([control(u) for u in system.controls])
+    )
     return _start(flight, source, optimum, guess, fractions_of(nodes, first_node))
 
 
@@ -85,11 +89,11 @@ def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]
     The last of the latter is the end. Nodes are as dense as in the mesh from which the optimum's was divided, and no
     further apart than `longest`, s.
     """
-    flown = optimum.trajectory
-    times = flown.time[optimum.coarser_nodes]
+    trajectory = optimum.trajectory
+    times = trajectory.time[optimum.coarser_nodes]
     needed = np.concatenate([[0.0], np.cumsum(np.maximum(1.0, np.diff(times) / longest))])
     nodes: list[Array] = []
-    for begin, end in itertools.pairwise(flown.time[flown.first_node]):
+    for begin, end in itertools.pairwise(trajectory.time[trajectory.first_node]):
         first, last = np.interp([begin, end], times, needed)
         count = max(FEWEST, math.ceil(last - first - 1e-9))
         nodes.append(np.interp(np.linspace(first, last, count + 1)[:-1], needed, times))

@@ -10,7 +10,7 @@ import numpy as np
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
-from airrace.procedure.split_comparison import compared, last_common
+from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
@@ -355,7 +355,7 @@ def split_comparison_object(start: "SourceRun", results: Sequence[StageResult]) 
     common = last_common(start.results, results)
     if common is None:
         return None
-    comparison = compared(*common)
+    comparison = compare_splits(*common)
     return {
         "with": start.name,
         "stage": common[1].stage.value,

@@ -27,7 +27,7 @@ from airrace.procedure import results_api
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshCheck
-from airrace.procedure.split_comparison import SplitComparison, compared, last_common
+from airrace.procedure.split_comparison import SplitComparison, compare_splits, last_common
 from airrace.runs.json_objects import near_misses_object, run_object, stage_object
 from airrace.runs.stage_view import (
     Sensitivities,
@@ -251,7 +251,7 @@ class Run:
         if common is None:
             raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
         try:
-            return compared(*common)
+            return compare_splits(*common)
         except ValueError as error:
             raise UsageError(f"{other.label} has other passings than {self.label}") from error
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
 
 from airrace.control.outer_loop import Commands, PathGains, errors, path_following, path_rate
-from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, softened
+from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, soften
 from airrace.control.simulation import STEP, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
@@ -353,14 +353,14 @@ def test_speed_is_the_length_of_the_velocity(name: str) -> None:
 def test_softening_leaves_straight_histories_alone() -> None:
     s = np.linspace(0.0, 3.0, 400)
     inside = (s > SOFTENING + 0.01) & (s < 2.99 - SOFTENING)
-    assert softened(s, 2.0 - 3.0 * s)[inside] == pytest.approx((2.0 - 3.0 * s)[inside])
-    assert softened(s, np.full(400, 4.0)) == pytest.approx(np.full(400, 4.0))
+    assert soften(s, 2.0 - 3.0 * s)[inside] == pytest.approx((2.0 - 3.0 * s)[inside])
+    assert soften(s, np.full(400, 4.0)) == pytest.approx(np.full(400, 4.0))
 
 
 def test_softening_is_neither_early_nor_late_and_keeps_the_integral() -> None:
     s = np.linspace(0.0, 2.0, 2001)
     ramp = np.interp(s, (0.9, 1.1), (0.0, 1.0))
-    soft = softened(s, ramp)
+    soft = soften(s, ramp)
     assert soft + soft[::-1] == pytest.approx(np.ones(2001), abs=1e-3)
     assert np.trapezoid(soft, s) == pytest.approx(np.trapezoid(ramp, s), abs=1e-4)
     assert np.all(np.diff(soft) >= -1e-12)

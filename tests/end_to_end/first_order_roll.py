@@ -4,7 +4,7 @@ p_Kbar' = (p_cmd - p_Kbar) / TAU
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.control.inner_controller import InnerController, Plant, limited
+from airrace.control.inner_controller import InnerController, Plant, within_bounds
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
@@ -85,8 +85,8 @@ def invert_rolling(model: FlightModel) -> InnerController:
     """The controller: load factors are moved at once, the command of the roll leads its lag."""
     plant = Plant(model)
     x, command = plant.x, plant.commands
-    n_z, n_y = limited(model.system, "n_z", command.n_z), limited(model.system, "n_y", command.n_y)
-    p = limited(model.system, "p_Kbar", command.p)
+    n_z, n_y = within_bounds(model.system, "n_z", command.n_z), within_bounds(model.system, "n_y", command.n_y)
+    p = within_bounds(model.system, "p_Kbar", command.p)
     leading = x["p_Kbar"] + TAU * (command.p_dot + K_P * (p - x["p_Kbar"]))
     return plant.controller(
         wanted={"n_z": n_z, "n_y": n_y, "p_cmd": leading},

@@ -41,7 +41,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Status
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
-from airrace.procedure.split_comparison import compared, last_common
+from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Interval
 from airrace.track.course import Direction
@@ -319,7 +319,7 @@ def test_a_race_that_differs_has_a_plan_of_its_own() -> None:
 
 def test_losses_of_the_legs_add_up_to_that_of_the_race_and_change_signs_the_other_way_round() -> None:
     calm, windy = optimum(SMALL, PLAN), optimum(blown(SMALL, 200.0, 3.0), PLAN)
-    there, back = compared(calm, windy), compared(windy, calm)
+    there, back = compare_splits(calm, windy), compare_splits(windy, calm)
     assert there.difference != 0.0
     assert sum(leg.difference for leg in there.legs) == pytest.approx(there.difference, abs=1e-9)
     assert there.legs[-1].cumulative == pytest.approx(there.difference, abs=1e-9)
@@ -328,7 +328,7 @@ def test_losses_of_the_legs_add_up_to_that_of_the_race_and_change_signs_the_othe
     assert [leg.difference for leg in there.legs] == [-leg.difference for leg in back.legs]
     assert there.difference == -back.difference
     with pytest.raises(ValueError, match="same passings"):
-        compared(calm, optimum(SHIPPED["half_cuban_eight"], PLAN))
+        compare_splits(calm, optimum(SHIPPED["half_cuban_eight"], PLAN))
 
 
 def test_only_stages_certified_in_both_runs_are_compared() -> None:
