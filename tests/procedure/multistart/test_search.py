@@ -286,7 +286,7 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
                 pool.work([planned_guess(prepared(SLALOM), prepared(SLALOM).plan, InitialBarrier.COLD)], solve_coarse)
 
         def interrupted() -> None:
-            with session.aside(endless):
+            with session.search_in_background(endless):
                 assert begun.wait(60.0)
                 raise KeyboardInterrupt
 
@@ -295,7 +295,11 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
 
 
 def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
-    with open_session(threads=2) as session, session.aside(lambda _: 1 / 0) as search, pytest.raises(ZeroDivisionError):
+    with (
+        open_session(threads=2) as session,
+        session.search_in_background(lambda _: 1 / 0) as search,
+        pytest.raises(ZeroDivisionError),
+    ):
         search.result()
 
 
