@@ -6,15 +6,26 @@ from collections.abc import Sequence
 from airrace.records import record
 from airrace.trajectory import Array
 
-DIRECTIONS = 12
-"""The number of directions around a place in which a label may go."""
-OUTSIDE = 1000.0
-"""The price of a label that lies outside the frame, in points of the drawing that a label covers.
 
-Twenty times that of one that lies on another label: of four places in a corner the last label else lay half outside.
-"""
-GAPS = (1.0, 2.0, 3.5, 5.5)
-"""The distances between a place and its label that are tried, as multiples of the gap asked for."""
+@record
+class Placement:
+    """What places are tried for a label, and what they cost.
+
+    Attributes:
+        directions: around a place in which its label may go.
+        gaps: distances between a place and its label, as multiples of the gap asked for.
+        overlap: the price of lying on another label, in points of the drawing that a label covers.
+        outside: the price of lying outside the frame; at that of an overlap, of four places in a corner the last label
+            lay half outside.
+    """
+
+    directions: int = 12
+    gaps: tuple[float, ...] = (1.0, 2.0, 3.5, 5.5)
+    overlap: float = 50.0
+    outside: float = 1000.0
+
+
+PLACEMENT = Placement()
 
 
 @record
@@ -53,16 +64,21 @@ def place_labels(
     boxes: list[Box] = []
     for (x, y), (width, height) in zip(anchors, sizes, strict=True):
         choices: list[tuple[float, Box]] = []
-        for distance in GAPS:
-            for number in range(DIRECTIONS):
-                angle = 2.0 * math.pi * number / DIRECTIONS
+        for distance in PLACEMENT.gaps:
+            for number in range(PLACEMENT.directions):
+                angle = 2.0 * math.pi * number / PLACEMENT.directions
                 across = x + math.cos(angle) * (distance * gap + 0.5 * width)
                 up = y + math.sin(angle) * (distance * gap + 0.5 * height)
                 box = Box(across - 0.5 * width, up - 0.5 * height, width, height)
                 area = width * height
                 overlap = sum(box.overlap(other) for other in boxes) / area
                 outside = 1.0 - box.overlap(frame) / area
-                cost = 50.0 * overlap + OUTSIDE * outside + box.count_inside(points) + 0.02 * len(choices)
+                cost = (
+                    PLACEMENT.overlap * overlap
+                    + PLACEMENT.outside * outside
+                    + box.count_inside(points)
+                    + 0.02 * len(choices)
+                )
                 choices.append((cost, box))
         boxes.append(min(choices, key=lambda choice: choice[0])[1])
     return boxes

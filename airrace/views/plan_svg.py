@@ -14,18 +14,29 @@ from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
 
-LONGER_EDGE = 560.0
-"""The longer edge of the map, pixels."""
-MARGIN = 34.0
-"""The margin around what is drawn, pixels."""
-FONT = 11.0
-"""The size of letters, pixels."""
-LETTER = 0.58
-"""The width of a letter as a share of its size."""
-GATE_LEAST = 5.0
-"""The least length of a gate to either side, pixels: gates are to scale, but long enough to be map_."""
-LABELS_MAX = 60
-"""The largest number of elements whose names are written."""
+
+@record
+class SvgStyle:
+    """Sizes in the drawing.
+
+    Attributes:
+        longer_edge: of the map, pixels.
+        margin: around what is drawn, pixels.
+        font: the size of letters, pixels.
+        letter: the width of a letter as a share of its size.
+        gate: the least length of a gate to either side, pixels: gates are to scale, but long enough to be seen.
+        labels_max: the largest number of elements whose names are written.
+    """
+
+    longer_edge: float = 560.0
+    margin: float = 34.0
+    font: float = 11.0
+    letter: float = 0.58
+    gate: float = 5.0
+    labels_max: int = 60
+
+
+STYLE = SvgStyle()
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")  # from slow to fast
 BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34568b"
 
@@ -42,7 +53,7 @@ class _Sheet:
 
     def at(self, north: float, east: float) -> tuple[float, float]:
         """Return the pixels of a place to the right and down."""
-        return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
+        return STYLE.margin + (east - self.west) * self.scale, STYLE.margin + (self.north - north) * self.scale
 
     def points(self, places: Array) -> str:
         """Return places of shape (n, 2), north and east in m, as the points of a line."""
@@ -56,9 +67,9 @@ def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
         map_: the race from above.
         speed: m/s, along the only track of the map, shape (n,), which is drawn in its colours; None for planned tracks.
     """
-    scale = LONGER_EDGE / max(map_.north - map_.south, map_.east - map_.west)
-    width = (map_.east - map_.west) * scale + 2 * MARGIN
-    height = (map_.north - map_.south) * scale + 2 * MARGIN + 2 * FONT
+    scale = STYLE.longer_edge / max(map_.north - map_.south, map_.east - map_.west)
+    width = (map_.east - map_.west) * scale + 2 * STYLE.margin
+    height = (map_.north - map_.south) * scale + 2 * STYLE.margin + 2 * STYLE.font
     sheet = _Sheet(map_.north, map_.west, scale, width, height)
     dashed = [(way, BLUE, "") if way.planned else (way, GREY, "3 4") for way in map_.ways]
     tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in dashed]
@@ -68,7 +79,7 @@ def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
         f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" role="img" '
-        f'style="background: white; font: {FONT:g}px sans-serif">'
+        f'style="background: white; font: {STYLE.font:g}px sans-serif">'
         f"<title>{html.escape(plain(map_.name))} from above</title>{''.join(parts)}</svg>"
     )
 
@@ -109,7 +120,7 @@ def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.2" fill="{BLACK}"/>')
             continue
         (left, top), (right, bottom) = (sheet.at(*end) for end in mark.stroke.tolist())
-        longer = max(1.0, 2.0 * GATE_LEAST / max(math.hypot(right - left, bottom - top), 1e-9))
+        longer = max(1.0, 2.0 * STYLE.gate / max(math.hypot(right - left, bottom - top), 1e-9))
         half = 0.5 * longer * (right - left), 0.5 * longer * (bottom - top)
         ends = f'x1="{x - half[0]:.1f}" y1="{y - half[1]:.1f}" x2="{x + half[0]:.1f}" y2="{y + half[1]:.1f}"'
         parts.append(f'<line {ends} stroke="{BLACK}" stroke-width="3.5" stroke-linecap="round"/>')
@@ -119,16 +130,16 @@ def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
 def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     """Return names beside the marks, where they hide least."""
     named = [mark for mark in map_.marks if mark.label]
-    if not named or len(named) > LABELS_MAX:
+    if not named or len(named) > STYLE.labels_max:
         return []
     anchors = [(x, -y) for x, y in (sheet.at(mark.north, mark.east) for mark in named)]
-    sizes = [(len(mark.label) * LETTER * FONT, FONT) for mark in named]
+    sizes = [(len(mark.label) * STYLE.letter * STYLE.font, STYLE.font) for mark in named]
     ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in map_.ways]
     drawn = np.concatenate([*ways, np.array(anchors)])
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
     boxes = place_labels(anchors, sizes, drawn, frame, 7.0)
     return [
-        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">'
+        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * STYLE.font:.1f}" fill="{BLACK}">'
         f"{html.escape(plain(mark.label))}</text>"
         for box, mark in zip(boxes, named, strict=True)
     ]
@@ -137,7 +148,7 @@ def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
 def _scale(sheet: _Sheet, speed: Array | None) -> list[str]:
     """Return a bar of round length, with a note of where north is and of what the colours mean."""
     metres = round_length(0.25 * sheet.width / sheet.scale)
-    base, left = sheet.height - 0.8 * FONT, 10.0
+    base, left = sheet.height - 0.8 * STYLE.font, 10.0
     right = left + metres * sheet.scale
     x, note = right + 6.0, f"{metres:g} m, north is up"
     slow_fast = [] if speed is None else [f"{one / KNOT:.0f} kt" for one in (speed.min(), speed.max())]
@@ -148,7 +159,7 @@ def _scale(sheet: _Sheet, speed: Array | None) -> list[str]:
         f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{note}</text>',
     ]
     if slow_fast:
-        x += len(note) * LETTER * FONT
+        x += len(note) * STYLE.letter * STYLE.font
         for number, colour in enumerate(COLOURS):
             parts.append(f'<rect x="{x + 12 * number:.1f}" y="{base - 8:.1f}" width="12" height="8" fill="{colour}"/>')
         x += 12 * len(COLOURS) + 4
