@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import KernelError
-from airrace.native.library import Batches, Kernel, Library, library
+from airrace.native.library import Batches, KernelTables, Library, library
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -193,14 +193,14 @@ class Tables:
             np.array([*constants, *(number for function in functions for number in function.constants)]),
         )
 
-    def kernel(self, memory: Array | None = None) -> Kernel:
+    def kernel(self, memory: Array | None = None) -> KernelTables:
         """Return the tables and working memory for a call; both must live as long as it is used."""
         begins = [array.ctypes.data for array in (self.tables, self.code, self.constants)]
-        return Kernel(*begins, None if memory is None else memory.ctypes.data)
+        return KernelTables(*begins, None if memory is None else memory.ctypes.data)
 
 
 @record
-class Entry:
+class BatchFunction:
     """A function of the interpreter for many batches of intervals.
 
     Attributes:
@@ -211,7 +211,7 @@ class Entry:
 
     tables: Tables
     memory: int
-    evaluate: Callable[[Kernel, object, int, int], None]
+    evaluate: Callable[[KernelTables, object, int, int], None]
 
     def bind(self, given: Sequence[Array], found: Sequence[Array], threads: int, batches: int) -> Callable[[], None]:
         """Return the evaluation of all batches, split over threads, with arguments and results in arrays that stay."""
@@ -221,7 +221,7 @@ class Entry:
         for place, array in enumerate(found):
             arrays.found[place] = array.ctypes.data
         ends = [batches * number // threads for number in range(threads + 1)]
-        memory = [_aligned(self.memory) for _ in range(threads)]
+        memory = [_allocate(self.memory) for _ in range(threads)]
         kernels = [self.tables.kernel(array) for array in memory]
         of = ctypes.addressof(arrays)
         parts = [partial(self.evaluate, one, of, *part) for one, part in zip(kernels, pairwise(ends), strict=True)]
@@ -248,7 +248,7 @@ class Interpreter:
 
     def step(
         self, tables: Sequence[Table], constants: Sequence[float], functions: Sequence[ca.Function]
-    ) -> list[Entry]:
+    ) -> list[BatchFunction]:
         """Return a step's values, Jacobian and Hessian.
 
         Args:
@@ -259,8 +259,8 @@ class Interpreter:
         of = Tables.of(tables, constants, [*coded, *[NOTHING] * (FUNCTIONS - len(coded))])
         evaluate, kernel = self._evaluator.evaluate_step, of.kernel()
 
-        def step(order: int) -> Entry:
-            return Entry(
+        def step(order: int) -> BatchFunction:
+            return BatchFunction(
                 of,
                 self._evaluator.step_memory(kernel, order),
                 lambda kernel, batches, first, end: evaluate(kernel, order, batches, first, end),
@@ -268,15 +268,17 @@ class Interpreter:
 
         return [step(order) for order in range(3)]
 
-    def function(self, function: ca.Function) -> Entry:
+    def function(self, function: ca.Function) -> BatchFunction:
         """Return the evaluation of a function of up to four arguments, the third of which all intervals share."""
         tables = function_tables(function)
-        return Entry(tables, self._evaluator.function_memory(tables.kernel()), self._evaluator.evaluate_function)
+        return BatchFunction(
+            tables, self._evaluator.function_memory(tables.kernel()), self._evaluator.evaluate_function
+        )
 
     def at_points(self, function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
         """Return a function (x, u, p) -> values of the states (n_x, n) at n points, see `function_at_points`."""
         tables = function_tables(function)
-        memory = _aligned(self._evaluator.function_memory(tables.kernel()))
+        memory = _allocate(self._evaluator.function_memory(tables.kernel()))
         u, count, values = np.ascontiguousarray(control, dtype=np.float64), control.shape[1], function.nnz_out(0)
         evaluate, kernel = self._evaluator.evaluate_points, tables.kernel(memory)
 
@@ -309,7 +311,7 @@ def _pool(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count)
 
 
-def _aligned(count: int) -> Array:
+def _allocate(count: int) -> Array:
     """Return memory for so many numbers that begins where a vector may begin."""
     memory = np.empty(count + _ALIGNMENT // 8)
     first = -memory.ctypes.data % _ALIGNMENT // 8

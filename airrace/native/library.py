@@ -25,7 +25,7 @@ _POINTER = ctypes.c_void_p
 _INT64 = ctypes.c_int64
 
 
-class Kernel(ctypes.Structure):
+class KernelTables(ctypes.Structure):
     """`struct kernel` of `evaluator.h`."""
 
     _fields_ = [(name, _POINTER) for name in ("tables", "code", "constants", "memory")]
@@ -43,11 +43,11 @@ class _Evaluator(ctypes.Structure):
     _fields_ = [
         ("name", ctypes.c_char_p),
         ("lanes", ctypes.c_int),
-        ("function_memory", ctypes.CFUNCTYPE(_INT64, Kernel)),
-        ("step_memory", ctypes.CFUNCTYPE(_INT64, Kernel, ctypes.c_int)),
-        ("evaluate_function", ctypes.CFUNCTYPE(None, Kernel, _POINTER, _INT64, _INT64)),
-        ("evaluate_step", ctypes.CFUNCTYPE(None, Kernel, ctypes.c_int, _POINTER, _INT64, _INT64)),
-        ("evaluate_points", ctypes.CFUNCTYPE(None, Kernel, *[_POINTER] * 4, _INT64)),
+        ("function_memory", ctypes.CFUNCTYPE(_INT64, KernelTables)),
+        ("step_memory", ctypes.CFUNCTYPE(_INT64, KernelTables, ctypes.c_int)),
+        ("evaluate_function", ctypes.CFUNCTYPE(None, KernelTables, _POINTER, _INT64, _INT64)),
+        ("evaluate_step", ctypes.CFUNCTYPE(None, KernelTables, ctypes.c_int, _POINTER, _INT64, _INT64)),
+        ("evaluate_points", ctypes.CFUNCTYPE(None, KernelTables, *[_POINTER] * 4, _INT64)),
         ("riccati_factorise", ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int] * 2, *[_POINTER] * 9)),
         ("riccati_solve", ctypes.CFUNCTYPE(None, *[ctypes.c_int] * 2, *[_POINTER] * 10)),
         ("riccati_rows", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 5)),

@@ -125,7 +125,7 @@ def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthe
         furthest: the largest number of such steps.
     """
     moves, system = difference(nominal, relaxed_problem), nominal.system
-    shifts = [moves.ranges.get(PATH, {}).get(name, NO_SHIFT) for name in _limited(system)]
+    shifts = [moves.ranges.get(PATH, {}).get(name, NO_SHIFT) for name in _relaxable(system)]
     start, *ends = (_elastic(one, moves, owner, system) for owner, one in boundaries_of(nominal))
     phases = [
         replace(
@@ -164,7 +164,7 @@ def project(iterate: Iterate) -> tuple[Iterate, float]:
     return Iterate(iterate.durations, iterate.state[:-1], iterate.control), float(iterate.state[-1, -1])
 
 
-def _limited(system: System) -> tuple[str, ...]:
+def _relaxable(system: System) -> tuple[str, ...]:
     """Return the names of states and path quantities that may have limits which give way, in order."""
     states = [one.name for one in system.states if math.isfinite(one.lower) or math.isfinite(one.upper)]
     return (*states, *(one.name for one in system.path))
@@ -172,7 +172,7 @@ def _limited(system: System) -> tuple[str, ...]:
 
 def _elastic_system(system: System, shifts: Mapping[str, Shift], furthest: float) -> System:
     """Return a system with the state `relaxed`; the limits that give way are those of path quantities."""
-    names, path_names = _limited(system), {one.name for one in system.path}
+    names, path_names = _relaxable(system), {one.name for one in system.path}
     rows = tuple(row for row, one in enumerate(system.states) if one.name in names)
     rates, path, projection = _elastic_functions(system.rates, system.path_values, system.projection, rows)
     declared = {one.name: one for one in (*system.states, *system.path)}

@@ -74,7 +74,7 @@ class Evaluation:
             return
         with self._clock():
             self._evaluated_at = None
-            unscaled = self._unscaled()
+            unscaled = self._unscale()
             self.f = self._objective(unscaled)
             values = np.concatenate([*(calls.call(Part.VALUES, unscaled)[0] for calls in self._calls), self.w])
             self.g[:] = self.assembly.constraints.column(values)
@@ -82,31 +82,31 @@ class Evaluation:
 
     def objective_gradient(self) -> None:
         """Evaluate the gradient of the objective."""
-        self.f_gradient[:] = self._objective_gradient(self._unscaled())
+        self.f_gradient[:] = self._objective_gradient(self._unscale())
 
-    def linear(self) -> Array:
+    def jacobian_sources(self) -> Array:
         """Evaluate the Jacobians of all kernels, and return the sources of the constraints' Jacobian."""
         with self._clock():
-            unscaled = self._unscaled()
+            unscaled = self._unscale()
             return np.concatenate([*(calls.call(Part.JACOBIAN, unscaled)[1] for calls in self._calls), [1.0]])
 
     def linearise(self) -> None:
         """Evaluate the Jacobian of the constraints."""
-        self.jacobian = self.assembly.jacobian.of(self.linear())
+        self.jacobian = self.assembly.jacobian.of(self.jacobian_sources())
 
     def slope(self) -> None:
         """Evaluate the gradient of the Lagrangian."""
-        self._curved(self._unscaled())
+        self._hessian_blocks(self._unscale())
 
     def curve(self) -> None:
         """Evaluate the gradient of the Lagrangian and its Hessian."""
-        self.hessian = self.assembly.hessian.of(self.curved())
+        self.hessian = self.assembly.hessian.of(self.hessian_sources())
 
-    def curved(self) -> Array:
+    def hessian_sources(self) -> Array:
         """Evaluate the gradient of the Lagrangian, and return the sources of its Hessian."""
         with self._clock():
-            unscaled = self._unscaled()
-            blocks = self._curved(unscaled)
+            unscaled = self._unscale()
+            blocks = self._hessian_blocks(unscaled)
             if self._final is not None:
                 blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
             if (penalty := self.assembly.penalty) is not None:
@@ -115,7 +115,7 @@ class Evaluation:
                 blocks += [(share * durations).ravel(), (share * self.w[penalty.controls]).ravel()]
             return np.concatenate(blocks)
 
-    def _curved(self, unscaled: Array) -> list[Array]:
+    def _hessian_blocks(self, unscaled: Array) -> list[Array]:
         """Evaluate the gradient of the Lagrangian, and return the nonzeros of the kernels' Hessians."""
         multipliers = np.append(self.lam_g, 0.0)
         curved = [calls.hessians(unscaled, multipliers) for calls in self._calls]
@@ -123,7 +123,7 @@ class Evaluation:
         self.gradient[:] = self.lam_f * self._objective_gradient(unscaled) + adjoint
         return [nonzeros for _, nonzeros in curved]
 
-    def _unscaled(self) -> Array:
+    def _unscale(self) -> Array:
         return self.w * self.assembly.layout.scale
 
     def _objective(self, unscaled: Array) -> float:

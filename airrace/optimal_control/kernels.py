@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError, SolverCrash
-from airrace.native.interpreter import Entry, Interpreter, interpreter
+from airrace.native.interpreter import BatchFunction, Interpreter, interpreter
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_tables import scheme_numbers, step_parts, step_tables
 from airrace.records import record
@@ -135,7 +135,7 @@ class NativeKernel:
     sizes: tuple[int, int, int, int]
     jacobian_pattern: ca.Sparsity
     hessian_pattern: ca.Sparsity
-    entries: Sequence[Entry]
+    entries: Sequence[BatchFunction]
 
     @property
     def values(self) -> int:

@@ -49,11 +49,15 @@ def with_linear_controls(system: System, names: Collection[str] | None = None, *
     place = {one.name: number for group in (chosen, held) for number, one in enumerate(group)}
     control = _vertcat(*[(values if one in chosen else inputs)[place[one.name]] for one in system.controls])
     path, projection = system.path_values, system.projection
+    rate_quantities = [
+        Quantity(f"{one.name}_dot", f"{one.unit}/s", one.scale / seconds, text=f"rate of {one.text or one.name}")
+        for one in chosen
+    ]
     return replace(
         system,
         name=f"{system.name} with linear controls",
         states=(*system.states, *chosen),
-        controls=(*held, *(_rate(one, seconds) for one in chosen)),
+        controls=(*held, *rate_quantities),
         rates=ca.Function("rates", [x, u, p], [_vertcat(system.rates(x[:n_x], control, p), rates)]),
         path_values=None if path is None else ca.Function("path", [x, u, p], [path(x[:n_x], control, p)]),
         projection=None if projection is None else ca.Function("project", [x], [_vertcat(projection(x[:n_x]), values)]),
@@ -71,12 +75,3 @@ def of_first_states(observation: Observation, system: System) -> Observation:
     x, b = ca.SX.sym("x", len(system.states)), ca.SX.sym("b", len(observation.parameters))
     values = ca.Function("observe", [x, b], [observation.values(x[:n_x], b)])
     return replace(observation, values=values)
-
-
-def _rate(control: Quantity, seconds: float) -> Quantity:
-    return Quantity(
-        f"{control.name}_dot",
-        f"{control.unit}/s",
-        control.scale / seconds,
-        text=f"rate of {control.text or control.name}",
-    )

@@ -38,7 +38,7 @@ class KktError:
     @property
     def largest(self) -> float:
         """The largest of the three; NaN if any is."""
-        return _largest(self.primal, self.dual, self.complementarity)
+        return float(np.max((self.primal, self.dual, self.complementarity)))
 
 
 def kkt_error(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Array) -> tuple[KktError, Array, int]:
@@ -55,17 +55,12 @@ def kkt_error(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: 
     g, lam_x = functions.g, -functions.gradient
     violation = np.maximum(np.maximum(g_lower - g, g - g_upper), 0.0)
     outside = np.maximum(np.maximum(lower - w, w - upper), 0.0)
-    primal = _largest(violation.max(), outside.max())
+    primal = np.max((violation.max(), outside.max()))  # NaN if either is, which Python's own `max` would lose
     dual, slack_x = _balance(lam_x, w, lower, upper)
     dual_g, slack_g = _balance(lam_g, g, g_lower, g_upper)
     scale = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean())) / MULTIPLIER_SCALE
-    error = KktError(primal, _largest(dual, dual_g) / scale, _largest(slack_x, slack_g) / scale)
-    return error, lam_x, int(violation.argmax())
-
-
-def _largest(*errors: float) -> float:
-    """Return the largest error; NaN if any is, which Python's own `max` would lose."""
-    return float(np.max(errors))
+    dual, slack = np.max((dual, dual_g)) / scale, np.max((slack_x, slack_g)) / scale
+    return KktError(float(primal), float(dual), float(slack)), lam_x, int(violation.argmax())
 
 
 def _balance(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[float, float]:

@@ -261,26 +261,21 @@ def require_valid(problem: Problem) -> None:
     """
     if not problem.phases:
         raise ValueError("the problem has no phases")
-    _check_system(problem)
-    _check_objective(problem)
-    for phase in problem.phases:
-        _check_phase(problem, phase)
-    if problem.phases[-1].jump:
-        raise ValueError(f"no phase follows the jump at the end of phase {problem.phases[-1].name!r}")
-    _check_boundary(problem, problem.start)
-
-
-def _check_system(problem: Problem) -> None:
     system = problem.system
-    declared = Counter(one.name for one in (*system.states, *system.controls, *system.path))
-    if twice := [name for name, count in declared.items() if count > 1]:
+    counts = Counter(one.name for one in (*system.states, *system.controls, *system.path))
+    if twice := [name for name, count in counts.items() if count > 1]:
         raise ValueError(f"system {system.name!r} declares twice: {', '.join(sorted(twice))}")
     _require_count(f"system {system.name!r}", system.parameters, problem.parameters)
+    _check_objective(system, problem.objective)
+    for phase in problem.phases:
+        _check_phase(system, phase)
+    if problem.phases[-1].jump:
+        raise ValueError(f"no phase follows the jump at the end of phase {problem.phases[-1].name!r}")
+    _check_conditions("boundary", problem.start, system.states)
 
 
-def _check_objective(problem: Problem) -> None:
-    system, objective = problem.system, problem.objective
-    seen = _seen(objective.observation)
+def _check_objective(system: System, objective: Objective) -> None:
+    seen = objective.observation.quantities if objective.observation is not None else ()
     _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *seen))
     if both := {one.name for one in system.states} & {one.name for one in seen}:
         raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
@@ -295,8 +290,7 @@ def _check_objective(problem: Problem) -> None:
             raise ValueError(f"the objective regularises {name} by {weight}, which must not be negative")
 
 
-def _check_phase(problem: Problem, phase: Phase) -> None:
-    system = problem.system
+def _check_phase(system: System, phase: Phase) -> None:
     # Comparisons with NaN are false, so everything is asked the way in which NaN fails.
     if not all(fraction > 0.0 for fraction in phase.fractions) or not abs(sum(phase.fractions) - 1.0) <= WHOLE:
         raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
@@ -309,26 +303,16 @@ def _check_phase(problem: Problem, phase: Phase) -> None:
         if not math.isfinite(change):
             raise ValueError(f"the jump at the end of phase {phase.name!r} changes {name} by {change}")
     for watch in phase.watches:
-        _check_watch(watch)
-    _check_boundary(problem, phase.end)
+        _check_conditions("watch", watch, ())
+    _check_conditions("boundary", phase.end, system.states)
 
 
-def _check_watch(watch: PathConstraint) -> None:
-    seen = watch.observation.quantities
-    _require_known(f"watch {watch.name!r} bounds unknown quantities", watch.bounds, seen)
-    _require_count(f"watch {watch.name!r}", watch.observation.parameters, watch.values)
-
-
-def _check_boundary(problem: Problem, boundary: Boundary) -> None:
-    seen = _seen(boundary.observation)
-    declared = (*problem.system.states, *seen)
-    _require_known(f"boundary {boundary.name!r} bounds unknown quantities", boundary.bounds, declared)
-    parameters = boundary.observation.parameters if boundary.observation is not None else ()
-    _require_count(f"boundary {boundary.name!r}", parameters, boundary.values)
-
-
-def _seen(observation: Observation | None) -> tuple[Quantity, ...]:
-    return observation.quantities if observation is not None else ()
+def _check_conditions(kind: str, place: Boundary | PathConstraint, states: tuple[Quantity, ...]) -> None:
+    seen, parameters = (), ()
+    if place.observation is not None:
+        seen, parameters = place.observation.quantities, place.observation.parameters
+    _require_known(f"{kind} {place.name!r} bounds unknown quantities", place.bounds, (*states, *seen))
+    _require_count(f"{kind} {place.name!r}", parameters, place.values)
 
 
 def _require_known(complaint: str, names: Mapping[str, Any], declared: Iterable[Quantity]) -> None:  # Any: values

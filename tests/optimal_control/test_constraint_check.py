@@ -70,9 +70,18 @@ def test_violation_between_nodes_is_measured_with_its_size_and_named(name: str) 
     assert wrong(measured).tolist() == [False, True, False, False]
 
 
-def test_lower_bounds_count_like_upper_ones() -> None:
-    stated = limited(x=Interval(lower=-0.9))
-    assert item(audited(stated, swing(-1.0)), "path_length").value == pytest.approx(0.1, abs=1e-6)
+def test_limits_hold_on_both_sides_and_in_all_phases_that_they_are_stated_for() -> None:
+    x, v = SYSTEM.states
+    free = limited()
+    first, second = free.phases
+    everywhere = replace(free, system=replace(SYSTEM, states=(replace(x, upper=0.9), v)))
+    later = replace(free, phases=(first, replace(second, bounds={"x": Interval(upper=0.9)})))
+    for stated, flown, excess in (
+        (limited(x=Interval(lower=-0.9)), swing(-1.0), 0.1),
+        (everywhere, swing(), 0.1),
+        (later, swing(), 0.0),
+    ):
+        assert item(audited(stated, flown), "path_length").value == pytest.approx(excess, abs=1e-6)
 
 
 def test_violation_within_its_tolerance_holds_and_refines_nothing() -> None:
@@ -80,19 +89,6 @@ def test_violation_within_its_tolerance_holds_and_refines_nothing() -> None:
     assert item(measured, "path_length").value == pytest.approx(0.04, abs=1e-6)
     assert item(measured, "path_length").holds
     assert not wrong(measured).any()
-
-
-def test_limit_of_one_phase_does_not_count_in_another() -> None:
-    stated = limited()
-    first, second = stated.phases
-    stated = replace(stated, phases=(first, replace(second, bounds={"x": Interval(upper=0.9)})))
-    assert item(audited(stated, swing()), "path_length").value == pytest.approx(0.0, abs=1e-9)
-
-
-def test_limits_of_the_system_hold_in_every_phase() -> None:
-    x, v = SYSTEM.states
-    stated = replace(limited(), system=replace(SYSTEM, states=(replace(x, upper=0.9), v)))
-    assert item(audited(stated, swing()), "path_length").value == pytest.approx(0.1, abs=1e-6)
 
 
 def test_defect_is_named_and_marks_its_interval() -> None:
@@ -121,32 +117,17 @@ def watched(**bounds: Interval) -> Problem:
     return replace(stated, phases=(replace(first, end=Boundary("gate", bounds, LENS, (0.3,))), second))
 
 
-def test_gate_missed_is_measured_and_named() -> None:
-    stated, flown = watched(distance=Interval(-9.0, 9.0)), flight(problem())
-    missed = float(flown.state[0, 3]) - 0.3
-    stated = watched(distance=Interval(upper=missed - 0.25))
-    found = item(audited(stated, flown), "gate_length")
-    assert found.value == pytest.approx(0.25)
-    assert found.where == "gate, distance"
-    assert found.limit == 0.01
+def test_gates_are_measured_by_unit_and_the_worst_of_them_is_named() -> None:
+    flown = flight(problem())
+    x, v = flown.state[:, 3].tolist()
+    found = item(audited(watched(distance=Interval(upper=x - 0.3 - 0.25)), flown), "gate_length")
+    assert (found.value, found.limit, found.where) == (pytest.approx(0.25), 0.01, "gate, distance")
     assert not found.holds
-
-
-def test_state_bounded_at_a_gate_counts_with_its_own_unit() -> None:
-    flown = flight(problem())
-    speed = float(flown.state[1, 3])
-    found = item(audited(watched(v=Interval.exactly(speed + 0.3)), flown), "gate_speed")
-    assert found.value == pytest.approx(0.3)
-    assert found.where == "gate, v"
-
-
-def test_worst_gate_speaks_for_all() -> None:
-    flown = flight(problem())
-    stated = watched(x=Interval.exactly(float(flown.state[0, 3]) + 0.1))
-    first, second = stated.phases
+    found = item(audited(watched(v=Interval.exactly(v + 0.3)), flown), "gate_speed")
+    assert (found.value, found.where) == (pytest.approx(0.3), "gate, v")
+    first, second = watched(x=Interval.exactly(x + 0.1)).phases
     end = Boundary("finish", {"x": Interval.exactly(float(flown.state[0, -1]) - 0.4)})
-    stated = replace(stated, phases=(first, replace(second, end=end)))
-    found = item(audited(stated, flown), "gate_length")
+    found = item(audited(replace(problem(), phases=(first, replace(second, end=end))), flown), "gate_length")
     assert (found.value, found.where) == (pytest.approx(0.4), "finish, x")
 
 
@@ -154,24 +135,17 @@ def test_unbounded_gates_have_no_items() -> None:
     assert not [one for one in audited(problem(), flight(problem())).items if one.name.startswith("gate")]
 
 
-def test_every_item_of_a_flight_that_is_not_a_number_fails() -> None:
-    stated, flown = problem(), flight(problem())
-    seen = replay(stated, flown)
+def test_what_is_not_a_number_does_not_hold() -> None:
+    flown, seen = flight(problem()), replay(problem(), flight(problem()))
     broken = replace(seen, defect=np.full_like(seen.defect, np.nan))
-    measured = check_constraints(stated, flown, broken, tolerances=TOLERANCES, defect_limit=1e-4)
+    measured = check_constraints(problem(), flown, broken, tolerances=TOLERANCES, defect_limit=1e-4)
     assert not item(measured, "replay_defect").holds
-
-
-def test_gate_whose_values_are_not_numbers_is_not_passed() -> None:
-    flown = flight(problem())
     state = flown.state.copy()
     state[0, 3] = np.nan
-    end = Boundary("finish", {"x": Interval(-9.0, 9.0)})
-    stated = watched(x=Interval(-9.0, 9.0))
-    stated = replace(stated, phases=(stated.phases[0], replace(stated.phases[1], end=end)))
-    seen = replay(problem(), flown)
-    broken = replace(flown, state=state)
-    measured = check_constraints(stated, broken, seen, tolerances=TOLERANCES, defect_limit=1e-4)
+    first, second = watched(x=Interval(-9.0, 9.0)).phases
+    stated = replace(problem(), phases=(first, replace(second, end=Boundary("finish", {"x": Interval(-9.0, 9.0)}))))
+    lost = replace(flown, state=state)
+    measured = check_constraints(stated, lost, seen, tolerances=TOLERANCES, defect_limit=1e-4)
     assert not item(measured, "gate_length").holds
 
 
@@ -191,30 +165,25 @@ def on_watch(exact: Observation | None = None, **bounds: Interval) -> Problem:
     return replace(stated, phases=(replace(first, watches=(watch,)), second))
 
 
-def test_watch_is_measured_between_nodes_and_named() -> None:
+def test_watch_is_measured_between_nodes_by_its_exact_measure() -> None:
     measured = audited(on_watch(height=Interval(upper=0.9)), swing())
     found = item(measured, "path_length")
-    assert found.value == pytest.approx(0.1, abs=1e-6)
-    assert found.where == "up, lookout"
+    assert (found.value, found.where) == (pytest.approx(0.1, abs=1e-6), "up, lookout")
     assert wrong(measured).tolist() == [False, True, False, False]
-
-
-def test_watch_that_holds_leaves_nothing_to_report() -> None:
     measured = audited(on_watch(height=Interval(upper=1.1), rising=Interval(-9.0, 9.0)), swing())
     assert item(measured, "path_length").value == 0.0
     assert not wrong(measured).any()
-
-
-def test_exact_measure_of_a_watch_counts_and_its_stand_in_does_not() -> None:
     x, nothing = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
-    doubled = Observation(
-        "exact", (Quantity("height", "m"), Quantity("rising", "m/s")), (), ca.Function("exact", [x, nothing], [2 * x])
-    )
+    quantities = (Quantity("height", "m"), Quantity("rising", "m/s"))
+    doubled = Observation("exact", quantities, (), ca.Function("exact", [x, nothing], [2 * x]))
     measured = audited(on_watch(doubled, height=Interval(upper=1.9)), swing())
     assert item(measured, "path_length").value == pytest.approx(0.1, abs=1e-6)
 
 
-def test_watched_quantity_without_a_tolerance_is_refused() -> None:
-    stated = on_watch(height=Interval(upper=1.0))
-    with pytest.raises(ValueError, match="no tolerance for height"):
+@pytest.mark.parametrize(
+    ("stated", "name"),
+    [(on_watch(height=Interval(upper=1.0)), "height"), (limited(x=Interval(upper=1.0)), "x")],
+)
+def test_bounded_quantity_without_a_tolerance_is_refused(stated: Problem, name: str) -> None:
+    with pytest.raises(ValueError, match=f"no tolerance for {name}"):
         check_constraints(stated, swing(), replay(stated, swing()), tolerances=TOLERANCES[1:], defect_limit=1e-4)

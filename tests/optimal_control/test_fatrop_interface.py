@@ -128,7 +128,7 @@ def test_a_vector_begins_as_in_blasfeos_header() -> None:
     assert bodies
     for body in bodies:
         names = [line.split(";")[0].split()[-1].lstrip("*") for line in body.splitlines() if ";" in line]
-        assert names[:2] == [name for name, *_ in library.Vector._fields_]
+        assert names[:2] == [name for name, *_ in library.BlasfeoVector._fields_]
 
 
 def test_the_release_of_casadi_that_was_compared_is_the_one_that_is_asked_for() -> None:

@@ -115,47 +115,6 @@ def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
 
 
 SOLVE = """
-import sys
-sys.path.insert(0, sys.argv[2])
-from airrace.optimal_control.solvers.fatrop import interposition
-if sys.argv[1] == "arena":
-    assert interposition.install()
-from small_problems import PROBLEMS, random_iterate
-from airrace.optimal_control.kernels import build_kernels
-from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
-problem = PROBLEMS["everything"]
-kernels = build_kernels(problem.system, problem.scheme)
-for _ in range(2):
-    ready = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), 1)
-    solution = ready.solve(Layout(problem), random_iterate(problem, 1))
-    assert solution.success
-    print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
-if sys.argv[1] == "arena":
-    use = interposition.use()
-    assert use is not None and use.in_use == 0 and use.most > 0
-"""
-
-
-def answers(what: str) -> list[str]:
-    """What two solves in a process of its own answered."""
-    command = [sys.executable, "-c", SOLVE, what, str(Path(__file__).parent)]
-    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    return [line for line in output.splitlines() if line.startswith("answer")]
-
-
-def test_a_solve_has_the_same_bits_wherever_its_memory_lies() -> None:
-    first, second = answers("arena")
-    assert [first] * 2 == [first, second] == answers("blasfeo")
-
-
-def test_without_the_native_library_blasfeo_keeps_its_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interposition, "library", lambda: None)
-    assert not interposition.install.__wrapped__()
-
-
-SOLVE_WITH_PRODUCTS = """
 import ctypes, sys
 sys.path.insert(0, sys.argv[2])
 from airrace.optimal_control.solvers.fatrop import interposition
@@ -172,22 +131,47 @@ if sys.argv[1] == "native":
             counts[name] += 1
             own(*given)
         return type(own)(call)
-    kept = {name: counter(name) for name in counts}
-    for name, function in kept.items():
+    counters = {name: counter(name) for name in counts}
+    for name, function in counters.items():
         setattr(counted, name, function)
     ctypes.CDLL(str(library_path())).products_begin(ctypes.byref(counted))
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
+from airrace.optimal_control.solvers.solver import PreparedProblem
 problem = PROBLEMS["everything"]
 kernels = build_kernels(problem.system, problem.scheme)
-ready = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), 1)
-solution = ready.solve(Layout(problem), random_iterate(problem, 1))
-assert solution.success
-print("answer", *(counts.values() if sys.argv[1] == "native" else ()), solution.iterate.state.tobytes().hex())
+for _ in range(2):
+    ready = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), 1)
+    solution = ready.solve(Layout(problem), random_iterate(problem, 1))
+    assert solution.success
+    print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
+if sys.argv[1] == "native":
+    use = interposition.use_of(ctypes.CDLL(str(library_path())))
+    assert use.in_use == 0 and use.most > 0
+    assert len(counts) == 3 and all(counts.values())
 """
+
+
+def answers(what: str) -> list[str]:
+    """What two solves in a process of its own answered."""
+    command = [sys.executable, "-c", SOLVE, what, str(Path(__file__).parent)]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return [line for line in output.splitlines() if line.startswith("answer")]
+
+
+def test_fatrop_calls_what_is_installed_and_finds_the_same_bits() -> None:
+    first, second = answers("native")
+    assert [first] * 2 == [first, second] == answers("blasfeo")
+
+
+@pytest.mark.parametrize(("name", "instead"), [("library", lambda: None), ("same_bits", lambda *_: False)])
+def test_blasfeo_keeps_its_functions_without_the_library_or_where_it_computes_otherwise(
+    name: str, instead: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interposition, name, instead)
+    assert not interposition.install.__wrapped__()
 
 
 def blasfeos() -> list[Any]:
@@ -216,24 +200,3 @@ def test_other_bits_are_noticed(wrong: int) -> None:
 
     products[wrong] = with_an_error
     assert not same_bits(products, blasfeos())
-
-
-def solved(what: str) -> tuple[list[int], str]:
-    """How often each product was called in a process that solves, and the bits of the answer."""
-    command = [sys.executable, "-c", SOLVE_WITH_PRODUCTS, what, str(Path(__file__).parent)]
-    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    _, *calls, bits = output.splitlines()[-1].split()
-    return [int(count) for count in calls], bits
-
-
-def test_fatrop_calls_what_is_installed_and_finds_the_same() -> None:
-    (none, own), (calls, same) = solved("blasfeo"), solved("native")
-    assert none == []
-    assert len(calls) == 3
-    assert all(calls)
-    assert own == same
-
-
-def test_a_blasfeo_that_computes_otherwise_keeps_its_functions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interposition, "same_bits", lambda *_: False)
-    assert not interposition.install.__wrapped__()

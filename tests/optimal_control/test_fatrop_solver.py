@@ -28,6 +28,8 @@ from airrace.system import System
 
 exactly = Interval.exactly
 OPTIONS = SolverOptions(tolerance=1e-9, iterations_max=100)
+EVERYTHING = PROBLEMS["everything"]
+GUESS = random_iterate(EVERYTHING, 1)
 
 
 def prepared(problem: Problem, solver: str, options: SolverOptions = OPTIONS) -> PreparedProblem:
@@ -41,12 +43,11 @@ def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop", options: S
 
 def bounded(start: Interval, load: Interval) -> Problem:
     """The problem with everything, other kinds of bounds."""
-    everything = PROBLEMS["everything"]
-    first, *others = everything.phases
+    first, *others = EVERYTHING.phases
     first = replace(first, bounds={"load": load})
     fixed = replace(others[-1], duration=exactly(0.4), end=replace(others[-1].end, bounds={"clearance": exactly(0.1)}))
-    begin = replace(everything.start, bounds={"a": start, "lean": Interval(-6.0, 6.0)})
-    return replace(everything, start=begin, phases=(first, *others[:-1], fixed))
+    begin = replace(EVERYTHING.start, bounds={"a": start, "lean": Interval(-6.0, 6.0)})
+    return replace(EVERYTHING, start=begin, phases=(first, *others[:-1], fixed))
 
 
 VARIANTS: Mapping[str, Problem] = {
@@ -71,7 +72,7 @@ def test_iterations_and_optimum_are_those_of_casadis_interface(name: str) -> Non
 def test_iterates_are_those_of_casadis_interface(capsys: pytest.CaptureFixture[str]) -> None:
     printed: list[list[str]] = []
     for solver in ("fatrop", "fatrop-casadi"):
-        solution = optimum(PROBLEMS["everything"], random_iterate(PROBLEMS["everything"], 1), solver)
+        solution = optimum(EVERYTHING, GUESS, solver)
         lines = capsys.readouterr().out.splitlines()
         begin = next(number for number, line in enumerate(lines) if line.startswith("iter"))
         printed.append(lines[begin + 1 : begin + 2 + solution.iterations])
@@ -186,17 +187,14 @@ def test_a_guess_without_numbers_ends_the_solve() -> None:
 
 
 def test_a_limit_of_iterations_is_told() -> None:
-    problem = PROBLEMS["everything"]
-    solution = optimum(problem, random_iterate(problem, 1), options=SolverOptions(iterations_max=2))
+    solution = optimum(EVERYTHING, GUESS, options=SolverOptions(iterations_max=2))
     assert not solution.success
     assert solution.ending is Ending.ITERATION_LIMIT
     assert solution.status == "1: more iterations than allowed"
 
 
 def test_ctrl_c_ends_the_solve_and_is_raised_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = PROBLEMS["everything"]
-    guess = random_iterate(problem, 1)
-    ready = prepared(problem, "fatrop")
+    ready = prepared(EVERYTHING, "fatrop")
     calls, working, handler = [0], Evaluation.values, signal.getsignal(signal.SIGINT)
 
     def pressing(functions: Evaluation) -> None:
@@ -208,22 +206,20 @@ def test_ctrl_c_ends_the_solve_and_is_raised_after_it(monkeypatch: pytest.Monkey
     with monkeypatch.context() as patched:
         patched.setattr(Evaluation, "values", pressing)
         with pytest.raises(KeyboardInterrupt):
-            ready.solve(Layout(problem), guess)
+            ready.solve(Layout(EVERYTHING), GUESS)
     assert calls[0] < 25  # an iteration was finished, hardly more
     assert signal.getsignal(signal.SIGINT) is handler
-    assert ready.solve(Layout(problem), guess).success
+    assert ready.solve(Layout(EVERYTHING), GUESS).success
 
 
 def test_ctrl_c_at_any_moment_is_not_lost() -> None:
-    problem = PROBLEMS["everything"]
-    guess = random_iterate(problem, 1)
-    ready = prepared(problem, "fatrop")
+    ready = prepared(EVERYTHING, "fatrop")
     for milliseconds in range(1, 9):
         timer = threading.Timer(1e-3 * milliseconds, signal.raise_signal, (signal.SIGINT,))
         with pytest.raises(KeyboardInterrupt):  # noqa: PT012 (it comes at any time)
             timer.start()
             for _ in range(100):
-                ready.solve(Layout(problem), guess)
+                ready.solve(Layout(EVERYTHING), GUESS)
 
 
 class Failing:
@@ -240,21 +236,17 @@ class Failing:
 
 
 def test_an_error_while_printing_ends_the_solve_and_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = PROBLEMS["everything"]
-    guess = random_iterate(problem, 1)
-    ready = prepared(problem, "fatrop")
+    ready = prepared(EVERYTHING, "fatrop")
     with monkeypatch.context() as patched:
         patched.setattr(sys, "stdout", Failing(5))
         with pytest.raises(BrokenPipeError):
-            ready.solve(Layout(problem), guess)
-    assert ready.solve(Layout(problem), guess).objective == optimum(problem, guess).objective
+            ready.solve(Layout(EVERYTHING), GUESS)
+    assert ready.solve(Layout(EVERYTHING), GUESS).objective == optimum(EVERYTHING, GUESS).objective
 
 
 @pytest.mark.parametrize("calls", [0, 1, 7])
 def test_an_error_in_a_function_ends_the_solve_and_is_raised(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
-    problem = PROBLEMS["everything"]
-    guess = random_iterate(problem, 1)
-    ready = prepared(problem, "fatrop")
+    ready = prepared(EVERYTHING, "fatrop")
     remaining, working = [calls], Evaluation.values
 
     def failing(functions: Evaluation) -> None:
@@ -266,13 +258,12 @@ def test_an_error_in_a_function_ends_the_solve_and_is_raised(monkeypatch: pytest
     with monkeypatch.context() as patched:
         patched.setattr(Evaluation, "values", failing)
         with pytest.raises(ZeroDivisionError, match="as planned"):
-            ready.solve(Layout(problem), guess)
-    assert ready.solve(Layout(problem), guess).success
+            ready.solve(Layout(EVERYTHING), GUESS)
+    assert ready.solve(Layout(EVERYTHING), GUESS).success
 
 
 def test_time_in_functions_is_part_of_the_time() -> None:
-    problem = PROBLEMS["everything"]
-    solution = optimum(problem, random_iterate(problem, 1))
+    solution = optimum(EVERYTHING, GUESS)
     assert 0.0 < solution.derivative_seconds < solution.seconds
 
 
@@ -290,30 +281,21 @@ def printed(text: str) -> list[str]:
     return [word for word in first if word.rstrip("r").isdigit()]
 
 
-def test_iterations_of_a_restoration_that_fails_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    solution = optimum(*out_of_reach())
-    numbers = printed(capsys.readouterr().out)
-    assert not solution.success
-    assert len([one for one in numbers if one.endswith("r")]) > 20
-    assert solution.iterations == pytest.approx(len(numbers), abs=2)
-
-
-def test_a_restoration_without_end_is_given_up(
+def test_iterations_of_a_restoration_that_fails_are_counted_and_limited(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     problem, guess = out_of_reach()
+    solution, numbers = optimum(problem, guess), printed(capsys.readouterr().out)
+    assert not solution.success
+    assert len([one for one in numbers if one.endswith("r")]) > 20
+    assert solution.iterations == pytest.approx(len(numbers), abs=2)
     monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 12)
-    solution = optimum(problem, guess)
+    solution, numbers = optimum(problem, guess), printed(capsys.readouterr().out)
     assert not solution.success
     assert solution.ending is Ending.RESTORATION_LIMIT
-    restoring = [one for one in printed(capsys.readouterr().out) if one.endswith("r")]
-    assert len(restoring) <= 12 + 2
-
-
-def test_the_limit_of_a_restoration_is_none_of_other_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 1)
-    problem = PROBLEMS["everything"]
-    assert optimum(problem, random_iterate(problem, 1)).success
+    assert len([one for one in numbers if one.endswith("r")]) <= 12 + 2
+    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 1)  # which is none of other iterations
+    assert optimum(EVERYTHING, GUESS).success
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -329,8 +311,7 @@ def test_bounds_are_kept_exactly_where_that_is_asked_for(name: str) -> None:
 
 
 def test_fatrop_relaxes_bounds_by_as_much_as_is_undone() -> None:
-    problem = PROBLEMS["everything"]
-    found = optimum(problem, random_iterate(problem, 1))
+    found = optimum(EVERYTHING, GUESS)
     assert 0.5 * RELAXATION < found.kkt.primal < 20.0 * RELAXATION
 
 

@@ -171,7 +171,9 @@ def test_arguments_of_another_size_are_refused() -> None:
         all_results(step, [y, own[1:], shared, lam])
 
 
-def test_casadi_evaluates_an_operation_that_the_interpreter_does_not_know(caplog: pytest.LogCaptureFixture) -> None:
+def test_casadi_evaluates_without_the_library_and_what_the_interpreter_does_not_know(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     x, u, p = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p", 0)
     rates = ca.Function("rates", [x, u, p], [ca.erf(x) + u])
     with pytest.raises(KernelError, match="not known"):
@@ -179,9 +181,6 @@ def test_casadi_evaluates_an_operation_that_the_interpreter_does_not_know(caplog
     built = build_kernels(System("strange", (Quantity("x", "1"),), (Quantity("u", "1"),), (), rates), RK4)
     assert isinstance(built.step, Kernel)
     assert "casadi evaluates strange, slower" in caplog.text
-
-
-def test_casadi_evaluates_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AIRRACE_NATIVE", "off")
     library.cache_clear()
     interpreter.cache_clear()
@@ -243,22 +242,19 @@ def by_numpy(sums: SparseAssembly, drawn: np.ndarray, monkeypatch: pytest.Monkey
         return sums.of(drawn)
 
 
-def test_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sums_and_chosen_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(sums.turns) > 3
-    drawn = np.random.default_rng(4).normal(size=1000)
+    random = np.random.default_rng(6)
+    drawn = random.normal(size=1000)
     expected = by_numpy(sums, drawn, monkeypatch)
     assert sums.of(drawn).tobytes() == expected.tobytes()
-    places = np.random.default_rng(5).permutation(2 * len(expected))[: len(expected)]
+    places = random.permutation(2 * len(expected))[: len(expected)]
     memory = np.full(2 * len(expected), np.pi)
     assert sums.into(drawn, memory, places)
     assert memory[places].tobytes() == expected.tobytes()
     assert (np.delete(memory, places) == np.pi).all()
-
-
-def test_chosen_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
-    random = np.random.default_rng(6)
     numbers = np.sort(random.integers(0, len(sums.rows), 400))
-    chosen, drawn = sums.choose(numbers, random.normal(size=400)), random.normal(size=1000)
+    chosen = sums.choose(numbers, random.normal(size=400))
     assert chosen.of(drawn).tobytes() == by_numpy(chosen, drawn, monkeypatch).tobytes()
 
 
@@ -371,11 +367,13 @@ def assembly(request: pytest.FixtureRequest) -> Assembly:
     return Assembly(Layout(problem), casadi_kernels(problem.system, problem.scheme))
 
 
-def test_all_functions_have_the_bits_of_the_casadi_program(assembly: Assembly) -> None:
+def test_functions_and_patterns_are_those_of_the_casadi_program(assembly: Assembly) -> None:
     layout, program, functions = assembly.layout, transcribed(assembly), Evaluation(assembly)
-    for seed in (1, 2):
+    assert assembly.jacobian.sparsity == program.jac_g.sparsity_out(1)
+    assert assembly.hessian.sparsity == program.hess_l.sparsity_out(1)
+    for seed, factor in ((1, 1.0), (2, 1.0), (2, 1.1)):  # the values follow a change of the parameters alone
         w, _ = random_point(layout, seed)
-        p, lam_g = layout.parameter_values(), np.random.default_rng(seed).normal(size=layout.constraints)
+        p, lam_g = factor * layout.parameter_values(), np.random.default_rng(seed).normal(size=layout.constraints)
         functions.at(w, p)
         functions.lam_f, functions.lam_g[:] = LAM_F, lam_g
         functions.linearise()
@@ -387,34 +385,11 @@ def test_all_functions_have_the_bits_of_the_casadi_program(assembly: Assembly) -
         assert functions.g.tolist() == np.asarray(g).ravel().tolist()
         assert functions.f_gradient.tolist() == np.asarray(program.grad_f(w, p)).ravel().tolist()
         assert functions.jacobian.tolist() == program.jac_g(w, p)[1].nonzeros()
-        assert functions.gradient.tolist() == np.asarray(gradient).ravel().tolist()
         assert functions.hessian.tolist() == hessian.nonzeros()
-
-
-def test_the_patterns_are_those_of_the_casadi_program(assembly: Assembly) -> None:
-    program = transcribed(assembly)
-    assert assembly.jacobian.sparsity == program.jac_g.sparsity_out(1)
-    assert assembly.hessian.sparsity == program.hess_l.sparsity_out(1)
-
-
-def test_values_follow_a_change_of_the_parameters(assembly: Assembly) -> None:
-    layout, functions = assembly.layout, Evaluation(assembly)
-    w, _ = random_point(layout, 1)
-    for factor in (1.0, 1.1):
-        p = factor * layout.parameter_values()
-        functions.at(w, p)
-        assert functions.g.tolist() == np.asarray(transcribed(assembly).nlp(w, p)[1]).ravel().tolist()
-
-
-def test_the_slope_is_the_gradient_of_the_curve(assembly: Assembly) -> None:
-    layout, functions = assembly.layout, Evaluation(assembly)
-    functions.at(random_point(layout, 1)[0], layout.parameter_values())
-    functions.lam_g[:] = 1.0
-    functions.curve()
-    expected = functions.gradient.copy()
-    functions.gradient[:] = np.nan
-    functions.slope()
-    assert functions.gradient.tolist() == expected.tolist()
+        for _ in range(2):
+            assert functions.gradient.tolist() == np.asarray(gradient).ravel().tolist()
+            functions.gradient[:] = np.nan
+            functions.slope()
 
 
 def test_iterates_of_another_size_are_refused(assembly: Assembly) -> None:
@@ -488,26 +463,18 @@ def test_all_functions_have_the_bits_of_casadis_own_program(name: str) -> None:
 def test_ipopt_evaluates_what_fatrop_does() -> None:
     problem = PROBLEMS["everything"]
     layout = Layout(problem)
-    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme)))
+    assembly = Assembly(layout, build_kernels(problem.system, problem.scheme))
     (w, lam_g), p = random_point(layout, 2), layout.parameter_values()
-    program = ProgramFunctions(functions)
+    program, other = ProgramFunctions(Evaluation(assembly)), Evaluation(assembly)
     program.begin(p)
-    upper = np.array(program.derivatives["nlp_hess_l"](w, p, LAM_F, lam_g).nonzeros())
-    other = Evaluation(functions.assembly)
+    jacobian, hessian = program.derivatives["nlp_jac_g"], program.derivatives["nlp_hess_l"]
+    assert jacobian.sparsity_out(jacobian.n_out() - 1) == assembly.jacobian.sparsity
+    assert hessian.sparsity_out(hessian.n_out() - 1) == ca.triu(assembly.hessian.sparsity)
     other.at(w, p)
     other.lam_f, other.lam_g[:] = LAM_F, lam_g
     other.curve()
-    sums = other.assembly.hessian
-    assert np.array_equal(upper, other.hessian[sums.rows <= sums.columns])
-
-
-@pytest.mark.parametrize("name", ["nlp_jac_g", "nlp_hess_l"])
-def test_patterns_are_those_of_the_assembly(name: str) -> None:
-    problem = PROBLEMS["everything"]
-    assembly = Assembly(Layout(problem), build_kernels(problem.system, problem.scheme))
-    function = ProgramFunctions(Evaluation(assembly)).derivatives[name]
-    expected = assembly.jacobian.sparsity if name == "nlp_jac_g" else ca.triu(assembly.hessian.sparsity)
-    assert function.sparsity_out(function.n_out() - 1) == expected
+    upper = assembly.hessian.rows <= assembly.hessian.columns
+    assert np.array_equal(np.array(hessian(w, p, LAM_F, lam_g).nonzeros()), other.hessian[upper])
 
 
 ROLL_MODE = 0.08  # s, its time constant

@@ -54,26 +54,24 @@ def test_the_optimum_and_its_costate_have_no_error() -> None:
     assert lam_x[layout.state_index.ravel()] == pytest.approx([1 / 6, -1 / 6])
 
 
-def test_a_gap_is_a_primal_error() -> None:
-    error, _, worst = measured(duration=1.5, u=3.0, costate=1 / 6)
-    assert error.primal == pytest.approx(3.0)
-    assert worst == Layout(creep()).gap_index[0, 0]
-
-
-def test_a_value_outside_its_bound_is_a_primal_error() -> None:
-    error, _, _ = measured(duration=1.5, u=4.0, costate=1 / 8)
-    assert error.primal == pytest.approx(1.0)
-
-
-def test_a_wrong_costate_is_a_dual_error() -> None:
-    error, _, _ = measured(duration=2.0, u=3.0, costate=1 / 6 + 0.1)
-    assert error.dual == pytest.approx(0.6)  # of the duration: 1 - 2 u costate
-
-
-def test_a_multiplier_on_a_distant_bound_is_a_complementarity_error() -> None:
-    error, _, _ = measured(duration=2.5, u=2.4, costate=1 / 4.8)
-    assert error.primal == pytest.approx(0.0, abs=1e-12)
-    assert error.complementarity == pytest.approx(2 * 2.5 / 4.8 * 0.6)
+@pytest.mark.parametrize(
+    ("duration", "u", "costate", "kind", "expected"),
+    [
+        pytest.param(1.5, 3.0, 1 / 6, "primal", 3.0, id="a gap"),
+        pytest.param(1.5, 4.0, 1 / 8, "primal", 1.0, id="outside a bound"),
+        pytest.param(2.0, 3.0, 1 / 6 + 0.1, "dual", 0.6, id="wrong costate"),  # of the duration: 1 - 2 u costate
+        pytest.param(2.5, 2.4, 1 / 4.8, "complementarity", 2 * 2.5 / 4.8 * 0.6, id="multiplier of a distant bound"),
+    ],
+)
+def test_each_violation_is_an_error_of_its_kind(
+    duration: float, u: float, costate: float, kind: str, expected: float
+) -> None:
+    error, _, worst = measured(duration, u, costate)
+    assert getattr(error, kind) == pytest.approx(expected)
+    if kind == "primal":
+        assert worst == Layout(creep()).gap_index[0, 0]
+    else:
+        assert error.primal == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("field", ["primal", "dual", "complementarity"])
@@ -91,15 +89,8 @@ LEAST_TIME = 2.0 / np.sqrt(FASTEST)  # from rest to rest over 1 m
 
 def sliding_mass() -> System:
     x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
-    return System(
-        name="sliding-mass",
-        states=(Quantity("x", "m", 0.7), Quantity("v", "m/s", 3.0)),
-        controls=(Quantity("f", "m/s2", 11.0, -FASTEST, FASTEST),),
-        parameters=(),
-        rates=ca.Function("rates", [x, u, p], [ca.vertcat(x[1], u)]),
-        path=(),
-        path_values=None,
-    )
+    states, force = (Quantity("x", "m", 0.7), Quantity("v", "m/s", 3.0)), Quantity("f", "m/s2", 11.0, -FASTEST, FASTEST)
+    return System("sliding-mass", states, (force,), (), ca.Function("rates", [x, u, p], [ca.vertcat(x[1], u)]))
 
 
 SYSTEM = sliding_mass()
@@ -133,45 +124,42 @@ def found(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return costates(Layout(problem), multipliers), hamiltonian(problem, solution.iterate, multipliers)
 
 
-def test_hamiltonian_of_least_time_is_minus_one_all_along() -> None:
-    assert found(least_time())[1] == pytest.approx(-np.ones(10), abs=1e-6)
-
-
-def test_weight_of_time_scales_hamiltonian_and_costates() -> None:
-    (p, H), (p_3, H_3) = found(least_time()), found(least_time(time=3.0))
+def test_costates_of_least_time_are_those_of_bang_and_bang_and_the_hamiltonian_is_minus_one() -> None:
+    """The velocity's falls from -1 / FASTEST v to plus as much and is zero at the switch; its slope is the place's."""
+    p, H = found(least_time())
+    times, slope = np.linspace(0.0, LEAST_TIME, 11)[1:], 2.0 / (FASTEST * LEAST_TIME)
+    assert p[1] == pytest.approx(slope * (times - 0.5 * LEAST_TIME), abs=1e-5)
+    assert p[0] == pytest.approx(-slope * np.ones(10), abs=1e-5)
+    assert pytest.approx(-np.ones(10), abs=1e-6) == H
+    p_3, H_3 = found(least_time(time=3.0))
     assert pytest.approx(3.0 * H, abs=1e-5) == H_3
     assert p_3 == pytest.approx(3.0 * p, abs=1e-5)
 
 
-def test_costates_are_those_of_bang_and_bang() -> None:
-    """The velocity's falls from -1 / FASTEST v to plus as much and is zero at the switch; its slope is the place's."""
-    problem = replace(
-        least_time(), phases=(replace(least_time().phases[0], end=Boundary("half")), least_time().phases[1])
-    )
-    p_x, p_v = found(problem)[0]
-    times = np.linspace(0.0, LEAST_TIME, 11)[1:]
-    slope = 2.0 / (FASTEST * LEAST_TIME)
-    assert p_v == pytest.approx(slope * (times - 0.5 * LEAST_TIME), abs=1e-5)
-    assert p_x == pytest.approx(-slope * np.ones(10), abs=1e-5)
-
-
-def test_costates_are_what_a_shift_costs() -> None:
+def test_costates_are_what_a_shift_costs_and_an_error_of_integration() -> None:
     """A start that is 1 mm ahead saves as much time as the costate of the place there says."""
     free = least_time()
+    solution = solved(free)
     ahead = replace(free, start=Boundary("start", {"x": Interval.exactly(1e-3), "v": Interval.exactly(0.0)}))
-    saved = solved(ahead).objective - solved(free).objective
-    assert found(free)[0][0, 0] * 1e-3 == pytest.approx(saved, rel=2e-3)
+    p_x, p_v = costates(Layout(free), solution.multipliers.constraints)
+    assert p_x[0] * 1e-3 == pytest.approx(solved(ahead).objective - solution.objective, rel=2e-3)
+    defect = np.zeros((2, 10))
+    defect[:, 0] = 1e-3 / np.array([one.scale for one in SYSTEM.states])
+    error = errors_in_objective(free, defect, solution.multipliers.constraints)
+    assert error[0] == pytest.approx(1e-3 * (p_x[0] + p_v[0]))
+    assert (error[1:] == 0.0).all()
+    assert error[0] < 0.0
 
 
 def test_hamiltonian_counts_the_regularisation() -> None:
     """With a price on the force the optimum is smooth; time's and force's shares still add up to -1."""
     smooth = least_time(40, regularisation={"f": 0.5})
-    _, H = found(smooth)
     solution = solved(smooth)
+    H = hamiltonian(smooth, solution.iterate, solution.multipliers.constraints)
     assert np.abs(H + 1.0).max() < 5e-3
     assert np.abs(solution.iterate.control).max() < FASTEST  # nothing is at a limit
-    priced = replace(smooth, objective=Objective())
-    without = hamiltonian(priced, solution.iterate, solution.multipliers.constraints)
+    plain = replace(smooth, objective=Objective())
+    without = hamiltonian(plain, solution.iterate, solution.multipliers.constraints)
     assert np.abs(without + 1.0).max() > 0.05
 
 
@@ -183,19 +171,6 @@ def test_hamiltonian_strays_where_a_mesh_hides_the_switch() -> None:
     drift = np.abs(hamiltonian(whole, solution.iterate, solution.multipliers.constraints) + 1.0)
     assert drift.argmax() == 2
     assert drift.max() > 0.02
-
-
-def test_error_of_integration_costs_what_the_costates_say() -> None:
-    """An interval that ended a millimetre further, and 1 mm/s faster, would save what a start shifted there saves."""
-    problem = least_time()
-    solution = solved(problem)
-    defect = np.zeros((2, 10))
-    defect[:, 0] = 1e-3 / np.array([one.scale for one in SYSTEM.states])
-    error = errors_in_objective(problem, defect, solution.multipliers.constraints)
-    p_x, p_v = costates(Layout(problem), solution.multipliers.constraints)
-    assert error[0] == pytest.approx(1e-3 * (p_x[0] + p_v[0]))
-    assert (error[1:] == 0.0).all()
-    assert error[0] < 0.0
 
 
 exactly = Interval.exactly

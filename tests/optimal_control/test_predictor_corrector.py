@@ -40,9 +40,10 @@ def solved(
     barrier: float = 1e-5,
     *,
     near: bool = True,
+    tolerance: float = 1e-8,
 ) -> Solution:
     kernels = casadi_kernels(problem.system, problem.scheme)
-    options = SolverOptions(1e-8, 200, barrier, algorithm="predictor-corrector" if near else "line-search")
+    options = SolverOptions(tolerance, 200, barrier, algorithm="predictor-corrector" if near else "line-search")
     prepared = PreparedProblem(Layout(problem), kernels, "fatrop", options, threads=1)
     found = prepared.solve(Layout(problem), guess, multipliers)
     assert found.success
@@ -107,19 +108,9 @@ BARRIER = 1e-4
 
 
 def solve_from(
-    problem: Problem,
-    guess: Iterate,
-    multipliers: Multipliers | None = None,
-    barrier: float = 0.1,
-    tolerance: float = 1e-9,
+    problem: Problem, guess: Iterate, multipliers: Multipliers | None = None, barrier: float = 0.1
 ) -> Solution:
-    kernels = casadi_kernels(problem.system, problem.scheme)
-    options = SolverOptions(tolerance=tolerance, iterations_max=200, barrier=barrier)
-    found = PreparedProblem(Layout(problem), kernels, "fatrop", options, threads=1).solve(
-        Layout(problem), guess, multipliers
-    )
-    assert found.success
-    return found
+    return solved(problem, guess, multipliers, barrier, near=False, tolerance=1e-9)
 
 
 def known(values: list[float], multipliers: list[float]) -> PrimalDualPoint:
@@ -197,14 +188,8 @@ def test_on_a_finer_mesh_the_multipliers_of_a_limit_add_up_to_the_same() -> None
     """A limit that presses evenly all along a phase weighs the same, whatever the mesh."""
     coarse = Layout(EVERYTHING)
     mesh, _ = divide(EVERYTHING.mesh, random_iterate(EVERYTHING, 1), None, np.full(EVERYTHING.intervals, 3))
-    fine = Layout(
-        replace(
-            EVERYTHING,
-            phases=tuple(
-                replace(phase, fractions=fractions) for phase, fractions in zip(EVERYTHING.phases, mesh, strict=True)
-            ),
-        )
-    )
+    phases = [replace(phase, fractions=cut) for phase, cut in zip(EVERYTHING.phases, mesh, strict=True)]
+    fine = Layout(replace(EVERYTHING, phases=tuple(phases)))
     both = np.zeros(coarse.constraints + coarse.unknowns)
     limits = limits_of(coarse)
     for (kind, _), limit in limits.items():
@@ -219,12 +204,7 @@ def test_on_a_finer_mesh_the_multipliers_of_a_limit_add_up_to_the_same() -> None
 
 
 def test_multipliers_carried_to_a_finer_mesh_save_iterations() -> None:
-    problem = PROBLEMS["one phase"]
-    first = solve_from(problem, random_iterate(problem, 1))
-    mesh, guess = divide(problem.mesh, first.iterate, None, np.full(problem.intervals, 2))
-    (phase,) = problem.phases
-    finer = replace(problem, phases=(replace(phase, fractions=mesh[0]),))
-    multipliers = transfer_multipliers(first.multipliers, Layout(problem), Layout(finer))
+    finer, guess, multipliers = bisect_all("one phase")
     cold, warm = (solve_from(finer, guess, one, barrier=1e-4) for one in (None, multipliers))
     assert warm.iterations <= cold.iterations
     assert warm.objective == pytest.approx(cold.objective, abs=1e-6)
@@ -251,7 +231,7 @@ def evaluated(name: str) -> tuple[Evaluation, np.ndarray, np.ndarray]:
 
 def written(functions: Evaluation) -> StageSystem:
     system = StageSystem(functions.assembly)
-    assert system.write(functions.linear(), functions.curved())
+    assert system.write(functions.jacobian_sources(), functions.hessian_sources())
     return system
 
 
@@ -293,14 +273,14 @@ def test_step_that_leads_to_no_minimum_is_told(name: str) -> None:
 def test_identity_stands_in_for_the_hessian() -> None:
     functions, _, J = evaluated("everything")
     system = StageSystem(functions.assembly)
-    assert system.write_identity(functions.linear())
+    assert system.write_identity(functions.jacobian_sources())
     assert system.factorise(np.zeros(system.rows + system.unknowns))
     stationarity = np.random.default_rng(6).normal(size=system.unknowns)
     step, multipliers = system.solve(stationarity, np.zeros(system.gaps))
     G = J[functions.assembly.layout.gap_index.ravel()]
     assert step + G.T @ multipliers == pytest.approx(stationarity, abs=1e-10)
     system.clear()
-    assert system.write(functions.linear(), functions.curved())
+    assert system.write(functions.jacobian_sources(), functions.hessian_sources())
     other = written(functions)
     weights = np.full(system.rows + system.unknowns, 50.0)
     assert system.factorise(weights) == other.factorise(weights)
@@ -358,10 +338,10 @@ def added_up_by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
 def test_the_jacobian_of_every_stage_is_that_of_the_program(functions: Evaluation, *, weighed: bool) -> None:
     rows = rows_of(functions, weighed=weighed)
     memory = empty(rows.stages.count, 3)
-    assert rows.jacobian.write(functions.linear(), memory, rows.weights)
+    assert rows.jacobian.write(functions.jacobian_sources(), memory, rows.weights)
     functions.linearise()
     whole = functions.assembly.jacobian
-    numbers, items = rows.written(whole)
+    numbers, items = rows.locate(whole)
     places = rows.stages.place_in_stage[whole.columns[numbers]]
     at = memory.begins[rows.columns.stages[items], rows.columns.families[items]] + rows.offsets(items, places)
     assert memory.doubles[at].tolist() == (functions.jacobian[numbers] * rows.factors[items]).tolist()
@@ -372,7 +352,7 @@ def test_the_jacobian_of_every_stage_is_that_of_the_program(functions: Evaluatio
 def test_the_hessian_of_every_stage_is_that_of_the_program(functions: Evaluation) -> None:
     stages = Stages(functions.assembly)
     memory = empty(stages.count, 1)
-    assert stages.hessian.write(functions.curved(), memory)
+    assert stages.hessian.write(functions.hessian_sources(), memory)
     functions.curve()
     whole = functions.assembly.hessian
     stage = stages.stage_of_unknown[whole.rows]
@@ -388,7 +368,7 @@ def test_the_hessian_of_every_stage_is_that_of_the_program(functions: Evaluation
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_what_is_no_number_is_told_and_can_be_cleaned(functions: Evaluation, number: float) -> None:
     rows = rows_of(functions, weighed=False)
-    memory, drawn = empty(rows.stages.count, 3), functions.linear()
+    memory, drawn = empty(rows.stages.count, 3), functions.jacobian_sources()
     drawn[: len(drawn) // 2] = number
     assert not rows.jacobian.write(drawn, memory, rows.weights)
     assert not np.isfinite(memory.doubles).all()

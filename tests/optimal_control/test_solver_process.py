@@ -90,37 +90,18 @@ def test_solution_and_iterations_come_back(solver: str) -> None:
     assert reports[-1].infeasibility < 1e-6 < reports[0].infeasibility
 
 
-def test_second_solve_in_the_same_process_gives_the_same_solution() -> None:
-    with SolverService() as service:
-        first, second = solve_by(service), solve_by(service)
-    assert (second.iterate.state == first.iterate.state).all()
-    assert second.objective == first.objective
-    assert second.iterations == first.iterations
-
-
-def test_problems_of_another_structure_are_solved_in_between() -> None:
-    with SolverService() as service:
-        coarse, fine = solve_by(service, rest_to_rest(12)), solve_by(service, rest_to_rest(24))
-        again = solve_by(service, rest_to_rest(12))
-    assert (again.iterate.state == coarse.iterate.state).all()
-    assert fine.iterate.control.shape == (1, 24)
-
-
-def test_one_process_serves_all_solves() -> None:
+def test_one_process_serves_all_solves_and_solves_the_same_again() -> None:
     before = children()
     with SolverService() as service:
         worker = worker_of(before)
-        solve_by(service)
-        solve_by(service)
+        first, second = solve_by(service), solve_by(service)
+        other = solve_by(service, rest_to_rest(24))
+        third = solve_by(service)
         assert worker_of(before) == worker
-
-
-def test_killed_worker_is_a_solver_crash() -> None:
-    before = children()
-    with SolverService() as service:
-        psutil.Process(worker_of(before)).kill()
-        with pytest.raises(SolverCrash, match="died"):
-            solve_by(service)
+    for again in (second, third):
+        assert (again.iterate.state == first.iterate.state).all()
+        assert (again.objective, again.iterations) == (first.objective, first.iterations)
+    assert other.iterate.control.shape == (1, 24)
 
 
 def test_worker_killed_in_mid_solve_is_a_solver_crash_and_the_next_solve_has_a_new_one() -> None:
@@ -421,81 +402,33 @@ def request(problem: Problem, guess: Iterate) -> SolveRequest:
     return SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
 
 
-def test_request_arrives_as_it_was_sent() -> None:
+def test_requests_arrive_as_they_were_sent_and_systems_once() -> None:
     problem, guess = rest_to_rest()
     stream = io.BytesIO()
-    Sender(stream).send(request(problem, guess))
+    sender = Sender(stream)
+    sender.pack(PreloadRequest(problem.system, problem.scheme))  # waits for the next
+    assert stream.tell() == 0
+    sender.send(request(problem, guess))
+    sizes = [stream.tell()]
+    sender.deliver()
+    for system in (problem.system, problem.system, oscillator()):
+        sender.send(request(replace(problem, system=system), guess))
+        sizes.append(stream.tell())
+    assert np.diff(sizes)[0] == np.diff(sizes)[1] < sizes[0] - 1000
     stream.seek(0)
     receiver = Receiver(stream)
-    received = receiver.receive()
+    announced, received, *others = (receiver.receive() for _ in range(5))
+    assert isinstance(announced, PreloadRequest)
     assert isinstance(received, SolveRequest)
+    assert announced.scheme == problem.scheme
     assert replace(received.problem, system=problem.system) == problem
     assert received.problem.system.states == problem.system.states
     assert (received.guess.state == guess.state).all()
     x, u, p = np.array([0.3, -1.0]), np.array([2.0]), np.array(problem.parameters)
     assert (np.asarray(received.problem.system.rates(x, u, p)) == np.asarray(problem.system.rates(x, u, p))).all()
-    assert receiver.receive() is None
-
-
-def test_systems_are_sent_once() -> None:
-    problem, guess = rest_to_rest()
-    stream = io.BytesIO()
-    sender = Sender(stream)
-    sizes = []
-    for _ in range(3):
-        before = stream.tell()
-        sender.send(request(problem, guess))
-        sizes.append(stream.tell() - before)
-    assert sizes[0] > sizes[1] + 1000
-    assert sizes[1] == sizes[2]
-
-
-def test_equal_systems_arrive_as_one_object() -> None:
-    problem, guess = rest_to_rest()
-    stream = io.BytesIO()
-    sender = Sender(stream)
-    for system in (problem.system, oscillator(), problem.system):
-        sender.send(request(replace(problem, system=system), guess))
-    stream.seek(0)
-    receiver = Receiver(stream)
-    requests = [receiver.receive() for _ in range(3)]
-    systems = [received.problem.system for received in requests if isinstance(received, SolveRequest)]
-    assert len(systems) == 3
-    assert systems[0] is systems[1] is systems[2]
-
-
-def test_an_announced_system_is_the_one_that_is_solved_later() -> None:
-    problem, guess = rest_to_rest()
-    stream = io.BytesIO()
-    sender = Sender(stream)
-    sender.send(PreloadRequest(problem.system, problem.scheme))
-    announced = stream.tell()
-    sender.send(request(problem, guess))
-    assert stream.tell() - announced < announced
-    stream.seek(0)
-    receiver = Receiver(stream)
-    first, second = receiver.receive(), receiver.receive()
-    assert isinstance(first, PreloadRequest)
-    assert isinstance(second, SolveRequest)
-    assert first.system is second.problem.system
-    assert first.scheme == problem.scheme
-
-
-def test_messages_that_wait_are_written_in_their_order_with_the_next() -> None:
-    problem, guess = rest_to_rest()
-    stream = io.BytesIO()
-    sender = Sender(stream)
-    sender.pack(PreloadRequest(problem.system, problem.scheme))
-    assert stream.tell() == 0
-    sender.send(request(problem, guess))
-    written = stream.tell()
-    sender.deliver()
-    assert stream.tell() == written
-    stream.seek(0)
-    receiver = Receiver(stream)
-    first, second = receiver.receive(), receiver.receive()
-    assert isinstance(first, PreloadRequest)
-    assert isinstance(second, SolveRequest)
+    for one in (received, *others):  # equal systems arrive as one object
+        assert isinstance(one, SolveRequest)
+        assert one.problem.system is announced.system
     assert receiver.receive() is None
 
 
@@ -513,15 +446,12 @@ def test_the_answer_is_that_of_a_solver_in_this_process(solver: str) -> None:
     assert (there.iterate.state == here.iterate.state).all()
 
 
-def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_printed_and_the_options_are_the_solvers(capfd: pytest.CaptureFixture[str]) -> None:
     assert solve(*rest_to_rest()).success
-    assert capfd.readouterr().out == ""
-
-
-def test_options_are_the_solvers() -> None:
     hasty = solve(*rest_to_rest(), options=SolverOptions(iterations_max=2))
     assert not hasty.success
     assert hasty.iterations <= 3
+    assert capfd.readouterr().out == ""
 
 
 def test_a_problem_that_means_something_else_is_refused_here() -> None:

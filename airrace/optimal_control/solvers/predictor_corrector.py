@@ -211,7 +211,7 @@ class _Run:
         functions.lam_g[:] = self._multipliers(point)
         functions.slope()
         stationarity = functions.gradient + self._of_values(point)[len(self._rows) :]
-        self._system.write_identity(functions.linear())
+        self._system.write_identity(functions.jacobian_sources())
         self._system.factorise(self._weights(np.zeros_like(z)))
         _, y, e, _ = self._solve_system(-stationarity, np.zeros_like(point.y), np.zeros_like(point.e))
         self._system.clear()
@@ -225,7 +225,7 @@ class _Run:
         functions.w[:] = point.w
         functions.lam_g[:] = self._multipliers(point)
         functions.values()
-        finite = self._system.write(functions.linear(), functions.curved())
+        finite = self._system.write(functions.jacobian_sources(), functions.hessian_sources())
         values = self._values(point.w)
         found = _Residuals(
             functions.gradient + self._of_values(point)[len(self._rows) :],

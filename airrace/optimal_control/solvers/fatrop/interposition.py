@@ -88,12 +88,6 @@ def begin_arena(native: ctypes.CDLL, large: int, kept: int) -> None:
     native.arena_begin((ctypes.c_void_p * len(addresses))(*addresses), large, kept)
 
 
-def use() -> Use | None:
-    """Return what fatrop's memory amounts to, None where it is not taken from the native library."""
-    path = library_path()
-    return None if path is None or not install() else use_of(ctypes.CDLL(str(path)))
-
-
 def use_of(native: ctypes.CDLL) -> Use:
     """Return what the memory of a loaded native library amounts to."""
     numbers = (ctypes.c_size_t * 3)()

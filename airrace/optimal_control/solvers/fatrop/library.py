@@ -46,7 +46,7 @@ class Stats(Structure):
     return_flag: int
 
 
-class Vector(Structure):
+class BlasfeoVector(Structure):
     """The beginning of the struct `blasfeo_dvec`."""
 
     _fields_ = (("mem", c_void_p), ("pa", c_void_p))
@@ -135,8 +135,8 @@ PROTOTYPES: Sequence[tuple[str, Any, tuple[Any, ...]]] = (  # Any: as above
     ("fatrop_ocp_c_solve", c_int, (c_void_p,)),
     ("fatrop_ocp_c_set_option_double", c_int, (c_void_p, c_char_p, c_double)),
     ("fatrop_ocp_c_set_option_int", c_int, (c_void_p, c_char_p, c_int)),
-    ("fatrop_ocp_c_get_primal", POINTER(Vector), (c_void_p,)),
-    ("fatrop_ocp_c_get_dual", POINTER(Vector), (c_void_p,)),
+    ("fatrop_ocp_c_get_primal", POINTER(BlasfeoVector), (c_void_p,)),
+    ("fatrop_ocp_c_get_dual", POINTER(BlasfeoVector), (c_void_p,)),
     ("fatrop_ocp_c_get_dims", POINTER(Dims), (c_void_p,)),
     ("fatrop_ocp_c_get_stats", POINTER(Stats), (c_void_p,)),
     ("fatrop_ocp_c_destroy", None, (c_void_p,)),

@@ -28,7 +28,7 @@ _AT_ONCE = 1000  # matrices whose entries are cleared at once: their places take
 @cache
 def struct_size() -> int:
     """Return the size of `struct blasfeo_dmat` in bytes: as far as blasfeo writes when it creates a matrix."""
-    low, high = (_created(9, 7, filler)[0] for filler in (0x55, 0xAA))
+    low, high = (_create(9, 7, filler)[0] for filler in (0x55, 0xAA))
     return int(np.flatnonzero((low != 0x55) | (high != 0xAA))[-1]) + 1
 
 
@@ -41,7 +41,7 @@ def entry_offsets(rows: int, columns: int) -> Indices:
     Raises:
         SolverCrash: blasfeo does not keep its matrices as expected.
     """
-    struct, memory = _created(rows, columns, 0)
+    struct, memory = _create(rows, columns, 0)
     numbers = np.arange(1.0, rows * columns + 1)
     fatrop().blasfeo_pack_dmat(rows, columns, numbers.ctypes.data, rows, struct.ctypes.data, 0, 0)
     start = int(struct.view(np.int64)[_POINTER_WORD])
@@ -54,7 +54,7 @@ def entry_offsets(rows: int, columns: int) -> Indices:
     return offsets
 
 
-def _created(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _create(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return a struct, filled with `filler` before blasfeo created a matrix in it, and that matrix's memory, zero."""
     struct = np.full(_ROOM, filler, dtype=np.uint8)
     memory = np.zeros(fatrop().blasfeo_memsize_dmat(rows, columns) + _ALIGNMENT, dtype=np.uint8)

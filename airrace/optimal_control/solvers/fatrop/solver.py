@@ -23,24 +23,32 @@ from airrace.trajectory import Array
 
 ENDINGS = tuple(Ending)[:7]
 """The endings in the order of `IpSolverReturnFlag`."""
-LARGEST_COSTATE = 1e9
-"""The size of the first multipliers of equalities beyond which fatrop does not believe them.
-
-Its own value of 1000 is for multipliers that were found from a guess; these are known.
-"""
-BOUND_PUSH = 30.0
-"""The multiple of the barrier parameter by which slacks are pushed off their limits where multipliers are known (1).
-
-Where a limit begins or ceases to be pressed on, the first step is then longer. Of the stages above the point mass of
-Rovinj, Abu Dhabi and the half Cuban eight, iterations times intervals fell from 96, 101 and 17 thousand with a factor
-of 1 to 93, 92 and 13; with 100 they were 99, 93 and 14.
-"""
 RESTORATION_MAX = 100
 """The number of successive steps of a restoration of feasibility after which a solve is given up.
 
 Where it led on it took 17 steps at most, in the ladders of the shipped courses with exploring and on 30 generated
 courses; where it did not, it went on until no iterations were left, 400 and more.
 """
+
+
+@record
+class WarmStartSettings:
+    """The settings of a solve that begins with known multipliers.
+
+    Attributes:
+        largest_costate: the size of the first multipliers of equalities beyond which fatrop does not believe them. Its
+            own value of 1000 is for multipliers that were found from a guess; these are known.
+        bound_push: the multiple of the barrier parameter by which slacks are pushed off their limits. Where a limit
+            begins or ceases to be pressed on, the first step is then longer. Of the stages above the point mass of
+            Rovinj, Abu Dhabi and the half Cuban eight, iterations times intervals fell from 96, 101 and 17 thousand
+            with a factor of 1 to 93, 92 and 13; with 100 they were 99, 93 and 14.
+    """
+
+    largest_costate: float = 1e9
+    bound_push: float = 30.0
+
+
+WARM_START = WarmStartSettings()
 _DOUBLE = 8
 _EVALUATED = 1  # what a `full_eval_` callback returns that has evaluated everything
 
@@ -99,7 +107,10 @@ class FatropSolver:
             self._functions.values()
             barrier = float(options["mu_init"])
             start = PrimalDualPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
-            options = options | {"bound_push": BOUND_PUSH * barrier, "lam_max": LARGEST_COSTATE}
+            options = options | {
+                "bound_push": WARM_START.bound_push * barrier,
+                "lam_max": WARM_START.largest_costate,
+            }
         rows = Rows(self._stages, bounds, start, exact=self._exact)
         return _Run(self._stages, rows, self._functions, guess, options).solve()
 
@@ -270,7 +281,7 @@ class _Run:
         functions.w[:] = self._unknowns(unknowns)
         memory, places = self._buffers.constraints((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
-        values, seen = functions.linear(), self._residuals()
+        values, seen = functions.jacobian_sources(), self._residuals()
         if not rows.jacobian.write(values, memory, rows.weights):
             rows.jacobian.clean(memory)
         memory.doubles[places] = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
@@ -287,7 +298,7 @@ class _Run:
         functions.lam_f = factor
         both = self._multipliers(doubles_at(multipliers, len(self._rows.items)))
         functions.lam_g[:] = both[: stages.constraints]
-        values = functions.curved()
+        values = functions.hessian_sources()
         gradient = functions.gradient + both[stages.constraints :]
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
         memory, slope = self._buffers.costs(matrices)
@@ -345,34 +356,32 @@ class _OutputBuffers:
             SolverCrash: the matrices have other shapes.
         """
         rows, columns = self._rows, self._rows.columns
-        addresses = _addresses(rows.families, structs)
-        key = b"".join(one.tobytes() for one in addresses)
-        if key not in self._known:
-            memory = _zero(rows.families, addresses)
+
+        def prepare(memory: Memory) -> Indices:
             begins = memory.begins[columns.stages, columns.families]
             bounded, offsets = rows.constants
             memory.doubles[begins[bounded] + offsets] = rows.factors[bounded]
-            self._known[key] = memory, begins + rows.residual_offsets
-        return self._known[key]
+            return begins + rows.residual_offsets
+
+        return self._memory(rows.families, structs, prepare)
 
     def costs(self, structs: int) -> tuple[Memory, Indices]:
         """Return the memory of the matrices RSQrqt, and the places of the gradient in it; otherwise the same."""
         stages = self._stages
-        addresses = _addresses((stages.matrices,), (structs,))
-        key = addresses[0].tobytes()
+        return self._memory(
+            (stages.matrices,),
+            (structs,),
+            lambda memory: memory.begins[stages.stage_of_unknown, 0] + stages.gradient_offsets,
+        )
+
+    def _memory(
+        self, families: Sequence[MatrixFamily], structs: Sequence[int], prepare: Callable[[Memory], Indices]
+    ) -> tuple[Memory, Indices]:
+        addresses = [family.addresses(address) for family, address in zip(families, structs, strict=True)]
+        key = b"".join(one.tobytes() for one in addresses)
         if key not in self._known:
-            memory = _zero((stages.matrices,), addresses)
-            self._known[key] = memory, memory.begins[stages.stage_of_unknown, 0] + stages.gradient_offsets
+            memory = memory_of(families, addresses)
+            for number, family in enumerate(families):
+                family.clear(memory.doubles, memory.begins[: len(family.rows), number])
+            self._known[key] = memory, prepare(memory)
         return self._known[key]
-
-
-def _addresses(families: Sequence[MatrixFamily], structs: Sequence[int]) -> Sequence[Indices]:
-    return [family.addresses(address) for family, address in zip(families, structs, strict=True)]
-
-
-def _zero(families: Sequence[MatrixFamily], addresses: Sequence[Indices]) -> Memory:
-    """Return the memory of these matrices, whose entries are zero now."""
-    memory = memory_of(families, addresses)
-    for number, family in enumerate(families):
-        family.clear(memory.doubles, memory.begins[: len(family.rows), number])
-    return memory

@@ -272,7 +272,7 @@ class Rows:
         """
         kind, first = unique_rows(self._structure_keys())
         sums = self.stages.assembly.jacobian_of(first)
-        numbers, items = self.written(sums)
+        numbers, items = self.locate(sums)
         family = self.columns.families[items]
         stage, column = self.columns.stages[items], self.columns.numbers[items]
         inequality = family == INEQUALITIES
@@ -281,7 +281,7 @@ class Rows:
         entries = Entries(stage, self.offsets(items, row), family, np.where(inequality, column, -1))
         return StageAssembly(sums.choose(numbers, signs), entries, kind)
 
-    def written(self, sums: SparseAssembly) -> tuple[Indices, Indices]:
+    def locate(self, sums: SparseAssembly) -> tuple[Indices, Indices]:
         """Return which nonzeros are written, and to which items' columns."""
         stages = self.stages
         rows, columns = sums.rows, sums.columns
