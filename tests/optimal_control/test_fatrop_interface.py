@@ -101,25 +101,20 @@ def test_fields_of_a_struct_are_those_of_the_header(ours: type[ctypes.Structure]
     assert [plain(kind) for _, kind, *_ in ours._fields_] == [written(kind) for _, kind in declared]
 
 
-def test_callbacks_that_are_set_have_the_signatures_of_the_header() -> None:
+def signature(kind: Any) -> Signature:
+    return plain(kind._restype_), tuple(plain(one) for one in kind._argtypes_)
+
+
+def test_callbacks_and_prototypes_have_the_signatures_of_the_headers() -> None:
     kinds = dict(fields(FATROP, "FatropOcpCInterface"))
     callbacks = {name: kind for name, kind in Interface._fields_ if kind is not ctypes.c_void_p}
     assert len(callbacks) == 13
     for name, kind in callbacks.items():
-        ours = (plain(kind._restype_), tuple(plain(one) for one in kind._argtypes_))
-        assert ours == POINTERS[kinds[name]], name
-
-
-def test_prototypes_are_those_of_the_headers() -> None:
+        assert signature(kind) == POINTERS[kinds[name]], name
+    assert signature(library._WRITE) == POINTERS["FatropOcpCWrite"]
     declared = functions(FATROP) | functions(BLASFEO)
     for name, result, arguments in PROTOTYPES:
-        ours = (plain(result), tuple(plain(one) for one in arguments))
-        assert ours == declared[name], name
-
-
-def test_fatrop_writes_through_the_callback_of_the_header() -> None:
-    write = library._WRITE
-    assert (plain(write._restype_), tuple(plain(one) for one in write._argtypes_)) == POINTERS["FatropOcpCWrite"]
+        assert (plain(result), tuple(plain(one) for one in arguments)) == declared[name], name
 
 
 def test_a_vector_begins_as_in_blasfeos_header() -> None:
@@ -219,14 +214,8 @@ class Matrices:
         rows, columns = self.shapes[number]
         result = np.zeros((rows, columns), order="F")
         unpack = blasfeo().blasfeo_unpack_dmat
-        unpack.argtypes = [
-            ctypes.c_int,
-            ctypes.c_int,
-            ctypes.c_void_p,
-            *[ctypes.c_int] * 2,
-            ctypes.c_void_p,
-            ctypes.c_int,
-        ]
+        number_of, address = ctypes.c_int, ctypes.c_void_p
+        unpack.argtypes = [number_of, number_of, address, number_of, number_of, address, number_of]
         unpack.restype = None
         unpack(rows, columns, self._struct(number), 0, 0, result.ctypes.data, rows)
         return result
@@ -250,33 +239,18 @@ def every_entry(described: MatrixFamily) -> tuple[Array, Array, Array]:
     return stage, row, column
 
 
-def fill(matrices: Matrices, entries: NDArray[np.float64]) -> None:
-    """Write all entries of matrices of these shapes."""
-    described = family(SHAPES)
-    memory = memory_of([described], [described.addresses(matrices.address)])
-    stage, row, column = every_entry(described)
-    memory.doubles[memory.begins[stage, 0] + described.offsets(stage, row, column)] = entries
-
-
-def test_blasfeo_finds_every_entry_where_it_was_written() -> None:
-    matrices = Matrices(SHAPES)
-    entries = np.random.default_rng(1).normal(size=sum(rows * columns for rows, columns in SHAPES))
-    fill(matrices, entries)
-    first = 0
-    for number, (rows, columns) in enumerate(SHAPES):
-        own = entries[first : first + rows * columns]
-        assert (matrices.read(number) == own.reshape(rows, columns, order="F")).all()
-        first += rows * columns
-
-
-def test_writing_and_clearing_touch_nothing_else() -> None:
+def test_entries_are_where_blasfeo_finds_them_and_nothing_else_is_touched() -> None:
     matrices, described = Matrices(SHAPES), family(SHAPES)
-    fill(matrices, np.ones(sum(rows * columns for rows, columns in SHAPES)))
-    for memory, (rows, columns) in zip(matrices.memory, SHAPES, strict=True):
+    entries = np.random.default_rng(1).normal(size=sum(rows * columns for rows, columns in SHAPES))
+    whole = memory_of([described], [described.addresses(matrices.address)])
+    stage, row, column = every_entry(described)
+    whole.doubles[whole.begins[stage, 0] + described.offsets(stage, row, column)] = entries
+    for number, (memory, (rows, columns)) in enumerate(zip(matrices.memory, SHAPES, strict=True)):
+        own = entries[stage == number].reshape(rows, columns, order="F")
+        assert (matrices.read(number) == own).all()
         assert np.count_nonzero(memory.view(np.float64)) == rows * columns
     for one in matrices.memory:
         one.view(np.float64)[one.view(np.float64) == 0.0] = np.pi
-    whole = memory_of([described], [described.addresses(matrices.address)])
     described.clear(whole.doubles, whole.begins[:, 0])
     for number, (memory, (rows, columns)) in enumerate(zip(matrices.memory, SHAPES, strict=True)):
         assert np.count_nonzero(memory.view(np.float64) == np.pi) == len(memory) // 8 - rows * columns

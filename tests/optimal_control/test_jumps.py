@@ -19,7 +19,7 @@ from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.solvers.process.worker import SolveServer
-from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 
@@ -99,16 +99,13 @@ def kicked_flight(problem: Problem) -> Iterate:
     return replace(smooth, state=np.array(states).T)
 
 
-def test_an_exact_flight_with_a_jump_replays_onto_itself() -> None:
+def test_an_exact_flight_replays_onto_itself_and_a_jump_that_it_leaves_out_is_a_defect() -> None:
     stated, flown = kicked(), kicked_flight(kicked())
     assert np.abs(replay(stated, flown).defect).max() < EXACT
     assert np.abs(estimate_defect(stated, flown)).max() < 1e-5
     assert np.abs(replay_phases(stated, flown)).max() < 1e-6
-
-
-def test_a_jump_that_is_not_flown_shows_as_a_defect_where_it_should_be() -> None:
-    defect = replay(kicked(), flight(kicked())).defect
-    scale = np.array([one.scale for one in kicked().system.states])
+    defect = replay(stated, flight(stated)).defect
+    scale = np.array([one.scale for one in stated.system.states])
     assert defect[:, 2] == pytest.approx(KICK / scale, abs=EXACT)
     assert np.abs(np.delete(defect, 2, axis=1)).max() < EXACT
 
@@ -118,8 +115,8 @@ def test_a_boundary_is_audited_before_the_jump() -> None:
     flown = kicked_flight(stated)
     before = float(stated.states_before_jump(flown.state)[0, 2])
     bounds = {"distance": Interval(upper=before - 0.2 - 0.125), "v": exactly(float(flown.state[1, 3]))}
-    strict = replace(stated, phases=(replace(stated.phases[0], end=replace(stated.phases[0].end, bounds=bounds)),
-                                     stated.phases[1]))  # fmt: skip
+    first, second = stated.phases
+    strict = replace(stated, phases=(replace(first, end=replace(first.end, bounds=bounds)), second))
     tolerances = (Tolerance("place", ("m",), 1e-3, 1e-3), Tolerance("speed", ("m/s", "W/kg", "N/kg"), 1e-3, 1e-3))
     items = check_constraints(strict, flown, replay(strict, flown), tolerances=tolerances, defect_limit=1e-6).items
     measured = {item.name: item.value for item in items}
@@ -139,24 +136,19 @@ def test_samples_are_those_of_the_exact_flight_and_lie_after_the_jump_at_its_ins
     assert seen[:, 2] == pytest.approx(exact(flown.state[:, 3], next_, 0.1), abs=EXACT)
 
 
-def test_a_finer_mesh_keeps_the_jump() -> None:
-    stated = kicked()
-    mesh, finer = divide(stated.mesh, kicked_flight(stated), replay(stated, kicked_flight(stated)), np.full(5, 2))
+def test_flights_on_other_meshes_keep_the_jump_and_are_straight_up_to_it_and_from_it() -> None:
+    stated, flown = kicked(), kicked_flight(kicked())
+    mesh, finer = divide(stated.mesh, flown, replay(stated, flown), np.full(5, 2))
     first, second = (replace(phase, fractions=parts) for phase, parts in zip(stated.phases, mesh, strict=True))
     assert np.abs(replay(replace(stated, phases=(first, second)), finer).defect).max() < EXACT
-
-
-def test_a_resampled_flight_is_straight_up_to_the_jump_and_from_it() -> None:
-    stated = kicked()
-    flown = kicked_flight(stated)
     _, iterate = resample(stated.mesh, flown, (6, 4), jumps=stated.jumps)
     assert iterate.state[:, [0, 6, 10]] == pytest.approx(flown.state[:, [0, 3, 5]])
     nodes = np.array([0.2, 0.7, 1.0])
     before = stated.states_before_jump(flown.state)
     expected = [np.interp(5 / 6, nodes, [flown.state[row, 1], flown.state[row, 2], before[row, 2]]) for row in (0, 1)]
     assert iterate.state[:, 5] == pytest.approx(expected)
-    _, kept = resample(stated.mesh, flown, (3, 2), jumps=stated.jumps)
-    assert (kept.state == flown.state).all()
+    _, same = resample(stated.mesh, flown, (3, 2), jumps=stated.jumps)
+    assert (same.state == flown.state).all()
 
 
 # an optimum that is known
@@ -208,26 +200,16 @@ def least_time(load: float) -> float:
     return float(v / a + (fastest - v) / a_light + fastest / a_light)
 
 
-def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop") -> Solution:
-    solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
-    assert solution.success, solution.status
-    return solution
-
-
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_least_time_with_a_dropped_load_is_that_of_the_closed_form(solver: str) -> None:
     problem, guess = lightened()
-    solution = optimum(problem, guess, solver)
+    solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
+    assert solution.success, solution.status
     assert solution.objective == pytest.approx(least_time(3.0), abs=1e-7)
     assert solution.iterate.state[2] == pytest.approx([4.0] * 3 + [1.0] * 5)
     assert solution.kkt.largest < 1e-7
     assert np.abs(replay(problem, solution.iterate).defect).max() < EXACT
-
-
-def test_hamiltonian_and_costates_go_on_through_a_jump() -> None:
-    problem, guess = lightened()
-    solution = optimum(problem, guess)
-    multipliers = solution.multipliers.constraints
+    multipliers = solution.multipliers.constraints  # costates and Hamiltonian go on through the jump
     assert hamiltonian(problem, solution.iterate, multipliers) == pytest.approx(-np.ones(7), abs=1e-6)
     p_x, p_v, p_m = costates(Layout(problem), multipliers)
     # the multiplier of the jump itself says what a kilogram less of load would cost

@@ -87,11 +87,13 @@ def test_fatrop_is_asked_where_steps_give_up(monkeypatch: pytest.MonkeyPatch) ->
     assert found.objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
 
 
-def test_multipliers_that_mislead_do_not_change_the_optimum() -> None:
+@pytest.mark.parametrize(("near", "barrier"), [(True, 1e-5), (False, 1e-2)])
+def test_multipliers_that_mislead_do_not_change_the_optimum(near: bool, barrier: float) -> None:
     problem, guess, multipliers = bisect_all("everything")
     expected = solved(problem, guess, multipliers)
     wrong = Multipliers(-multipliers.constraints[::-1].copy(), 0.3 * np.ones_like(multipliers.bounds))
-    assert solved(problem, guess, wrong).objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
+    found = solved(problem, guess, wrong, barrier, near=near)
+    assert found.objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
 
 
 @pytest.mark.parametrize(("known", "near"), [(False, True), (True, False)])
@@ -157,13 +159,6 @@ def test_known_multipliers_lead_to_the_same_optimum_in_fewer_iterations(name: st
     assert warm.objective == pytest.approx(cold.objective, abs=1e-7)
     assert warm.kkt.largest < 1e-6
     assert warm.multipliers.constraints == pytest.approx(cold.multipliers.constraints, abs=1e-4)
-
-
-def test_misleading_multipliers_do_not_change_the_optimum_of_fatrop() -> None:
-    first = solve_from(EVERYTHING, random_iterate(EVERYTHING, 1))
-    wrong = Multipliers(-first.multipliers.constraints[::-1].copy(), 0.3 * np.ones_like(first.multipliers.bounds))
-    found = solve_from(EVERYTHING, first.iterate, wrong, barrier=1e-2)
-    assert found.objective == pytest.approx(first.objective, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -236,7 +231,7 @@ def written(functions: Evaluation) -> StageSystem:
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_step_solves_the_system_of_the_whole_program(name: str) -> None:
+def test_step_solves_the_system_of_the_whole_program_and_leads_to_a_minimum(name: str) -> None:
     functions, H, J = evaluated(name)
     layout = functions.assembly.layout
     system, random = written(functions), np.random.default_rng(4)
@@ -248,26 +243,13 @@ def test_step_solves_the_system_of_the_whole_program(name: str) -> None:
     curvature = H + C.T @ (weights[: system.rows, None] * C) + np.diag(weights[system.rows :])
     assert curvature @ step + G.T @ multipliers == pytest.approx(stationarity, abs=1e-9)
     assert G @ step == pytest.approx(gaps, abs=1e-10)
-
-
-@pytest.mark.parametrize("name", ["everything", "jumps", "one of each"])
-def test_rows_change_as_the_jacobian_says(name: str) -> None:
-    functions, _, J = evaluated(name)
-    system, C = written(functions), J[functions.assembly.layout.row_index]
-    random = np.random.default_rng(5)
-    step, values = random.normal(size=system.unknowns), random.normal(size=system.rows + system.unknowns)
+    values = random.normal(size=system.rows + system.unknowns)
     assert system.values(step) == pytest.approx(np.concatenate([C @ step, step]), abs=1e-12)
     expected = C.T @ values[: system.rows] + values[system.rows :]
     assert system.transpose_multiply(values) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_step_that_leads_to_no_minimum_is_told(name: str) -> None:
-    functions, _, _ = evaluated(name)
-    system = written(functions)
     weights = np.zeros(system.rows + system.unknowns)
     weights[system.rows :] = -1e3
-    assert not system.factorise(weights)
+    assert not system.factorise(weights)  # this step leads to no minimum
 
 
 def test_identity_stands_in_for_the_hessian() -> None:

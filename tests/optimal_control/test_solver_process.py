@@ -98,6 +98,8 @@ def test_one_process_serves_all_solves_and_solves_the_same_again() -> None:
         other = solve_by(service, rest_to_rest(24))
         third = solve_by(service)
         assert worker_of(before) == worker
+    wait_until_gone(worker)
+    assert children() == before
     for again in (second, third):
         assert (again.iterate.state == first.iterate.state).all()
         assert (again.objective, again.iterations) == (first.objective, first.iterations)
@@ -178,15 +180,6 @@ def test_nothing_is_solved_after_the_deadline_and_no_process_is_left() -> None:
         solve_by(service)
 
 
-def test_leaving_the_context_leaves_no_process() -> None:
-    before = children()
-    with SolverService() as service:
-        worker = worker_of(before)
-        solve_by(service)
-    wait_until_gone(worker)
-    assert children() == before
-
-
 def test_interrupt_in_mid_solve_leaves_no_process() -> None:
     def interrupt(_: IterationReport) -> None:
         raise KeyboardInterrupt
@@ -200,15 +193,21 @@ def test_interrupt_in_mid_solve_leaves_no_process() -> None:
     assert children() == before
 
 
-def test_an_error_of_who_is_told_is_its_own_and_not_the_death_of_the_process() -> None:
+@pytest.mark.parametrize("deferred", [True, False])
+def test_an_error_of_who_is_told_or_was_put_off_is_its_own_and_leaves_no_process(deferred: bool) -> None:
     """A pipe that is broken behind a callback is none of the service's."""
 
-    def tell(report: IterationReport) -> None:
+    def refuse(*_: object) -> None:
         raise BrokenPipeError("the reader has gone")
 
+    before = children()
     with SolverService() as service:
+        worker = worker_of(before)
+        if deferred:
+            service.defer(refuse)
         with pytest.raises(BrokenPipeError, match="the reader has gone"):
-            solve_by(service, on_iteration=tell)
+            solve_by(service, on_iteration=None if deferred else refuse)
+        wait_until_gone(worker)
         assert solve_by(service).success
 
 
@@ -240,21 +239,6 @@ def test_what_is_announced_meanwhile_and_the_solution_do_not_wait_for_each_other
         finally:
             watchdog.cancel()
         assert len(pickle.dumps(solution)) > PIPE_BYTES
-        assert solve_by(service).success
-
-
-def test_an_error_of_what_was_put_off_is_its_own_and_leaves_no_process() -> None:
-    before = children()
-
-    def refuse() -> None:
-        raise ValueError("refused")
-
-    with SolverService() as service:
-        service.defer(refuse)
-        worker = worker_of(before)
-        with pytest.raises(ValueError, match="refused"):
-            solve_by(service)
-        wait_until_gone(worker)
         assert solve_by(service).success
 
 
