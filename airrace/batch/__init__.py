@@ -110,11 +110,11 @@ class BatchOptions:
         Raises:
             InputError, UsageError, ClusterError, StorageError: nothing can be flown.
         """
-        from airrace.batch.record import locked
+        from airrace.batch.record import lock_folder
         from airrace.batch.supervision import supervise
 
         sources = self.sources()
-        with self.executor() as executor, locked(self.output):
+        with self.executor() as executor, lock_folder(self.output):
             plan = self.plan(sources)
             ensure(plan)
             with stopping() as stop_asked, watcher() as watched:

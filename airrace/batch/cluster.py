@@ -87,7 +87,7 @@ class Payload:
             return None
         return cls(content, hashlib.sha256(content).hexdigest())
 
-    def unpacked(self) -> bytes:
+    def unpack(self) -> bytes:
         """Return the bytes of the file, or raise `DamagedPayload` if they are not those that were sent."""
         arrived = hashlib.sha256(self.content).hexdigest()
         if arrived != self.sha256:
@@ -154,9 +154,9 @@ def fly(payload: AttemptPayload) -> AttemptReply:
         path = Path(folder) / f"{payload.job.name}.h5"
         try:
             if payload.checkpoint is not None:
-                path.write_bytes(payload.checkpoint.unpacked())
+                path.write_bytes(payload.checkpoint.unpack())
         except DamagedPayload as error:
-            return AttemptReply(_lost(f"its checkpoint was {error}"))
+            return AttemptReply(_loss(f"its checkpoint was {error}"))
         _under_way[payload.key] = path
         try:
             local.submit(Attempt(payload.job, payload.attempt, path, payload.timeout))
@@ -194,7 +194,7 @@ def stop(batch: str) -> None:
     _stopped.add(batch)
 
 
-def _lost(message: str, wall: float = 0.0) -> AttemptResult:
+def _loss(message: str, wall: float = 0.0) -> AttemptResult:
     return AttemptResult(ExitCode.SYSTEM, message, wall, fault=FailureKind.LOST)
 
 
@@ -377,7 +377,7 @@ class ClusterExecutor:
     def submit(self, order: Attempt) -> None:
         name, key = order.job.name, f"{self._batch}-{next(self._numbers)}"
         if not self._threads:
-            self._pending.append(Ended(name, _lost(self._no_worker)))
+            self._pending.append(Ended(name, _loss(self._no_worker)))
             return
         try:
             checkpoint = Payload.of(order.checkpoint)
@@ -386,7 +386,7 @@ class ClusterExecutor:
             )
             future = self._connection.submit(fly, payload, key=key, workers=self._threads)
         except Exception as error:  # the disk's, or any error of the library
-            self._pending.append(Ended(name, _lost(f"it could not be sent to the cluster: {words(error)}")))
+            self._pending.append(Ended(name, _loss(f"it could not be sent to the cluster: {words(error)}")))
             return
         self._attempts[key] = _RunningAttempt(order, future, frozenset(self._threads), time.monotonic())
 
@@ -462,9 +462,9 @@ class ClusterExecutor:
         for key, one in list(self._attempts.items()):
             gone = one.where not in self._threads if one.where else one.workers.isdisjoint(self._threads)
             if heard and gone:
-                self._end([key], _lost(_gone(one.where)))
+                self._end([key], _loss(_gone(one.where)))
             elif self._gave_up:
-                self._end([key], _lost(self._no_worker))
+                self._end([key], _loss(self._no_worker))
 
     def _hear(self, said: Mapping[str, Any]) -> None:
         """Take in what a worker or a future reports; what concerns an attempt that has ended is ignored."""
@@ -484,7 +484,7 @@ class ClusterExecutor:
                 with contextlib.suppress(Exception):  # any error of the library, a full disk, a damaged file
                     payload = self._connection.call(collect, key, workers=[attempt.where]).get(attempt.where)
                     if payload is not None:
-                        replace_file(attempt.order.checkpoint, payload.unpacked())
+                        replace_file(attempt.order.checkpoint, payload.unpack())
                         attempt.reported += 1
                         self._pending.append(StageFinished(**stage))
             case {"done": True}:
@@ -497,10 +497,10 @@ class ClusterExecutor:
         try:
             reply = attempt.future.result(timeout=TIMES.fetch)
         except (Exception, asyncio.CancelledError) as error:  # of the task, of the library or of the connection
-            self._end([key], _lost(f"its worker failed: {words(error)}"))
+            self._end([key], _loss(f"its worker failed: {words(error)}"))
             return
         if reply.ending is None:
-            self._end([key], _lost(_gone(attempt.where)))
+            self._end([key], _loss(_gone(attempt.where)))
             return
         del self._attempts[key]
         with contextlib.suppress(Exception):
@@ -531,9 +531,9 @@ def receive_checkpoint(order: Attempt, reply: AttemptReply) -> tuple[Sequence[St
     wall = reply.ending.wall
     try:
         if reply.checkpoint is not None:
-            replace_file(order.checkpoint, reply.checkpoint.unpacked())
+            replace_file(order.checkpoint, reply.checkpoint.unpack())
     except DamagedPayload as error:
-        return (), _lost(f"its checkpoint came back {error}", wall)
+        return (), _loss(f"its checkpoint came back {error}", wall)
     except StorageError as error:
         return (), AttemptResult(ExitCode.SYSTEM, str(error), wall)
     return reply.stages, reply.ending

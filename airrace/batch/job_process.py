@@ -66,17 +66,17 @@ def main() -> None:
 
     job = Job.from_object(order["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
-        told = JsonProgress(replies)
+        progress = JsonProgress(replies)
         answer = CommandResult(empty_result(job.course))
         try:
-            _fly(answer, job, Path(order["checkpoint"]), told)
+            _fly(answer, job, Path(order["checkpoint"]), progress)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
             record_failure(answer, error)
             if isinstance(error, SolverCrash) and error.status == -getattr(signal, "SIGKILL", 9):
                 answer.error += " (out of memory?)"  # the solver has most of it, and the system picks it
         findings = [asdict(finding) for finding in answer.findings]
         ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
-        told.tell({"ended": ended})
+        progress.tell({"ended": ended})
     sys.exit(int(answer.code))
 
 

@@ -199,7 +199,7 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
 
 
 @contextmanager
-def locked(folder: Path) -> Generator[None, None, None]:
+def lock_folder(folder: Path) -> Generator[None, None, None]:
     """Create the folder if it is missing, and lock it. The system releases the lock when this process ends in any way.
 
     Raises:

@@ -458,13 +458,13 @@ def annotations(rows: Sequence[BatchResult], findings: Sequence[Finding]) -> Ite
     for one in islice(found, ANNOTATIONS_MAX):
         file = "" if one.file.startswith("--") else one.file
         places = {"file": file, "line": one.line, "col": one.column, "title": one.key or "airrace"}
-        properties = ",".join(f"{name}={_escaped(str(value), ':,')}" for name, value in places.items() if value)
-        yield f"::error {properties}::{_escaped(one.message)}"
+        properties = ",".join(f"{name}={_escape(str(value), ':,')}" for name, value in places.items() if value)
+        yield f"::error {properties}::{_escape(one.message)}"
     if len(found) > ANNOTATIONS_MAX:
         yield f"::warning title=airrace::and {len(found) - ANNOTATIONS_MAX} more errors"
 
 
-def _escaped(text: str, also: str = "") -> str:
+def _escape(text: str, also: str = "") -> str:
     for character in "%\r\n" + also:
         text = text.replace(character, f"%{ord(character):02X}")
     return text

@@ -31,13 +31,13 @@ def matching(pattern: str) -> list[str]:
     Raises:
         TooWideError: too many folders or files would have to be looked at.
     """
-    found = list(islice((name for name in _expanded(pattern) if not os.path.isdir(name)), MATCHES_MAX + 1))
+    found = list(islice((name for name in _expand(pattern) if not os.path.isdir(name)), MATCHES_MAX + 1))
     if len(found) > MATCHES_MAX:
         raise TooWideError(f"matches more than {MATCHES_MAX} files; name fewer of them")
     return sorted(found)
 
 
-def _expanded(pattern: str) -> Iterator[str]:
+def _expand(pattern: str) -> Iterator[str]:
     parts = Path(pattern).parts
     if "**" not in parts:
         yield from glob.iglob(pattern)
@@ -46,7 +46,7 @@ def _expanded(pattern: str) -> Iterator[str]:
     above, below = parts[:place], parts[place + 1 :]
     names = below or ("*",)
     for folder in _folders(os.path.join(*above) if above else ""):
-        yield from _expanded(os.path.join(glob.escape(folder), *names))
+        yield from _expand(os.path.join(glob.escape(folder), *names))
 
 
 def _folders(pattern: str) -> Iterator[str]:

@@ -59,7 +59,7 @@ def ensure_room(*outputs: Path | None, as_json: bool) -> None:
         raise UsageError("only one result can go to stdout: name a file for the others, and leave --json out")
 
 
-def answer_written(
+def answer_with_files(
     answer: CommandResult, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
 ) -> None:
     """Fill in the answer of a command that has written files; one that was written to stdout is not told.

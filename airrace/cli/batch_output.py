@@ -34,7 +34,7 @@ from airrace.batch.reports import (
     wind_words,
 )
 from airrace.batch.supervision import StageFinished, Watcher
-from airrace.cli.tables import full_columns, rendered, terminal_columns
+from airrace.cli.tables import full_columns, render, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode, worst
@@ -110,7 +110,7 @@ def answer_with(
     if not quiet and STANDARD not in (reports.csv, reports.junit, reports.markdown):
         columns = terminal_columns()
         tables = (*ranking_tables(rows, columns), *wind_tables(summaries, columns))
-        answer.texts.extend(rendered(table) for table in tables)
+        answer.texts.extend(render(table) for table in tables)
     _fail_for_inputs(answer, plan, results)
     if code is not ExitCode.DONE:
         hint = "; the same command goes on" if code is ExitCode.INTERRUPTED else ""
@@ -188,7 +188,7 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
     if columns is None or full_columns(table) + MESSAGE_LEAST * has_messages <= columns:
         cells = [(*cells, message) for cells, message in zip(numbers, messages, strict=True)]
         return [Table(title, (*table.columns, _MESSAGE), cells) if has_messages else table]
-    jobs = [folded(row.name) for row in rows]
+    jobs = [fold_name(row.name) for row in rows]
     said = [(job, message) for job, message in zip(jobs, messages, strict=True) if message]
     return [
         Table(title, _RANKING, [(job, *rank) for job, rank in zip(jobs, ranks, strict=True)]),
@@ -197,7 +197,7 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
     ]
 
 
-def folded(name: str) -> str:
+def fold_name(name: str) -> str:
     """Return a job's name on as many lines as it needs on a narrow terminal, cut after commas."""
     lines = [""]
     for part in re.split(r"(?<=,)", name):
@@ -225,7 +225,7 @@ def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) ->
         extremes = (("best", summary.best), ("worst", summary.worst))
         table = Table(title, _WIND, [(word, row.name, wind_words(row), row.race_time) for word, row in extremes])
         if columns is not None and full_columns(table) > columns:
-            rows = [(word, folded(row.name), wind_words(row), row.race_time) for word, row in extremes]
+            rows = [(word, fold_name(row.name), wind_words(row), row.race_time) for word, row in extremes]
             table = replace(table, rows=rows)
         tables.append(table)
         if summary.bearings:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.answer import answer_with_files, answering, ensure_room
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
@@ -47,7 +47,7 @@ def check(
             ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
         from airrace.cli.plan_view import LIMITS, plan_view
-        from airrace.cli.tables import rendered, takes_unicode, terminal_columns
+        from airrace.cli.tables import render, takes_unicode, terminal_columns
         from airrace.runs.courses import check_course
 
         course = check_course(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
@@ -60,7 +60,7 @@ def check(
             tables = course_tables(course.race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
             view = plan_view(course.map_model, columns=columns, plain=plain)
-            answer.texts += [*map(rendered, tables), rendered(view)]
+            answer.texts += [*map(render, tables), render(view)]
             answer.texts += [remarks_text(course.warnings)] if course.warnings else []
 
 
@@ -89,7 +89,7 @@ def init(
         remark = f"; fly it with `airrace optimize {path} --until point-mass`"
         if from_ is not None:
             remark = f"; look at it with `airrace check {path}`, for placemarks say little"
-        answer_written(answer, [path], quiet=quiet, remark=remark)
+        answer_with_files(answer, [path], quiet=quiet, remark=remark)
 
 
 def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
@@ -100,7 +100,7 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering(as_json=as_json, verbose=verbose) as answer:
         from textwrap import fill
 
-        from airrace.cli.tables import rendered
+        from airrace.cli.tables import render
         from airrace.runs.courses import catalogue
         from airrace.views.tables import Column, Table
 
@@ -110,8 +110,8 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
         heads = (*map(Column, ("name", "course", "aircraft")), Column("laps", form="d"), Column("passings", form="d"))
         aircraft = [(one.name, one.title) for one in listed.aircraft]
         answer.texts += [
-            rendered(Table("courses", heads, courses)),
-            rendered(Table("aircraft", (Column("name"), Column("aircraft")), aircraft)),
+            render(Table("courses", heads, courses)),
+            render(Table("aircraft", (Column("name"), Column("aircraft")), aircraft)),
             fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False),
         ]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import cast
 
 from airrace.cli.run_tables import laps_lines, leg_tables
-from airrace.cli.tables import PAGE, rendered
+from airrace.cli.tables import PAGE, render
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
@@ -56,14 +56,14 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
     yield "\n".join(lines)
     if len(comparison.laps) > 1:
         laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]
-        yield rendered(Table("laps", _LAPS, laps), columns=PAGE)
+        yield render(Table("laps", _LAPS, laps), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
         rows: list[tuple[str | float, ...]] = []
         for leg in legs:
             what = "; ".join(one.text for one in leg.differences)
             rows.append((leg.name, leg.other.time, leg.difference, leg.by_way, leg.by_speed, what))
-        yield rendered(Table("legs by time lost", _LEGS, rows), columns=PAGE)
+        yield render(Table("legs by time lost", _LEGS, rows), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
         yield f"{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms"
@@ -85,18 +85,18 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         attitude = (math.degrees(one.value("mu")), math.degrees(one.value("gamma")))
         passings.append((one.name, one.time, one.time - before, *speeds, *attitude))
         before = one.time
-    yield rendered(Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, passings), columns=PAGE)
+    yield render(Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, passings), columns=PAGE)
     if log.violations:
         rows: list[tuple[str | float | None, ...]] = []
         for one in log.violations:
             measured = (one.time, one.value, one.deviation, one.limit, one.unit)
             certain = "yes" if one.certain else "no"
             rows.append((one.passing or "flight", one.rule, *measured, penalty_text(one.penalty), certain))
-        yield rendered(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
+        yield render(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
     yield from laps_lines(flight)
     if legs:
-        yield from (rendered(table, columns=PAGE) for table in leg_tables(flight))
+        yield from (render(table, columns=PAGE) for table in leg_tables(flight))
     yield "\n".join(textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in log.remarks)
 
 
@@ -178,7 +178,7 @@ def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity]
     parts: list[str] = []
     if rows:
         title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
-        parts.append(rendered(Table(title, _SENSITIVITIES, rows)))
+        parts.append(render(Table(title, _SENSITIVITIES, rows)))
     if sided:
         parts.append("\n".join(["one-sided (*), a usual step up and down:", *sided]))
     free = len(sensitivities) - len(active)

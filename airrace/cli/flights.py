@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
 import typer
 from typer.core import TyperGroup
 
-from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.answer import answer_with_files, answering, ensure_room
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
@@ -90,7 +90,7 @@ def import_log(
         answer.fields.update(log_object(log_view))
         if not quiet and path != STANDARD:
             answer.texts.extend(log_texts(log_view))
-        answer_written(answer, [path], quiet=quiet)
+        answer_with_files(answer, [path], quiet=quiet)
 
 
 def compare(
@@ -164,7 +164,7 @@ def plot(
         from airrace.views.flight_figures import flight_figure, kneeboard_figure
 
         save_figure(kneeboard_figure(flight) if kneeboard else flight_figure(flight), path)
-        answer_written(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])
+        answer_with_files(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])
 
 
 def report(
@@ -198,7 +198,7 @@ def report(
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
         write_text(path, report_of_flights(names, stage=stage, sensitivities=sensitivities))
-        answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
+        answer_with_files(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
 
 
 class _Formats(TyperGroup):
@@ -206,11 +206,11 @@ class _Formats(TyperGroup):
 
     # Any: contexts and commands belong to click, whose place depends on typer's version.
     def list_commands(self, ctx: Any) -> list[str]:
-        return [*super().list_commands(ctx), *(name for name in _registered() if name not in self.commands)]
+        return [*super().list_commands(ctx), *(name for name in _formats() if name not in self.commands)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         known = super().get_command(ctx, cmd_name)
-        form = None if known else _registered().get(cmd_name)
+        form = None if known else _formats().get(cmd_name)
         return known if form is None else _subcommand(form)
 
 
@@ -272,10 +272,10 @@ def csv_table(
                 abandon_stdout()
         for path in beside:
             passings.to_csv(path)
-        answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
+        answer_with_files(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
 
 
-def _registered() -> Mapping[str, "Format"]:
+def _formats() -> Mapping[str, "Format"]:
     from airrace.errors import UsageError
     from airrace.export.formats import formats
 
@@ -316,7 +316,7 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
             path = output or output_of(form.name, names)
             ensure_room(path, as_json=as_json)
             write_flights(form.name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
-            answer_written(answer, [path], quiet=quiet, format=form.name, flights=names)
+            answer_with_files(answer, [path], quiet=quiet, format=form.name, flights=names)
 
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.command(form.name, help=form.help, cls=Command)(write)

@@ -100,7 +100,7 @@ class Canvas:
             if text and self.write(at_row, begin, text, style):
                 return
 
-    def drawn(self, *, plain: bool) -> list[Text]:
+    def texts(self, *, plain: bool) -> list[Text]:
         """Return the rows from north to south; with `plain` in ASCII alone."""
         cells = self._dots.reshape(self.rows, DOWN, self.columns, ACROSS)
         bits = (cells * _BITS[:, None, :]).sum(axis=(1, 3))
@@ -180,7 +180,7 @@ def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = Fa
         canvas.write_beside(line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
     if len(map_.ways) <= LIMITS.arrows:
         _write_arrows(canvas, map_, _PLAIN_ARROWS if plain else _ARROWS)
-    rows = canvas.drawn(plain=plain)
+    rows = canvas.texts(plain=plain)
     filled = [number for number, row in enumerate(rows) if row.plain] or [0, -1]
     return Group(*rows[filled[0] : filled[-1] + 1], Text(""), _scale(canvas, map_, plain=plain), _legend(map_, plain))
 

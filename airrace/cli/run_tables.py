@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
-from airrace.cli.tables import PAGE, number, rendered
+from airrace.cli.tables import PAGE, number, render
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
 from airrace.procedure.split_comparison import compare_splits, last_common
@@ -56,12 +56,12 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     yield from (f"{one.stage.value}: {one.remarks}" for one in results if one.holds and one.remarks)
     tables = [stages_table(results)] if any(result.holds for result in results) else []
     tables += [search_table(one.search, most=ROUTES_MAX) for one in results[:-1] if one.search.routes]
-    yield from (rendered(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
+    yield from (render(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
     if results[-1].is_flight:
         yield from _near_misses_texts(StageView(plan.run.inputs, results[-1], {}).flight())
     difference = None if plan.start is None else start_table(plan.start, results)
     if difference is not None:
-        yield rendered(difference, columns=PAGE)
+        yield render(difference, columns=PAGE)
 
 
 @record
@@ -137,7 +137,7 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
         certificates: whether the items of the certificates are listed instead of summed up in a line.
     """
     results = shown.results
-    yield rendered(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
+    yield render(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
     if results:
         yield UNVERIFIED
     yield from (f"{result.stage.value}: {result.remarks}" for result in results if result.remarks)
@@ -145,14 +145,14 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
     for result in results:
         meshes = [mesh_table(result)] if len(result.mesh.why) else []
         tables = [*result_tables(result, certificate=certificates), *meshes]
-        yield from (rendered(table, columns=PAGE) for table in tables)
+        yield from (render(table, columns=PAGE) for table in tables)
         if result.certificate is not None and not certificates:
             yield _certificate_line(result, result.certificate)
         if shown.flight is not None and result.stage.value == shown.stage:
             yield from laps_lines(shown.flight)
             yield from _near_misses_texts(shown.flight)
             if legs:
-                yield from (rendered(table, columns=PAGE) for table in leg_tables(shown.flight))
+                yield from (render(table, columns=PAGE) for table in leg_tables(shown.flight))
 
 
 def result_tables(result: StageResult, *, certificate: bool = True) -> list[Table]:
@@ -313,7 +313,7 @@ def _knots(speeds: Range) -> str:
 
 def _near_misses_texts(flight: Flight) -> list[str]:
     misses = near_misses(flight)
-    return [f"{rendered(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"] if misses else []
+    return [f"{render(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"] if misses else []
 
 
 _NEAR_MISSES = (

@@ -35,11 +35,11 @@ def show(
             from airrace.runs.json_objects import log_object
             from airrace.runs.log_view import open_log
 
-            flown = open_log(stored)
-            source_of(flown, stage)
-            answer.fields.update(log_object(flown))
+            log = open_log(stored)
+            source_of(log, stage)
+            answer.fields.update(log_object(log))
             if not as_json:
-                answer.texts.extend(log_texts(flown, legs=legs))
+                answer.texts.extend(log_texts(log, legs=legs))
             return
         shown = stored_stages(stored, run_file, stage)
         answer.fields.update(shown.as_object(), signed_by=signed_by or None)
@@ -72,7 +72,7 @@ def verify(
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import read_sealed
         from airrace.cli.run_tables import items_table
-        from airrace.cli.tables import rendered
+        from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.command_result import ExitCode
@@ -92,17 +92,17 @@ def verify(
         for stage in stages:
             if stage.objection:
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
-        hearsay = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
+        unverified = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
-        answer.fields.update(unverified=hearsay, signed_by=signed_by or None)
+        answer.fields.update(unverified=unverified, signed_by=signed_by or None)
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.finding}")
             if stage.certificate is not None:
-                answer.texts.append(rendered(items_table(stage.certificate)))
+                answer.texts.append(render(items_table(stage.certificate)))
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
-        elif hearsay:
-            answer.texts.append(f"unverified, for they cannot be measured again: {', '.join(hearsay)}")
+        elif unverified:
+            answer.texts.append(f"unverified, for they cannot be measured again: {', '.join(unverified)}")
         if signer is not None and not answer.error:
             run.signing(signer).save(run_file)
             answer.texts.append(f"signed now by {signer.fingerprint}")

@@ -18,7 +18,7 @@ PAGE = 80
 """Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 
-def rendered(content: Table | RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
+def render(content: Table | RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
     """Return a table or a picture as text for stdout.
 
     Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules

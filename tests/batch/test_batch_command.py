@@ -19,7 +19,7 @@ from waiting import PATIENCE, text_of, wait_until_gone
 
 from airrace.batch import optimize_many
 from airrace.batch.planning import BatchPlan, JobResult, PlannedJob
-from airrace.batch.record import locked
+from airrace.batch.record import lock_folder
 from airrace.batch.reports import STATES
 from airrace.batch.supervision import StageFinished
 from airrace.cli.batch import stopping
@@ -171,12 +171,12 @@ def test_failed_jobs_are_flown_again_when_asked_for(airrace: Shell) -> None:
 
 
 def test_two_batches_in_one_folder_are_refused(airrace: Shell) -> None:
-    with locked(airrace.out):
+    with lock_folder(airrace.out):
         ran = airrace("oval.yaml")
     assert ran.code == 2
     assert "another batch" in ran.err
     assert airrace("oval.yaml").code == 0
-    with locked(airrace.out), pytest.raises(UsageError), locked(airrace.out):
+    with lock_folder(airrace.out), pytest.raises(UsageError), lock_folder(airrace.out):
         pass
 
 

@@ -123,10 +123,10 @@ def test_a_parcel_knows_whether_it_was_damaged(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"flown")
     parcel = Payload.of(tmp_path / "a")
     assert parcel is not None
-    assert parcel.unpacked() == b"flown"
+    assert parcel.unpack() == b"flown"
     assert parcel.sha256 == hashlib.sha256(b"flown").hexdigest()
     with pytest.raises(DamagedPayload):
-        Payload(b"flawn", parcel.sha256).unpacked()
+        Payload(b"flawn", parcel.sha256).unpack()
     assert Payload.of(tmp_path / "b") is None
 
 

@@ -28,8 +28,8 @@ from airrace.batch.reports import (
     wind_summaries,
     wind_words,
 )
-from airrace.cli.batch_output import NAME_MAX, folded, ranking_tables, wind_tables
-from airrace.cli.tables import rendered, terminal_columns
+from airrace.cli.batch_output import NAME_MAX, fold_name, ranking_tables, wind_tables
+from airrace.cli.tables import render, terminal_columns
 from airrace.errors import Finding
 from airrace.procedure.stage import STAGES
 
@@ -82,7 +82,7 @@ def test_courses_are_ranked_apart_and_what_five_milliseconds_tell_apart_is_a_tie
 
 def test_stage_and_laps_stand_beside_the_race_time() -> None:
     rows = rows_of((a_step("a"), JobResult(0, "", 20.0, stage="point-mass", laps=(10.5, 9.5))))
-    assert rendered(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
+    assert render(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
         *("a", "certified", "point-mass", "20.000", "best", "9.500")
     ]
     (line,) = csv.DictReader(io.StringIO(csv_of(rows)))
@@ -123,11 +123,11 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     text = markdown_report(EXPLORED, ())
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
     assert "routes tried" not in markdown_report(ROWS, ())
-    shown = rendered(*ranking_tables(EXPLORED)).splitlines()
+    shown = render(*ranking_tables(EXPLORED)).splitlines()
     assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
     assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]
     assert shown[-1].split()[4:7] == ["+1.000", "-", "-"]
-    assert "next route" not in rendered(*ranking_tables(ROWS))
+    assert "next route" not in render(*ranking_tables(ROWS))
 
 
 def test_the_routes_of_a_run_are_those_of_the_stage_that_explored() -> None:
@@ -344,7 +344,7 @@ def on_a_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
 def shown(rows: list[BatchResult]) -> list[str]:
     """The lines of the tables, on the terminal if there is one."""
     tables = ranking_tables(rows, terminal_columns())
-    return [line for table in tables for line in STYLE.sub("", rendered(table)).splitlines()]
+    return [line for table in tables for line in STYLE.sub("", render(table)).splitlines()]
 
 
 @pytest.mark.parametrize("rows", [PLAIN, WIDEST], ids=["plain", "widest"])
@@ -360,24 +360,24 @@ def test_tables_fit_the_terminal_and_break_no_word(
         flight = row.result
         assert {*row.state.split(), flight.stage or "-", f"{flight.race_time:.3f}", row.behind_words} <= words
         assert {f"{flight.wall:.1f}", *flight.message.split()} <= words
-        assert row.step.name in words or set(folded(row.step.name).split()) <= words
+        assert row.step.name in words or set(fold_name(row.step.name).split()) <= words
         if flight.routes is not None:
             assert {f"{min(flight.laps):.3f}", str(flight.routes.tried), f"{flight.routes.behind:+.3f}"} <= words
 
 
 def test_a_name_on_several_lines_is_the_name() -> None:
     for row in (*PLAIN, *WIDEST):
-        lines = folded(row.step.name).split("\n")
+        lines = fold_name(row.step.name).split("\n")
         assert "".join(line.strip() for line in lines) == row.step.name
         assert max(map(len, lines)) <= NAME_MAX
-    assert folded("rovinj_2014") == "rovinj_2014"
+    assert fold_name("rovinj_2014") == "rovinj_2014"
 
 
 def test_without_a_terminal_and_on_a_wide_one_all_of_a_job_stands_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     for rows in (PLAIN, WIDEST):
         (table,) = ranking_tables(rows)
         assert [column.name for column in table.columns][-1] == "message"
-        lines = rendered(table).splitlines()
+        lines = render(table).splitlines()
         assert all(any(line.startswith(row.step.name) for line in lines) for row in rows)
     piped = shown(PLAIN)
     on_a_terminal(100, monkeypatch)
@@ -398,10 +398,10 @@ def test_jobs_in_several_winds_fit_eighty_columns(monkeypatch: pytest.MonkeyPatc
     summaries = wind_summaries(
         ranking_of(BatchPlan(Path(), tuple(steps)), [JobResult(0, "", 60.0), JobResult(0, "", 61.0)])
     )
-    assert steps[1].name in rendered(wind_tables(summaries)[0])
+    assert steps[1].name in render(wind_tables(summaries)[0])
     on_a_terminal(80, monkeypatch)
     for table in wind_tables(summaries, terminal_columns()):
-        lines = STYLE.sub("", rendered(table)).splitlines()
+        lines = STYLE.sub("", render(table)).splitlines()
         assert max(map(len, lines)) <= 80
         assert "\u2026" not in "".join(lines)
-    assert "speed_kt=10," in rendered(wind_tables(summaries, terminal_columns())[0])
+    assert "speed_kt=10," in render(wind_tables(summaries, terminal_columns())[0])

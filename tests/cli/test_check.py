@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
-from airrace.cli.tables import rendered
+from airrace.cli.tables import render
 from airrace.environment.air import StaticWind
 from airrace.planning.lint import Remark, RemarkKind, in_order, review
 from airrace.results.planned import planned_flight, remarks_on_line
@@ -232,7 +232,7 @@ def canvas(columns: int = 10, rows: int = 5) -> Canvas:
 
 
 def lines(drawn: Canvas, *, plain: bool = False) -> list[str]:
-    return [row.plain for row in drawn.drawn(plain=plain)]
+    return [row.plain for row in drawn.texts(plain=plain)]
 
 
 def dots(drawn: Canvas) -> set[tuple[int, int]]:
@@ -300,7 +300,7 @@ def test_in_ascii_every_layer_has_its_own_character_and_the_upper_one_is_seen() 
 @pytest.mark.parametrize("columns", [40, 100, 160])
 def test_every_element_is_named_once_and_within_the_width(path: Path, columns: int) -> None:
     seen = map_model(race(path))
-    shown = rendered(plan_view(seen, columns=columns)).splitlines()
+    shown = render(plan_view(seen, columns=columns)).splitlines()
     assert len(shown) <= 35
     assert all(len(line) <= columns for line in shown[:-2])
     if columns >= 100:
@@ -319,7 +319,7 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
     )
     head = "schema: airrace/track/1\nname: Square\nrules: rbar-2016\ngates:\n"
     path.write_text(head + gates + "\ncourse: {start: a, lap: [b, c, d]}\n", encoding="utf-8")
-    shown = rendered(plan_view(map_model(race(path)))).splitlines()
+    shown = render(plan_view(map_model(race(path)))).splitlines()
     rows = [row for row, line in enumerate(shown) if "\u2022" in line]
     north, south = min(rows), max(rows)
     columns = sorted({match.start() for row in (north, south) for match in re.finditer("\u2022", shown[row])})
@@ -335,9 +335,9 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
 def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> None:
     calm = race(SHIPPED[0])
     air = dataclasses.replace(calm.air, wind=StaticWind(math.radians(origin), 10.0))
-    said = rendered(plan_view(map_model(dataclasses.replace(calm, air=air)))).splitlines()[-2]
+    said = render(plan_view(map_model(dataclasses.replace(calm, air=air)))).splitlines()[-2]
     assert f"{arrow} wind from {origin} deg, 19 kt" in said
-    assert "no wind" in rendered(plan_view(map_model(calm)))
+    assert "no wind" in render(plan_view(map_model(calm)))
 
 
 @settings(max_examples=30)
@@ -345,14 +345,14 @@ def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> N
 def test_a_course_of_any_shape_fits(height: float, width: float) -> None:
     seen = map_model(race(SHIPPED[0]))
     stretched = dataclasses.replace(seen, north=seen.south + height, east=seen.west + width)
-    shown = rendered(plan_view(stretched)).splitlines()
+    shown = render(plan_view(stretched)).splitlines()
     assert len(shown) <= 35
     assert max(map(len, shown)) <= 100
 
 
 def test_people_lines_and_borders_are_drawn_and_named(tmp_path: Path) -> None:
     seen = map_model(race(everything(tmp_path)))
-    shown = rendered(plan_view(seen, plain=True))
+    shown = render(plan_view(seen, plain=True))
     assert shown.isascii()
     for name in ("stands", "tower", "village", "beach", "x", "=", ":", ",", "#"):
         assert name in shown

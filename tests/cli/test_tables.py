@@ -15,7 +15,7 @@ from airrace.cli.answer import answering
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
 from airrace.cli.run_tables import items_table, mesh_table, result_tables, stages_table
-from airrace.cli.tables import rendered
+from airrace.cli.tables import render
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
@@ -40,21 +40,21 @@ def test_no_terminal_is_too_narrow_for_a_number(columns: int, monkeypatch: pytes
     terminal(columns, monkeypatch)
     result = stage_result(Stage.POINT_MASS)
     for table in (stages_table([result]), *result_tables(result)):
-        shown = STYLE.sub("", rendered(table))
+        shown = STYLE.sub("", render(table))
         assert "\u2026" not in shown
         assert columns != 80 or max(map(len, shown.splitlines())) <= 80
 
 
 def test_a_stage_without_a_flight_shows_no_splits() -> None:
     for outcome in (Status.INFEASIBLE, Status.NOT_CONVERGED, Status.TIMEOUT):
-        shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
+        shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
         assert "1:g1" not in shown
 
 
 def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:
     unviolated = Item("roll", 0.0, 0.02, "", "phase 2")  # has no worst place
     items = (unviolated, Item("rate", 0.01, 0.02, "rad/s"), Item("bank", 0.02, 0.01, "rad", "phase 3"))
-    roll, rate, bank = rendered(items_table(Certificate("solved", items))).splitlines()[-3:]
+    roll, rate, bank = render(items_table(Certificate("solved", items))).splitlines()[-3:]
     assert roll.split() == ["roll", "0", "0.02", "yes"]
     assert rate.split() == ["rate", "0.573", "1.15", "deg/s", "yes"]
     assert bank.split() == ["bank", "1.15", "0.573", "deg", "NO", "phase", "3"]
@@ -62,7 +62,7 @@ def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:
 
 def assert_fits(table: Table, words: set[str]) -> None:
     """The table fits eighty columns, and breaks none of its words."""
-    lines = STYLE.sub("", rendered(table)).splitlines()
+    lines = STYLE.sub("", render(table)).splitlines()
     assert max(map(len, lines)) <= 80
     shown = set(" ".join(lines).split())
     assert words - shown == set()
@@ -86,16 +86,16 @@ def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
     below, last = solve_single_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
-    shown = rendered(stages_table([below, last]))
+    shown = render(stages_table([below, last]))
     rows = [line.split() for line in shown.splitlines()]
     assert [row[:2] for row in rows if row[:1] in (["point-mass"], ["transfer-function"])] == [
         ["point-mass", "solved"],
         ["transfer-function", "certified"],
     ]
     assert "solved: checked on one mesh; no second mesh has confirmed the race time" in shown
-    assert "one mesh" not in rendered(stages_table([stage_result(Stage.POINT_MASS), last]))
+    assert "one mesh" not in render(stages_table([stage_result(Stage.POINT_MASS), last]))
     assert below.certificate is not None
-    assert "certified" not in rendered(items_table(below.certificate))
+    assert "certified" not in render(items_table(below.certificate))
 
 
 def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
 from airrace.cli.run_tables import ROUTES_MAX as SHOWN
 from airrace.cli.run_tables import result_tables
-from airrace.cli.tables import rendered
+from airrace.cli.tables import render
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Route, SearchReport, Stage, StageResult
@@ -195,7 +195,7 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
 def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
     assert (told["routes"], told["search"], told["alternatives"]) == ([], None, [])
-    shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
+    shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "routes" not in shown
 
 
@@ -209,7 +209,7 @@ def test_object_of_a_way_without_a_number_is_json() -> None:
 def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", rendered(search_table(explored(count), most=SHOWN))).splitlines()
+    lines = STYLE.sub("", render(search_table(explored(count), most=SHOWN))).splitlines()
     told = [line for line in lines if "over the top" in line]
     assert len(told) == min(count, SHOWN)
     assert " best " in told[0]
@@ -223,7 +223,7 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     whole = "; ".join(route.text for route in explored(6).routes)
     long = replace(explored(1), routes=(Route(whole, 10.0, 0.0, "joint"),))
-    shown = STYLE.sub("", rendered(search_table(long)))
+    shown = STYLE.sub("", render(search_table(long)))
     assert "\u2026" not in shown
     for word in whole.split():
         assert word in shown
@@ -232,4 +232,4 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
 def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     odd = replace(explored(1), routes=(Route("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "joint"),))
-    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(search_table(odd))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in render(search_table(odd))

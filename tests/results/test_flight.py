@@ -16,7 +16,7 @@ from airrace.cli import flight_tables
 from airrace.cli.flight_tables import comparison_texts
 from airrace.cli.main import app
 from airrace.cli.run_tables import near_miss_table
-from airrace.cli.tables import rendered
+from airrace.cli.tables import render
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
 from airrace.errors import UsageError
@@ -273,7 +273,7 @@ def test_near_misses_are_told_in_the_answer_and_in_the_object(run_file: str) -> 
     (first, *_) = legs_object(flight)["near_misses"]
     assert first["distance_m"] == miss.clearance.distance == pytest.approx(0.0, abs=1e-12)
     assert (first["name"], first["beside"], first["required_m"]) == ("g0", "0:g0", 0.5)
-    assert "at 0:g0" in rendered(near_miss_table(near_misses(flight)), columns=80)
+    assert "at 0:g0" in render(near_miss_table(near_misses(flight)), columns=80)
     assert "g0 (0.00 m, at 0:g0)" in legs_section(flight)
 
 
