@@ -10,6 +10,5 @@ import pytest
 def fake_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, empty; stages come from `fake_optimizer`."""
     monkeypatch.chdir(tmp_path)
-    for name, module in fake_optimizer.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
+    fake_optimizer.install(monkeypatch)
     return tmp_path

@@ -78,15 +78,10 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     key = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption())
     (folder / "key").write_bytes(key)
     with pytest.MonkeyPatch.context() as patch:
-        can_procedure(patch)
+        fake_optimizer.install(patch)
         patch.chdir(folder)
         assert CliRunner().invoke(app, ["optimize", "course.yaml", "--quiet", "--output", RUN]).exit_code == 0
     return folder
-
-
-def can_procedure(patch: pytest.MonkeyPatch) -> None:
-    for name, module in fake_optimizer.REPLACED.items():
-        patch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
 
 
 def outputs(name: str, option: str) -> Iterator[str]:
@@ -117,7 +112,7 @@ def test_a_file_that_is_read_is_not_written(
     shutil.copytree(inputs, folder)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("AIRRACE_EXTENSIONS", "extension.py")
-    can_procedure(monkeypatch)
+    fake_optimizer.install(monkeypatch)
     content = (folder / name).read_bytes()
     (option,) = (word for word in command.split() if word.startswith("OUT"))
     for output in outputs(name, option):

@@ -25,20 +25,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pipes")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        can_procedure(patch)
+        fake_optimizer.install(patch)
         assert airrace("optimize", "-", "-q", "-o", "run.h5", piped=TRACK).exit_code == 0
         assert airrace("import", str(LOG), "--course", "rovinj_2014", "-q", "-o", "flown.h5").exit_code == 0
     return folder
 
 
-def can_procedure(patch: pytest.MonkeyPatch) -> None:
-    for name, module in fake_optimizer.REPLACED.items():
-        patch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
-
-
 @pytest.fixture(autouse=True)
 def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    can_procedure(monkeypatch)
+    fake_optimizer.install(monkeypatch)
     monkeypatch.chdir(folder)
 
 

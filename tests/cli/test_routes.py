@@ -152,7 +152,7 @@ def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     assert objects[0] == objects[1] == objects[2] == objects[3]
 
 
-def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
+def test_routes_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def optimize(*_: Any, **__: Any) -> Iterator[StageResult]:
@@ -169,7 +169,7 @@ def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it
     assert f"a needless loop: {LOOP}" in shown.out
 
 
-def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> None:
+def test_json_tells_the_same_routes_when_flown_and_when_shown(folder: Path) -> None:
     flown = run("optimize", TRACK, "--json").answer["stages"][-1]
     shown = run("show", "rovinj_2014.h5", "--json").answer["stages"][-1]
     for stage in (flown, shown):
@@ -192,21 +192,21 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
         assert stage["alternatives"] == [{"race_time_s": 10.0, "status": "certified", "certified": True}] * 2
 
 
-def test_stage_that_has_not_explored_tells_no_ways() -> None:
+def test_stage_that_has_not_explored_tells_no_routes() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
     assert (told["routes"], told["search"], told["alternatives"]) == ([], None, [])
     shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "routes" not in shown
 
 
-def test_object_of_a_way_without_a_number_is_json() -> None:
+def test_object_of_a_route_without_a_number_is_json() -> None:
     lost = replace(explored(1), routes=(Route("nowhere", float("nan"), float("inf"), "window"),))
     text = json.dumps(run_object("t", [contested(lost)], 1.0, certified=True), allow_nan=False)
     assert json.loads(text)["stages"][0]["routes"][0]["race_time_s"] is None
 
 
 @pytest.mark.parametrize("count", [1, SHOWN, SHOWN + 1, 40])
-def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_shows_the_first_routes_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     lines = STYLE.sub("", render(search_table(explored(count), most=SHOWN))).splitlines()
