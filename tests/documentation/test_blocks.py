@@ -74,18 +74,12 @@ def parse(words: list[str]) -> None:
     command.make_context("airrace", words)
 
 
-def test_no_block_is_in_a_language_that_no_test_reads() -> None:
+def test_no_block_is_in_a_language_that_no_test_reads_and_scripts_that_the_pages_run_exist() -> None:
     assert languages() <= {"python", "yaml", "sh", "diff"}
-
-
-def test_scripts_that_the_pages_run_exist() -> None:
     texts = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     scripts = set(re.findall(r"python ((?:scripts|tests)/[\w/]+\.py)", texts))
     assert len(scripts) > 5
     assert {script for script in scripts if not (ROOT / script).exists()} == set()
-
-
-def test_a_page_is_named_as_it_lies_in_the_repository() -> None:
     assert name_of(ROOT / "docs" / "how_to" / "ci.md") == "docs/how_to/ci.md"
 
 
@@ -125,11 +119,8 @@ def read(block: Block, folder: Path) -> None:
 
 @pytest.mark.parametrize("block", WHOLE, ids=str)
 def test_every_whole_file_in_the_pages_is_valid(block: Block, tmp_path: Path) -> None:
+    assert {one.text.split("/")[1] for one in WHOLE} >= {"track", "settings", "batch"}
     read(block, tmp_path)
-
-
-def test_the_pages_show_files_of_three_languages() -> None:
-    assert {block.text.split("/")[1] for block in WHOLE} >= {"track", "settings", "batch"}
 
 
 @pytest.mark.parametrize("block", PARTS, ids=str)
@@ -302,20 +293,17 @@ def code(path: Path) -> list[Cell]:
     return [cell for cell in cells(path) if cell["cell_type"] == "code"]
 
 
+def test_there_is_a_notebook() -> None:
+    assert NOTEBOOKS
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_every_cell_was_executed_in_order_and_kept_its_outputs(path: Path) -> None:
+def test_a_notebook_has_a_title_and_outputs_of_all_cells_in_order_and_tells_nothing_of_its_machine(path: Path) -> None:
     executed = code(path)
     assert [cell["execution_count"] for cell in executed] == list(range(1, len(executed) + 1))
     assert all(cell["outputs"] for cell in executed)
-    assert {output["output_type"] for cell in executed for output in cell["outputs"]} <= {
-        "display_data",
-        "execute_result",
-        "stream",
-    }
-
-
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_begins_with_its_title_and_tells_nothing_of_its_machine(path: Path) -> None:
+    kinds = {output["output_type"] for cell in executed for output in cell["outputs"]}
+    assert kinds <= {"display_data", "execute_result", "stream"}
     assert "".join(cells(path)[0]["source"]).startswith("# ")
     text = path.read_text(encoding="utf-8")
     assert not any(folder in text for folder in ("/home/", "/root/", "/tmp/", "/Users/"))
@@ -329,7 +317,3 @@ def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     names: dict[str, Any] = {}  # Any: whatever the notebook defines
     for number, cell in enumerate(code(path), start=1):
         exec(compile("".join(cell["source"]), f"{path.name}, cell {number}", "exec"), names)
-
-
-def test_there_is_a_notebook() -> None:
-    assert NOTEBOOKS

@@ -73,9 +73,8 @@ def test_the_shapes_of_the_checkpoint_are_as_documented(flown: Path) -> None:
         sizes = {"N": N, "N + 1": N + 1, "P": P, "P + 1": P + 1, "1": 1}
         for path, _, shape, _ in rows(CHECKPOINT, "path", "kind", "shape", "content"):
             if shape:
-                found = file[
-                    path.replace("STAGE", "point-mass").replace("states/NAME", "states/x").replace("NAME", "n_z_dot")
-                ]
+                path = path.replace("STAGE", "point-mass").replace("states/NAME", "states/x")
+                found = file[path.replace("NAME", "n_z_dot")]
                 assert found.shape == (sizes[shape.strip("`")],), path
 
 
@@ -93,23 +92,11 @@ def test_the_settings_page_has_every_key_with_its_default() -> None:
         if default:
             assert yaml.safe_load(default) is not None
             assert load_inputs(TRACK, overrides=[f"settings.{key}={default}"]).settings == silent, key
-
-
-def test_a_wrong_default_would_be_found() -> None:
-    assert load_inputs(TRACK, overrides=["settings.mesh.intervals_min=7"]).settings != load_inputs(TRACK).settings
+    assert load_inputs(TRACK, overrides=["settings.mesh.intervals_min=7"]).settings != silent
 
 
 def test_the_readme_has_at_most_150_lines() -> None:
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
-
-
-def test_the_citation_names_this_version_and_licence() -> None:
-    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert cited["cff-version"] == "1.2.0"
-    assert f'version = "{cited["version"]}"' in project
-    assert f'license = "{cited["license"]}"' in project
-    assert cited["authors"]
 
 
 @pytest.mark.parametrize(

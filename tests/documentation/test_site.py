@@ -71,7 +71,7 @@ def elsewhere(addresses: list[str]) -> list[str]:
     return [address for address in addresses if ELSEWHERE.match(address)]
 
 
-def test_pages_fetch_nothing_from_elsewhere(site: Path) -> None:
+def test_pages_and_style_sheets_fetch_nothing_from_elsewhere(site: Path) -> None:
     pages = list(site.rglob("*.html"))
     assert len(pages) > 25
     for page in pages:
@@ -81,6 +81,10 @@ def test_pages_fetch_nothing_from_elsewhere(site: Path) -> None:
         assert elsewhere(parser.addresses) == [], page.name
         assert "mermaid" not in parser.classes, "the theme would fetch a script for this diagram"
         assert "arithmatex" not in parser.classes, "a formula was left to a script"
+    sheets = list(site.rglob("*.css"))
+    assert len(sheets) > 2
+    for sheet in sheets:
+        assert elsewhere(styled(sheet.read_text(encoding="utf-8"))) == [], sheet.name
 
 
 def test_every_formula_is_drawn(site: Path) -> None:
@@ -88,13 +92,6 @@ def test_every_formula_is_drawn(site: Path) -> None:
         source = (ROOT / "docs" / "theory" / f"{page.stem}.md").read_text(encoding="utf-8")
         text = page.read_text(encoding="utf-8")
         assert text.count("<math ") == source.count("\\(") + source.count("\\[") > 0, page.name
-
-
-def test_style_sheets_fetch_nothing_from_elsewhere(site: Path) -> None:
-    sheets = list(site.rglob("*.css"))
-    assert len(sheets) > 2
-    for sheet in sheets:
-        assert elsewhere(styled(sheet.read_text(encoding="utf-8"))) == [], sheet.name
 
 
 @pytest.mark.parametrize(
@@ -130,10 +127,7 @@ def test_the_api_has_every_public_name_with_its_docstring(site: Path) -> None:
         described = inspect.getdoc(found)
         assert described, name
         assert described.splitlines()[0].replace("`", "") in text, name
-
-
-def test_the_parameters_of_a_record_and_names_that_share_a_description_are_shown(site: Path) -> None:
-    text = text_of(site / "reference" / "api.html")
+    # the parameters of a record, and names that share a description
     assert re.search(r"Quantity dataclass .{80,200}name str the symbol", text)
     assert re.search(r"lower float (.+?) upper float \1 ", text)
 

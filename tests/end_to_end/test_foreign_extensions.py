@@ -62,7 +62,9 @@ def test_own_fidelity_flies_its_own_equation(flown: tuple[Ran, Path], tmp_path: 
     assert middle == pytest.approx(0.5 * (lag[1:] + lag[:-1]), abs=1.0)
 
 
-def test_own_fidelity_is_unknown_where_its_file_is_not_named(flown: tuple[Ran, Path], tmp_path: Path) -> None:
+def test_own_fidelity_is_unknown_where_its_file_is_not_named_or_does_not_exist(
+    flown: tuple[Ran, Path], tmp_path: Path
+) -> None:
     _, run = flown
     refused = airrace("optimize", HALF_CUBAN, "--until", "first-order-roll", cwd=tmp_path)
     assert refused.code == 2
@@ -70,9 +72,6 @@ def test_own_fidelity_is_unknown_where_its_file_is_not_named(flown: tuple[Ran, P
     unread = airrace("show", run, cwd=tmp_path)
     assert unread.code != 0
     assert "unknown stage 'first-order-roll'" in unread.err
-
-
-def test_extension_that_does_not_exist_is_named(tmp_path: Path) -> None:
     named = {"AIRRACE_EXTENSIONS": str(tmp_path / "nowhere.py")}
     refused = airrace("optimize", HALF_CUBAN, cwd=tmp_path, environment=named)
     assert refused.code == 2
@@ -151,22 +150,19 @@ def test_own_kind_is_shown_reviewed_and_refused_like_any_other(tmp_path: Path) -
     assert "unknown key `wide`" in airrace("check", track, cwd=tmp_path, environment=WITH_RING).err
 
 
-def test_own_kind_has_prices(ring_run: tuple[Ran, Path]) -> None:
+def test_own_kind_has_sensitivities(ring_run: tuple[Ran, Path]) -> None:
     _, run = ring_run
-    priced = airrace("sensitivity", run, "--json", cwd=run.parent, environment=WITH_RING)
-    assert priced.code == 0, priced.err
-    assert "gates.side.diameter_m" in json.dumps(priced.answer["sensitivities"])
+    ran = airrace("sensitivity", run, "--json", cwd=run.parent, environment=WITH_RING)
+    assert ran.code == 0, ran.err
+    assert "gates.side.diameter_m" in json.dumps(ran.answer["sensitivities"])
 
 
-def test_own_kind_is_unknown_where_its_file_is_not_named(tmp_path: Path) -> None:
+def test_own_kind_is_part_of_the_language_only_where_its_file_is_named(tmp_path: Path) -> None:
     track = tmp_path / "rings.yaml"
     track.write_text(TRACK, encoding="utf-8")
     refused = airrace("check", track, cwd=tmp_path)
     assert refused.code == 3
     assert "unknown type `ring`" in refused.err
-
-
-def test_own_kind_is_part_of_the_language_that_editors_are_told(tmp_path: Path) -> None:
     told = airrace("schema", "track", cwd=tmp_path, environment=WITH_RING)
     assert json.loads(told.out)["definitions"]["RingEntry"]["title"] == "a ring"
     assert "RingEntry" not in airrace("schema", "track", cwd=tmp_path).out

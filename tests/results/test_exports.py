@@ -67,13 +67,9 @@ def test_positions_on_the_globe_lead_back_to_the_metres_of_the_course() -> None:
     np.testing.assert_allclose(north, one["x"], atol=1e-6)
     np.testing.assert_allclose(east, one["y"], atol=1e-6)
     np.testing.assert_allclose(one["altitude"], one["height"] + one.course.origin.elevation, atol=1e-9)
-
-
-def test_another_origin_moves_the_flight_there() -> None:
-    there = Origin(math.radians(10.0), math.radians(20.0), 300.0)
-    moved = on_globe(half_cuban().flight(), there)
-    assert np.degrees(moved["latitude"][0]) == pytest.approx(10.0, abs=0.05)
-    assert moved["altitude"][0] == pytest.approx(moved["height"][0] + 300.0)
+    elsewhere = on_globe(half_cuban().flight(), Origin(math.radians(10.0), math.radians(20.0), 300.0))
+    assert np.degrees(elsewhere["latitude"][0]) == pytest.approx(10.0, abs=0.05)
+    assert elsewhere["altitude"][0] == pytest.approx(elsewhere["height"][0] + 300.0)
 
 
 def test_acmi_is_read_back() -> None:
@@ -117,9 +113,6 @@ def test_fdr_is_read_back() -> None:
     assert [float(time) for time, _ in marks] == pytest.approx([one.time for one in one.crossings], abs=6e-4)
     assert [name for _, name in marks] == [crossing.name for crossing in one.crossings]
     assert len(replay.header["ACFT"]) == len(replay.header["TAIL"]) == 1
-
-
-def test_fdr_takes_one_flight() -> None:
     with pytest.raises(UsageError, match="holds one flight, not 2"):
         written("fdr", two())
 
@@ -145,14 +138,11 @@ def test_kml_is_read_back() -> None:
     posts = element.drawing().posts
     for (north, east), post in zip(ends, posts, strict=True):
         assert (float(north), float(east)) == pytest.approx((post.north, post.east), abs=2e-3)
-
-
-def test_kmz_is_the_same_document_zipped_and_equal_for_equal_flights() -> None:
-    content = written("kmz", two())
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+    zipped = written("kmz", flights)
+    assert zipped == written("kmz", flights)
+    with zipfile.ZipFile(io.BytesIO(zipped)) as archive:
         assert archive.namelist() == ["doc.kml"]
-        assert archive.read("doc.kml") == written("kml", two())
-    assert content == written("kmz", two())
+        assert archive.read("doc.kml") == written("kml", flights)
 
 
 def test_gpx_is_read_back() -> None:
@@ -417,14 +407,9 @@ def test_a_format_of_an_extension_is_a_subcommand_that_writes(tmp_path: Path) ->
     assert (tmp_path / "eight.txt").read_text().startswith("eight")
     (tmp_path / "own.py").write_text("1 / 0")
     refused = airrace("--help")
-    assert (refused.returncode, "ZeroDivisionError" in refused.stderr, "Traceback" in refused.stderr) == (
-        2,
-        True,
-        False,
-    )
-
-
-def test_a_format_is_registered_once() -> None:
+    assert refused.returncode == 2
+    assert "ZeroDivisionError" in refused.stderr
+    assert "Traceback" not in refused.stderr
     with pytest.raises(ValueError, match="kml already"):
         register(Format("kml", "", lambda flights, begin: b""))
 
@@ -479,16 +464,13 @@ def flights(folder: Path) -> list[Flight]:
     ]
 
 
-def test_documents_are_valid(schema: etree.XMLSchema, tmp_path: Path) -> None:
+def test_documents_are_valid_and_one_whose_coordinates_come_before_its_times_is_not(
+    schema: etree.XMLSchema, tmp_path: Path
+) -> None:
     everyone = flights(tmp_path)
     for some in ([everyone[0]], [everyone[1]], [everyone[2]], everyone):
         assert complaints(schema, kml(some, BEGIN)) == []
-
-
-def test_the_schema_refuses_a_track_whose_coordinates_come_before_its_times(
-    schema: etree.XMLSchema, tmp_path: Path
-) -> None:
-    root = etree.fromstring(kml(flights(tmp_path)[:1], BEGIN))
+    root = etree.fromstring(kml(everyone[:1], BEGIN))
     (track,) = root.iter("{http://www.google.com/kml/ext/2.2}Track")
     track.insert(1, track.find("{http://www.google.com/kml/ext/2.2}coord"))
     assert any("when" in one for one in complaints(schema, etree.tostring(root)))
@@ -535,10 +517,7 @@ def test_no_command_overwrites_the_run_that_it_reads(folder: Path, words: tuple[
         assert refused.exit_code == 2
         assert "is read by this command; write into another file" in refused.stderr
         assert run.read_bytes() == before
-
-
-def test_no_import_overwrites_its_log(tmp_path: Path) -> None:
-    log = tmp_path / "log.csv"
+    log = folder.parent / "log.csv"
     log.write_text("time,latitude,longitude,altitude\n")
     refused = CliRunner().invoke(app, ["import", str(log), "--course", "rovinj_2014", "--output", str(log), "--force"])
     assert (refused.exit_code, refused.stderr.count("is read by this command")) == (2, 1)

@@ -32,17 +32,11 @@ def test_optimum_has_the_known_values(answer: KnownAnswer, solver: str) -> None:
 
 
 @both_solvers
-def test_a_free_switch_between_two_phases_finds_its_place(solver: str) -> None:
-    (answer,) = double_integrator.known_answers()
-    solution = answer.solve(solver)
+def test_free_switches_and_turns_take_as_long_as_the_closed_forms_say(solver: str) -> None:
+    solution = double_integrator.known_answers()[0].solve(solver)
     assert solution.iterate.durations == pytest.approx([1.0, 1.0], abs=1e-6)
     assert solution.iterate.control.ravel() == pytest.approx([-1.0, 1.0], abs=1e-6)
-
-
-@both_solvers
-def test_turn_rolls_in_and_out_as_long_as_the_closed_form_says(solver: str) -> None:
-    (answer,) = level_turn.known_answers()
-    solution = answer.solve(solver)
+    solution = level_turn.known_answers()[0].solve(solver)
     assert solution.iterate.durations[[0, 2]] == pytest.approx(level_turn.phi_m / level_turn.p, abs=1e-5)
 
 
@@ -90,12 +84,8 @@ every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: sch
 
 
 @every_scheme
-def test_integration_error_falls_with_the_order_of_the_scheme(scheme: RungeKutta) -> None:
+def test_errors_of_integration_and_of_an_optimum_fall_with_the_order_of_the_scheme(scheme: RungeKutta) -> None:
     assert observed_order(integration_errors, scheme) == pytest.approx(scheme.order, abs=0.2)
-
-
-@every_scheme
-def test_error_of_an_optimum_falls_with_the_order_of_the_scheme(scheme: RungeKutta) -> None:
     assert observed_order(optimum_errors, scheme) == pytest.approx(order_of_optima(scheme), abs=0.2)
 
 
@@ -113,20 +103,11 @@ def test_two_steps_in_an_interval_are_one_step_in_each_half(scheme: RungeKutta) 
 
 
 @every_scheme
-def test_all_conditions_up_to_the_order_hold(scheme: RungeKutta) -> None:
-    assert [violation(scheme, nodes) for nodes in range(1, scheme.order + 1)] == pytest.approx(
-        [0.0] * scheme.order, abs=1e-14
-    )
-
-
-@every_scheme
-def test_the_order_is_not_understated(scheme: RungeKutta) -> None:
-    assert violation(scheme, scheme.order + 1) > 1e-5
-
-
-@every_scheme
-def test_every_row_has_a_weight_for_each_stage_before_it(scheme: RungeKutta) -> None:
+def test_all_conditions_up_to_the_order_hold_and_no_more(scheme: RungeKutta) -> None:
     assert [len(row) for row in scheme.a] == list(range(len(scheme.b)))
+    conditions = [violation(scheme, nodes) for nodes in range(1, scheme.order + 1)]
+    assert conditions == pytest.approx([0.0] * scheme.order, abs=1e-14)
+    assert violation(scheme, scheme.order + 1) > 1e-5
 
 
 def test_trees_are_as_many_as_counted_and_their_densities_as_known() -> None:
