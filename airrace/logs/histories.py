@@ -1,4 +1,4 @@
-"""The histories of a flown flight: what was recorded, and what follows from the smoothed path."""
+"""The histories of a recorded flight: what was measured, and what follows from the smoothed path."""
 
 import numpy as np
 
@@ -25,9 +25,9 @@ DECLARATIONS = {
     "beta_A": Quantity("beta_A", "rad", text="aerodynamic sideslip"),
     **{name: Quantity(name, "1", text="attitude of the flight path") for name in PATH_ATTITUDE},
 }
-"""Declarations of all histories of a flown flight, by name."""
+"""Declarations of all histories of a recorded flight, by name."""
 MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
-"""The histories that are kept as they were recorded, where they were."""
+"""The histories that stay as they were recorded, where they were."""
 _DOWN = np.array([[1.0], [1.0], [-1.0]])  # turns up into down
 
 

@@ -25,7 +25,7 @@ class ImportSettings:
     """The settings of an import.
 
     Attributes:
-        sampling: between two samples of a flown flight, s, as of an optimum's.
+        sampling: between two samples of the flight, s, as of an optimum's.
         coarse: between the samples among which a run is looked for, s.
         margin: what is smoothed before the first passing and behind the last one, s.
         gap: beyond which samples have a gap between them, s, if they are `gap_factor` times farther apart than usual.
@@ -77,7 +77,7 @@ ERRORS = ErrorModel()
 
 @record
 class LogFlight:
-    """A flown run through a course.
+    """A recorded run through a course.
 
     Attributes:
         flight: with its histories and crossings; its clock starts at the start.
@@ -105,7 +105,7 @@ def flight_from_log(
     noise: float | None = None,
     run: int | None = None,
 ) -> LogFlight:
-    """Return the flight that a recording tells of.
+    """Return the flight in a recording.
 
     Args:
         recording: as it was read.
@@ -199,8 +199,8 @@ def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str)
 def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) -> list[float]:
     """Return the time of every passing on the flight's clock; NaN for what was not passed.
 
-    What stands nowhere (a height, an attitude) is passed between its neighbours, where its conditions are kept best;
-    the highest such place if several keep them.
+    What stands nowhere (a height, an attitude) is passed between its neighbours, where its conditions are violated
+    least; the highest such place if several meet them.
     """
     times = [math.nan if one is None else one.time - run.begin for one in run.passings]
     for index, passage in enumerate(passages):

@@ -1,7 +1,7 @@
 """The log placed on the course, and the passings of the course on its path.
 
 An element that stands somewhere is passed where the path crosses the line through its centre, across one of the axes
-along which it may be flown. Among all such crossings that sequence in the order of the course is a run which goes by
+along which it may be passed. Among all such crossings that sequence in the order of the course is a run which goes by
 the elements most closely, in the shortest time, and leaves out fewest.
 """
 

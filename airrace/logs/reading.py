@@ -37,7 +37,7 @@ from airrace.standard_streams import STANDARD, name_of, read_bytes
 logger = logging.getLogger(__name__)
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".gpx", ".igc", ".acmi", ".zip")
-"""The names' ends by which a log is told from other files."""
+"""The names' ends by which logs are recognised."""
 _FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})")
 _DATE = re.compile(r"H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")
 _ADDITION = re.compile(r"(\d\d)(\d\d)([A-Z]{3})")

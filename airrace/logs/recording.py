@@ -1,4 +1,4 @@
-"""A flown log as recorded: its samples, and how they are collected from a file that nobody vouches for."""
+"""A log as recorded: its samples, and how they are collected from a file that nobody vouches for."""
 
 import contextlib
 import math

@@ -1,7 +1,7 @@
-"""Violations of the rules in a flown run, and the penalties for them.
+"""Violations of the rules in a recorded run, and the penalties for them.
 
 A passing is measured by the conditions that its element sets to an optimum. A violation that is smaller than three
-standard deviations of its measurement is told as uncertain.
+standard deviations of its measurement is uncertain.
 """
 
 import math
@@ -82,7 +82,7 @@ class Violation:
         rule: `pylon`, `missed`, `too-high`, `too-low`, `bank`, `climb`, `course`, `manoeuvre`, `start-speed`,
             `load-factor`, `crowd`, `safety-line`, `airspace`, `floor` or `ceiling`.
         time: when, s after the start; NaN where it did not happen at a time.
-        value, limit: what was flown and what is allowed, in `unit`.
+        value, limit: what was measured and what is allowed, in `unit`.
         deviation: standard deviation of the value; NaN where it is not known.
         unit: `m`, `deg`, `kt`, `g` or empty.
         penalty: s; infinity where the race is over, NaN where the rules name none.
