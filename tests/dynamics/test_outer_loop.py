@@ -56,11 +56,6 @@ def fly(state: FlightPathState[float], n: tuple[float, float, float], duration: 
     return FlightPathState[float].split(solution.y[:, -1])
 
 
-def test_straight_and_level_flight_needs_one_g_and_nothing_else() -> None:
-    rate = rates(flight_path(0.7, 0.0, 0.0, 80.0), (0.0, 0.0, 1.0))
-    assert list(rate.join()) == pytest.approx([80.0 * math.cos(0.7), 80.0 * math.sin(0.7), *[0.0] * 6], abs=1e-12)
-
-
 @given(angle, st.floats(-1.4, 1.4), speed)
 def test_level_turn_follows_the_coordinated_turn_law(chi: float, mu: float, V_K: float) -> None:
     state = flight_path(chi, 0.0, mu, V_K)
@@ -94,14 +89,6 @@ def test_acceleration_is_specific_force_plus_gravity(
     assert acceleration == pytest.approx(specific_force + np.array([0.0, 0.0, g0]), abs=1e-5)
 
 
-@given(angle, climb, angle, speed, load, load, load)
-def test_energy_rate_is_the_work_of_the_axial_load_factor(
-    chi: float, gamma: float, mu: float, V_K: float, n_x: float, n_y: float, n_z: float
-) -> None:
-    rate = rates(flight_path(chi, gamma, mu, V_K), (n_x, n_y, n_z))
-    assert V_K * rate.V_K - g0 * rate.z == pytest.approx(g0 * n_x * V_K, abs=1e-8)
-
-
 @given(angle, climb, angle, speed, st.floats(-7.0, 7.0))
 def test_roll_rate_turns_about_the_velocity_alone(
     chi: float, gamma: float, mu: float, V_K: float, p_Kbar: float
@@ -113,12 +100,6 @@ def test_roll_rate_turns_about_the_velocity_alone(
     chi_dot, gamma_dot, mu_dot = angle_rates(state, rate)
     assert (chi_dot, gamma_dot) == (pytest.approx(0.0, abs=1e-5), pytest.approx(0.0, abs=1e-5))
     assert mu_dot == pytest.approx(p_Kbar, abs=1e-5)
-
-
-def test_positive_load_factors_turn_up_and_right() -> None:
-    level = flight_path(0.0, 0.0, 0.0, 80.0)
-    assert angle_rates(level, rates(level, (0.0, 0.0, 4.0)))[1] == pytest.approx(3.0 * g0 / 80.0, rel=1e-6)
-    assert angle_rates(level, rates(level, (0.0, 1.0, 1.0)))[0] == pytest.approx(g0 / 80.0, rel=1e-6)
 
 
 def test_without_forces_the_path_is_the_throw_parabola() -> None:

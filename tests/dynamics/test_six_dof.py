@@ -25,7 +25,6 @@ from scipy.spatial.transform import Rotation
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.rigid_body import angular_accelerations
 from airrace.dynamics.six_dof import SixDofState
 from airrace.environment.air import Air, StaticWind
 from airrace.environment.atmosphere import RHO_ISA, atmosphere_parameters, density, g0
@@ -94,7 +93,7 @@ def in_body_axes(
 
 @settings(max_examples=40)
 @given(bodies, windy_airs)
-def test_accelerations_are_those_of_the_equations_in_body_axes(
+def test_rates_and_path_quantities_are_those_of_the_equations_in_body_axes(
     edge540: Aircraft, state: SixDofState[float], air: Air
 ) -> None:
     number = dataclasses.replace(inner_loop_parameters(with_airframe(edge540, I_xz=80.0)), **PROPELLER)
@@ -105,58 +104,23 @@ def test_accelerations_are_those_of_the_equations_in_body_axes(
     assert (ahead - behind) / (2.0 * step) == pytest.approx(acceleration, rel=1e-6, abs=1e-5)
     assert np.array([rate.p_K, rate.q_K, rate.r_K]) == pytest.approx(turning, rel=1e-9, abs=1e-8)
     assert pytest.approx(C_L, rel=1e-12, abs=1e-12) == path.C_L
-
-
-@settings(max_examples=40)
-@given(bodies, windy_airs)
-def test_the_body_turns_with_its_own_rates(edge540: Aircraft, state: SixDofState[float], air: Air) -> None:
-    rate, _ = fly_six_dof(edge540, air, state)
-    step = 1e-6
+    # the body turns with its own rates
     ahead, behind = (body_attitude(stepped(state, rate, sign * step)) for sign in (1.0, -1.0))
     p, q, r = state.p_K, state.q_K, state.r_K
     spin = np.array([[0.0, -r, q], [r, 0.0, -p], [-q, p, 0.0]])
     assert (ahead - behind) / (2.0 * step) == pytest.approx(body_attitude(state) @ spin, abs=1e-7)
-
-
-@settings(max_examples=40)
-@given(bodies, windy_airs)
-def test_load_factors_are_all_forces_but_the_weight(edge540: Aircraft, state: SixDofState[float], air: Air) -> None:
-    number = inner_loop_parameters(edge540)
-    rate, path = fly_six_dof(number, air, state)
-    acceleration, *_ = in_body_axes(number, air, state)
+    # load factors are all forces but the weight
     R = np.array(rotation(state.q))
     specific = R.T @ (acceleration - np.array([0.0, 0.0, g0])) / g0
     expected = np.array([rate.V_K / g0 - R[2, 0], path.n_y, -path.n_z])
     assert specific == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-@settings(max_examples=40)
-@given(bodies, windy_airs)
-def test_aerodynamic_angles_are_those_of_the_air_in_body_axes(
-    edge540: Aircraft, state: SixDofState[float], air: Air
-) -> None:
-    _, path = fly_six_dof(edge540, air, state)
+    # the aerodynamic angles are those of the air in body axes
     seen = body_attitude(state).T @ (ground_velocity(state) - wind_at(air, (state.x, state.y, state.z)))
-    expected = float(np.linalg.norm(seen)) * heading_in_body(path.alpha_A, path.beta_A)
-    assert seen == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    along = heading_in_body(path.alpha_A, path.beta_A)
+    assert seen == pytest.approx(float(np.linalg.norm(seen)) * along, rel=1e-9, abs=1e-9)
 
 
 # --- laws --------------------------------------------------------------------------------------------------------
-
-
-@settings(max_examples=40)
-@given(bodies)
-def test_energy_in_still_air_changes_by_thrust_along_the_path_less_drag(
-    edge540: Aircraft, state: SixDofState[float]
-) -> None:
-    rate, path = fly_six_dof(edge540, Air(), state)
-    m, drag, engine = edge540.airframe.m, edge540.drag, edge540.propulsion
-    rho, P = density(state.z, atmosphere_parameters(Air())), engine.eta_p * engine.P_max
-    T = state.delta_T * P * (1.132 * rho / RHO_ISA - 0.132) / math.hypot(state.V_K, P / engine.T_static)
-    C_D = drag.C_D0 + drag.k * (path.C_L - drag.C_L_minD) ** 2 + drag.C_Dbeta2 * state.beta_K**2
-    D = 0.5 * rho * state.V_K**2 * edge540.airframe.S * C_D
-    power = (T * math.cos(state.alpha_K) * math.cos(state.beta_K) - D) * state.V_K
-    assert m * state.V_K * rate.V_K - m * g0 * rate.z == pytest.approx(power, rel=1e-9, abs=1e-3)
 
 
 def flight(number: InnerLoopParameters[float], air: Air, start: SixDofState[float], t: float) -> SixDofState[float]:
@@ -196,29 +160,6 @@ def test_flight_in_uniform_wind_is_flight_in_still_air_seen_from_a_moving_frame(
     assert body_attitude(blown) == pytest.approx(body_attitude(still), abs=1e-6)
     names = ("V_K", "alpha_K", "beta_K", "p_K", "q_K", "r_K")
     assert [getattr(blown, one) for one in names] == pytest.approx([getattr(still, one) for one in names], abs=1e-6)
-
-
-rate = st.floats(-8.0, 8.0)
-
-
-@given(rate, rate, rate)
-def test_a_body_without_moments_keeps_its_energy_of_rotation(edge540: Aircraft, p: float, q: float, r: float) -> None:
-    # neither the product of inertia nor the propeller's angular momentum does any work
-    number = dataclasses.replace(inner_loop_parameters(with_airframe(edge540, I_xz=80.0)), **PROPELLER)
-    p_dot, q_dot, r_dot = angular_accelerations((p, q, r), (0.0, 0.0, 0.0), number)
-    roll, yaw = number.I_x * p - number.I_xz * r, number.I_z * r - number.I_xz * p
-    assert roll * p_dot + number.I_y * q * q_dot + yaw * r_dot == pytest.approx(0.0, abs=1e-6)
-
-
-def test_pulling_up_swings_the_nose_right_behind_a_propeller_that_turns_clockwise(edge540: Aircraft) -> None:
-    number = dataclasses.replace(inner_loop_parameters(edge540), h_P=1500.0)
-    assert angular_accelerations((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), number)[2] > 0.0
-
-
-def test_the_torque_of_a_propeller_that_turns_clockwise_rolls_left(edge540: Aircraft) -> None:
-    trim = level_trim(edge540, 80.0)
-    number = dataclasses.replace(inner_loop_parameters(edge540), Q_P=700.0)
-    assert fly_six_dof(number, Air(), trim)[0].p_K < 0.0
 
 
 # --- trims -------------------------------------------------------------------------------------------------------
