@@ -179,7 +179,7 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
         made.append(model)
         return tracking_simulator(model, inverse)
 
-    monkeypatch.setattr(module, "pilot", watched)
+    monkeypatch.setattr(module, "tracking_simulator", watched)
     ladder = FidelityContinuation(SMALL, settings(GuessKind.PLAN), ())
     for _ in range(2):
         ladder.prepare(stage)

@@ -130,7 +130,7 @@ def first_stage(
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search))
-    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
     assert answers.verdicts == []
@@ -208,7 +208,7 @@ def close_together(
     left = list(verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: NOT_SEARCHED))
-    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
     with open_session(two) as session:
         result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).solve_stage(
