@@ -15,7 +15,7 @@ import numpy as np
 
 from airrace.frames import angles, rotation
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turned
+from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turn_by
 from airrace.planning.route_decisions import ANY, RouteDecisions
 from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
@@ -32,7 +32,7 @@ Nothing flies from a place to itself but round a circle.
 
 
 @record
-class Leg:
+class PlannedLeg:
     """The stretch from one waypoint to the next.
 
     It is a level path if both ends have positions, else None (a change of attitude).
@@ -52,7 +52,7 @@ class Plan:
     """
 
     waypoints: tuple[Waypoint, ...]
-    legs: tuple[Leg, ...]
+    legs: tuple[PlannedLeg, ...]
     cruise: PlanningModel
     seconds: float
     counting: bool
@@ -94,7 +94,7 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
         for index in stops_of(course)
     ]
     chosen, seconds = _shortest(stops, pace, last=choices.last)
-    waypoints, legs = [chosen[0]], list[Leg]()
+    waypoints, legs = [chosen[0]], list[PlannedLeg]()
     for (a, b), stop in zip(itertools.pairwise(chosen), stops[1:], strict=True):
         first, after = len(waypoints) - 1, stop.index
         leg, arrived = _leg(a, b, stop, pace, last=choices.last)
@@ -151,25 +151,25 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> 
     return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
 
 
-def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bool) -> tuple[Leg, Waypoint]:
+def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bool) -> tuple[PlannedLeg, Waypoint]:
     """Return the leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
         start, end = np.array(a.position[:2]), np.array(b.position[:2])
         path = shortest(start, a.heading, end, b.heading, pace.radius, stop.side, last=last)
-        return Leg(path if path.length >= ONE_PLACE else circle(start, a.heading, pace.radius, left=last)), b
+        return PlannedLeg(path if path.length >= ONE_PLACE else circle(start, a.heading, pace.radius, left=last)), b
     if stop.roll is None:
-        return Leg(None), b
-    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace, last=last)[1])
+        return PlannedLeg(None), b
+    return PlannedLeg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace, last=last)[1])
 
 
-def _pieces(leg: Leg, count: int) -> list[Leg]:
+def _pieces(leg: PlannedLeg, count: int) -> list[PlannedLeg]:
     """Return a leg cut into equal pieces."""
     if leg.path is None or count == 1:
         return [leg] * count
     edges = np.linspace(0.0, leg.path.length, count + 1)
-    return [Leg(leg.path.part(begin, end)) for begin, end in itertools.pairwise(edges.tolist())]
+    return [PlannedLeg(leg.path.part(begin, end)) for begin, end in itertools.pairwise(edges.tolist())]
 
 
 def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]:
@@ -177,13 +177,13 @@ def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]
     return (b.rolled or roll, pitch, yaw)
 
 
-def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg, *, last: bool) -> list[Waypoint]:
+def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: PlannedLeg, *, last: bool) -> list[Waypoint]:
     """Return waypoints of passages that ask for a height alone, evenly between a and b."""
     waypoints: list[Waypoint] = []
     for number, passage in enumerate(heights, start=1):
         element, share = passage.element, number / (len(heights) + 1)
         if leg.path is None:
-            heading, climb, _ = angles(rotation(turned(a.q, _turn(a, b, last=last), share)))
+            heading, climb, _ = angles(rotation(turn_by(a.q, _turn(a, b, last=last), share)))
             waypoints.append(Waypoint(passage, None, heading, climb, None, heading, free=True))
             continue
         assert a.position is not None
@@ -198,7 +198,9 @@ def _nearest(value: float, allowed: Interval) -> float:
     return min(max(value, allowed.lower), allowed.upper)
 
 
-def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges: Mapping[int, int]) -> list[Waypoint]:
+def _with_knife_edges(
+    waypoints: Sequence[Waypoint], legs: Sequence[PlannedLeg], edges: Mapping[int, int]
+) -> list[Waypoint]:
     """Return the waypoints with a bank at gates that may be flown on either edge.
 
     It is the chosen one, else the one into which the path around the gate turns.
@@ -216,7 +218,7 @@ def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges:
     return chosen
 
 
-def _turn_around(before: Leg | None, after: Leg | None, reach: float = 60.0) -> float:
+def _turn_around(before: PlannedLeg | None, after: PlannedLeg | None, reach: float = 60.0) -> float:
     """Return the heading gained (to the right, rad) within `reach` metres before and after a passage."""
     turn = 0.0
     if before is not None and before.path is not None:

@@ -35,14 +35,9 @@ def rotation_vector(
     return factor * x, factor * y, factor * z
 
 
-def rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
-    """Return the attitude after a part of the rotation from start to end."""
-    return turned(start, rotation_vector(start, end), part)
-
-
-def turned(start: Sequence[float], whole: Sequence[float], part: float) -> list[float]:
+def turn_by(start: Sequence[float], vector: Sequence[float], part: float) -> list[float]:
     """Return the attitude after a part of a rotation given as a vector in the rotating frame, rad."""
-    vector = [part * angle for angle in whole]
+    vector = [part * angle for angle in vector]
     angle = math.sqrt(sum(one * one for one in vector))
     factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
     return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])

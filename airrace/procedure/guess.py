@@ -13,9 +13,9 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.planning.plan import Leg, Plan
+from airrace.planning.plan import Plan, PlannedLeg
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import roll_time, rotation_time, turned
+from airrace.planning.rotation_time import roll_time, rotation_time, turn_by
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.phase_segments import align_quaternions
 from airrace.procedure.settings import MeshSettings
@@ -58,7 +58,7 @@ def leg_seconds(plan: Plan) -> list[float]:
     ]
 
 
-def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: PlanningModel) -> float:
+def _leg_seconds(leg: PlannedLeg, a: Waypoint, b: Waypoint, pace: PlanningModel) -> float:
     if leg.path is not None:
         assert a.position is not None  # a level leg's ends have positions
         assert b.position is not None
@@ -193,7 +193,7 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     duration = leg_seconds(plan)[index]
     whole = plan.turn(a, b)
     roll, pitch, _ = (angle / duration for angle in whole)
-    q = np.array([turned(a.q, whole, float(part)) for part in share]).T
+    q = np.array([turn_by(a.q, whole, float(part)) for part in share]).T
     R = rotation(list(q))
     step = duration * np.diff(share)
     direction = np.vstack([R[0][0], R[1][0], R[2][0]])

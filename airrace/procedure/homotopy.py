@@ -18,9 +18,9 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.planning.plan import Leg, Plan
+from airrace.planning.plan import Plan, PlannedLeg
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import rotated, rotation_time
+from airrace.planning.rotation_time import rotation_time, rotation_vector, turn_by
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
@@ -89,7 +89,8 @@ class PhaseHomotopy:
             position, climb = (north, east, here[2] + part * (there[2] - here[2])), 0.0
             bank = None if self.end.bank is None else part * self.end.bank
         else:
-            heading, climb, bank = angles(rotation(rotated(self.begin.q, self.end.q, part)))
+            vector = rotation_vector(self.begin.q, self.end.q)
+            heading, climb, bank = angles(rotation(turn_by(self.begin.q, vector, part)))
             bank, position = (None if self.end.bank is None else bank), there
             if here is not None and there is not None:
                 north, east, height = (a + part * (b - a) for a, b in zip(self._ahead(here), there, strict=True))
@@ -109,7 +110,7 @@ class PhaseHomotopy:
     def guess(self, part: float, fractions: Sequence[float]) -> Iterate:
         """Return the member as planned, on a mesh."""
         path = None if self.path is None else self.path.bend(part)
-        member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0, self.counting)
+        member = Plan((self.begin, self.target(part)), (PlannedLeg(path),), self.pace, 0.0, self.counting)
         return guess(member, [tuple(fractions)])
 
 

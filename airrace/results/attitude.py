@@ -17,7 +17,7 @@ Axes = Array
 
 def path_axes(q: list[Array]) -> Axes:
     """Return `R_OKbar` over time, from the rows of its quaternion, each of shape (n,)."""
-    return _stacked(rotation(q), q[0])
+    return _stack(rotation(q), q[0])
 
 
 def body_axes(R_OKbar: Axes, alpha_K: Array, beta_K: Array) -> Axes:
@@ -94,10 +94,10 @@ def euler_angles(R: Axes) -> tuple[Array, Array, Array]:
 def _to_body(alpha: Array, beta: Array) -> Axes:
     """Return `R_BKbar` of kinematic angles, or `R_BA` of aerodynamic ones, rad, shape (n,) [theory/model.md]."""
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
-    return _stacked([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]], alpha)
+    return _stack([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]], alpha)
 
 
-def _stacked(rows: list[list[Scalar]], like: Array) -> Axes:
+def _stack(rows: list[list[Scalar]], like: Array) -> Axes:
     return np.array([[np.broadcast_to(entry, like.shape) for entry in row] for row in rows])
 
 

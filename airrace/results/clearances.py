@@ -2,7 +2,7 @@
 
 A pylon is an upright of `PYLON_HEIGHT`; the distance is that of the wing, from tip to tip, seen from above, and above
 its top the height is counted as well. All other distances are those of the aircraft's centre, as the rules measure it.
-Where a flight knows no height, the slant distance from people is that over ground, and nothing is told of pylons.
+Where a flight knows no height, the slant distance from people is that over ground, and pylons are left out.
 
 The rules measure the distance of the wing tips from the pylons of a gate at the instant of its passing, along the line
 between the pylons. The wing of an aircraft that crosses this line askew reaches it some hundredths of a second before
@@ -26,6 +26,12 @@ from airrace.trajectory import Array
 
 PYLON_HEIGHT = 25.0
 """The height of the air-filled pylons of the races from 2014 to 2019, m."""
+TOLERANCE = 0.1
+"""The length by which a clearance is missed before it is reported, m: nobody beside the course could see less."""
+UNASKED = 0.5
+"""The clearance that counts for elements whose passing asks for none, m: that of the rules of 2014 to 2019."""
+BESIDE = 0.25
+"""The time before and after a passing within which a near miss belongs to it, s."""
 
 
 @record
@@ -63,7 +69,7 @@ class Clearance:
 
 @record
 class Distance:
-    """The distance from one thing all along a flight, m, shape (n,); NaN where the flight does not tell.
+    """The distance from one thing all along a flight, m, shape (n,); NaN where it is not known.
 
     `legs` are the numbers of the legs on which it has to be kept; None for all.
     """
@@ -76,7 +82,7 @@ class Distance:
 
 
 def distances(flight: Flight) -> tuple[Distance, ...]:
-    """Return the distances from everything that the course names; empty where the flight does not tell its position."""
+    """Return the distances from everything that the course names; empty where its position is not known."""
     return (*pylons(flight), *surroundings(flight)) if flight.has("x", "y", "height") else ()
 
 
@@ -86,7 +92,7 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
     A safety line counts on the legs that name it.
 
     Args:
-        flight: one that tells its position.
+        flight: one whose position is known.
     """
     course, height = flight.course, flight["height"]
     places = np.stack([flight["x"], flight["y"]], axis=1)
@@ -145,14 +151,14 @@ def at_row(flight: Flight, one: Distance, row: int) -> Clearance:
 
 
 def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance | None:
-    """Return the least distance at some times; None where the flight tells none of them."""
+    """Return the least distance at some times; None where none of them is known."""
     known = rows[np.isfinite(one.values[rows])]
     return at_row(flight, one, int(known[int(np.argmin(one.values[known]))])) if len(known) else None
 
 
 def pylons(flight: Flight) -> Iterator[Distance]:
     """Yield the distance of the wing from the pylons of every element, in the order first flown; none where the flight
-    tells its height nowhere.
+    knows its height nowhere.
     """
     elements = {one.element.name: one.element for one in flight.course.passages}
     posts = {name: element.drawing().posts for name, element in elements.items()}
@@ -190,14 +196,6 @@ def _from_wing(left: Array, right: Array, post: Point) -> Array:
     return np.hypot(*(place - foot))
 
 
-TOLERANCE = 0.1
-"""The length by which a clearance is missed before it is told, m: nobody beside the course could see less."""
-UNASKED = 0.5
-"""The clearance that counts for elements whose passing asks for none, m: that of the rules of 2014 to 2019."""
-BESIDE = 0.25
-"""The time before and after a passing within which a near miss belongs to it, s."""
-
-
 @record
 class NearMiss:
     """One pylon passed closely.
@@ -216,7 +214,7 @@ class NearMiss:
 
     @property
     def where(self) -> str:
-        """The words that tell when it happens, e.g. `0.02 s after 1:g4`."""
+        """When it happens, in words, e.g. `0.02 s after 1:g4`."""
         if self.passing is None:
             return f"on the leg {self.before.name} -> {self.after.name}"
         apart = self.clearance.time - self.passing.time
@@ -226,7 +224,7 @@ class NearMiss:
 
 
 def near_misses(flight: Flight) -> tuple[NearMiss, ...]:
-    """Return all near misses in the order in which they happen; none where the flight does not tell its position, or
+    """Return all near misses in the order in which they happen; none where its position is not known, or it
     misses a passing.
     """
     if not flight.has("x", "y", "height") or not all(one.found for one in flight.crossings):

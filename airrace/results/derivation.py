@@ -68,7 +68,7 @@ def complete_histories(race: Race, given: Histories) -> Histories:
         for name, one in zip(rule.gives, values, strict=True):
             if name in missing:
                 complete[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
-    return _limited(complete, flight_limits(race.aircraft, race.course.rules))
+    return _with_limits(complete, flight_limits(race.aircraft, race.course.rules))
 
 
 def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Values], Array]]:
@@ -97,7 +97,7 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
     return {GLOSSARY[name]: column(name) for name in columns}
 
 
-def _limited(histories: Histories, limits: Limits) -> Histories:
+def _with_limits(histories: Histories, limits: Limits) -> Histories:
     """Return the histories with the bounds that aircraft and rules set, where a source has brought none of its own."""
     bounds = {
         "height": Interval(-limits.z.upper, -limits.z.lower),
@@ -107,13 +107,13 @@ def _limited(histories: Histories, limits: Limits) -> Histories:
         "C_L": limits.C_L,
         "beta_A": limits.beta_A,
     }
-    limited = dict(histories)
+    found = dict(histories)
     for name in bounds.keys() & histories.keys():
         quantity = histories[name].quantity
         if not Interval(quantity.lower, quantity.upper).bounded:
             quantity = replace(quantity, lower=bounds[name].lower, upper=bounds[name].upper)
-            limited[name] = replace(histories[name], quantity=quantity)
-    return limited
+            found[name] = replace(histories[name], quantity=quantity)
+    return found
 
 
 def _R_OKbar(known: Values) -> attitude.Axes:

@@ -238,7 +238,7 @@ class Flight:
         """
         return self.histories[name].basis
 
-    def labelled(self, label: str) -> "Flight":
+    def with_label(self, label: str) -> "Flight":
         """Return the same flight under another name."""
         return replace(self, source=replace(self.source, label=label))
 

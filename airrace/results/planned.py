@@ -54,7 +54,7 @@ def planned_flight(race: Race) -> Flight:
     Args:
         race: course, aircraft and air.
     """
-    seconds, legs = _planned(race) if len(race.course.passages) <= PLANNED_MAX else _straight(race)
+    seconds, legs = _planned_legs(race) if len(race.course.passages) <= PLANNED_MAX else _straight_legs(race)
     for before, after in itertools.pairwise(legs):  # at a common node what is known on either side
         after[:, 0] = np.where(np.isnan(after[:, 0]), before[:, -1], after[:, 0])
     columns = np.hstack([*(leg[:, :-1] for leg in legs), legs[-1][:, -1:]])
@@ -81,7 +81,7 @@ def is_planned(flight: Flight, rows: np.ndarray) -> bool:
     return bool(np.isfinite(flight["height"][rows]).all())
 
 
-def _planned(race: Race) -> tuple[list[float], list[Array]]:
+def _planned_legs(race: Race) -> tuple[list[float], list[Array]]:
     """Return the duration of every leg, s, and its histories `_NAMES` at even times, shape (7, k + 1)."""
     plan = race.plan
     seconds = leg_seconds(plan)
@@ -99,8 +99,8 @@ def _planned(race: Race) -> tuple[list[float], list[Array]]:
     return seconds, legs
 
 
-def _straight(race: Race) -> tuple[list[float], list[Array]]:
-    """Return what `_planned` does for a course of which only the places of its elements are known."""
+def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
+    """Return what `_planned_legs` does for a course of which only the places of its elements are known."""
     places = [(math.nan, math.nan) if (at := place(one)) is None else at[:2] for one in race.course.passages]
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
     seconds = [max(way / race.pace.V, SHORTEST_LEG) if math.isfinite(way) else SHORTEST_LEG for way in ways]

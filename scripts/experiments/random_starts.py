@@ -27,7 +27,7 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.plan import Leg, plan
+from airrace.planning.plan import PlannedLeg, plan
 from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.planning.race import Race
 from airrace.procedure.phase_segments import align_quaternions
@@ -56,7 +56,7 @@ def pace(usual: PlanningModel, radius: float, speed: float) -> PlanningModel:
     return PlanningModel(V, math.hypot(1.0, across), usual.p)
 
 
-def is_long(leg: Leg) -> bool:
+def is_long(leg: PlannedLeg) -> bool:
     """Whether a leg is a long turn."""
     if leg.path is None:
         return False
@@ -83,7 +83,7 @@ def drawn(flight: StageProblem, race: Race, settings: Settings, name: str) -> tu
     return planned, planned.problem(mesh), start
 
 
-def lift(state: Array, leg: Leg, height: float) -> None:
+def lift(state: Array, leg: PlannedLeg, height: float) -> None:
     """Lift the states of a long turn in the middle of its turning, in place; (n_x, N) at even shares of the leg."""
     path = leg.path
     assert path is not None  # it is a long turn

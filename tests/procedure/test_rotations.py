@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import roll_time, rotated, rotation_time, rotation_vector
+from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turn_by
 from airrace.quantities import Interval
 from airrace.track.course import Roll, Turning
 
@@ -23,11 +23,12 @@ attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st
 def test_rotation_leads_from_start_to_end_by_half_a_turn_at_most(
     start: list[float], end: list[float], part: float
 ) -> None:
-    assert np.allclose(rotation(rotated(start, end, 1.0)), rotation(end), atol=1e-9)
-    assert np.allclose(rotation(rotated(start, end, 0.0)), rotation(start), atol=1e-12)
-    whole = math.hypot(*rotation_vector(start, end))
+    vector = rotation_vector(start, end)
+    assert np.allclose(rotation(turn_by(start, vector, 1.0)), rotation(end), atol=1e-9)
+    assert np.allclose(rotation(turn_by(start, vector, 0.0)), rotation(start), atol=1e-12)
+    whole = math.hypot(*vector)
     assert whole <= math.pi + 1e-9
-    on_the_way = rotated(start, end, part)
+    on_the_way = turn_by(start, vector, part)
     assert math.hypot(*rotation_vector(start, on_the_way)) == pytest.approx(part * whole, abs=1e-6)
     assert math.hypot(*rotation_vector(on_the_way, end)) == pytest.approx((1.0 - part) * whole, abs=1e-6)
 
@@ -71,12 +72,6 @@ def test_half_a_loop_is_pulled_and_a_vertical_roll_no_longer_than_asked_for_what
 @given(st.floats(0.1, 1.0), st.floats(-1e-3, 1e-3))
 def test_time_does_not_jump_where_a_pull_becomes_a_push(yaw: float, pitch: float) -> None:
     start = quaternion(0.0, 0.0, 0.0)
-    level = rotation_time(start, rotated_by(start, (0.0, 0.0, yaw)), PACE)
-    tilted = rotation_time(start, rotated_by(start, (0.0, pitch, yaw)), PACE)
+    level = rotation_time(start, turn_by(start, (0.0, 0.0, yaw), 1.0), PACE)
+    tilted = rotation_time(start, turn_by(start, (0.0, pitch, yaw), 1.0), PACE)
     assert tilted == pytest.approx(level, rel=3.0 * abs(pitch) / yaw + 1e-9)
-
-
-def rotated_by(start: list[float], vector: tuple[float, float, float]) -> list[float]:
-    """The attitude after a rotation, rad."""
-    angle = math.hypot(*vector)
-    return product(start, [math.cos(angle / 2), *(math.sin(angle / 2) * one / angle for one in vector)])

@@ -84,7 +84,7 @@ def circle(seconds: float = 20.0) -> Flight:
 @functools.cache
 def whole_page() -> str:
     """A page about a circle, with a slower one beside it."""
-    return flight_page([circle(), circle(25.0).labelled("slower")])
+    return flight_page([circle(), circle(25.0).with_label("slower")])
 
 
 def renamed(name: str) -> Flight:

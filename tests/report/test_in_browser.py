@@ -75,7 +75,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
 def test_hostile_names_are_shown_and_nothing_is_executed(chromium: Browser, tmp_path: Path, number: int) -> None:
     flight = renamed(HOSTILE[number])
     page = tmp_path / "hostile.html"
-    page.write_text(flight_page([flight, flight.labelled(f"{flight.label} too")]), encoding="utf-8")
+    page.write_text(flight_page([flight, flight.with_label(f"{flight.label} too")]), encoding="utf-8")
     one = opened(chromium, page, "tablet")
     assert one.run("() => document.querySelector('h1').textContent") == HOSTILE[number]
     assert one.run("() => document.title") == " ".join(HOSTILE[number].split())

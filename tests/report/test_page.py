@@ -67,7 +67,7 @@ def test_hostile_names_are_shown_as_they_are_and_make_no_elements(name: str) -> 
     assert parsed.texts["title"][0] == name
     assert parsed.texts["h1"] == [name]
     assert f"3:{name}" in parsed.texts["button"]
-    beside = read(flight_page([circle(), circle(25.0).labelled(name)]))
+    beside = read(flight_page([circle(), circle(25.0).with_label(name)]))
     assert any(name in text for text in beside.texts["td"])
     assert len(beside.named("script")) == 2
 
@@ -82,7 +82,10 @@ def test_names_of_any_letters_change_nothing_beside_them() -> None:
 
 
 def test_a_race_of_one_minute_takes_less_than_four_megabytes() -> None:
-    flights = [dense(half_cuban().flight(), 60.0), *(dense(windy().flight(), 60.0).labelled(str(i)) for i in range(3))]
+    flights = [
+        dense(half_cuban().flight(), 60.0),
+        *(dense(windy().flight(), 60.0).with_label(str(i)) for i in range(3)),
+    ]
     assert len(flight_page(flights).encode()) < 4_000_000
     assert len(json.dumps(contents(*flights[:2]))) < 1_500_000
 
@@ -167,7 +170,7 @@ def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
 
 
 def test_the_format_is_as_its_documentation_has_it() -> None:
-    page = contents(circle(), circle(25.0).labelled("slower"))
+    page = contents(circle(), circle(25.0).with_label("slower"))
     assert page["format"] == FORMAT
     assert list(page) == ["format", "course", "flights", "strips", "colours", "differences"]
     assert list(page["course"]) == ["elements", "crowd", "lines", "airspace", "frame"]
@@ -229,16 +232,16 @@ def test_a_flight_that_misses_its_last_passing_has_no_race_time() -> None:
 
 
 def test_labels_are_as_short_as_tells_flights_of_one_file_apart() -> None:
-    one, two = circle().labelled("a:six-dof"), circle().labelled("a:point-mass")
+    one, two = circle().with_label("a:six-dof"), circle().with_label("a:point-mass")
     assert short_labels([one, two]) == ["six-dof", "point-mass"]
-    assert short_labels([one, two.labelled("b:point-mass")]) == ["a:six-dof", "b:point-mass"]
-    assert short_labels([circle().labelled("a")]) == ["a"]
+    assert short_labels([one, two.with_label("b:point-mass")]) == ["a:six-dof", "b:point-mass"]
+    assert short_labels([circle().with_label("a")]) == ["a"]
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_survive_and_hold_nothing_that_could_end_a_script(name: str) -> None:
     flight = renamed(name)
-    text = text_of(flight, flight.labelled(f"{flight.label} again"))
+    text = text_of(flight, flight.with_label(f"{flight.label} again"))
     assert not set("<>&") & set(text)
     assert text.isascii()
     page = json.loads(text)

@@ -32,13 +32,12 @@ def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     ]
     state = np.hstack([pieces[0].state, *(piece.state[:, 1:] for piece in pieces[1:])])
     time = np.concatenate([times[0], *(one[1:] for one in times[1:])])
-    raised = state.copy()
-    raised[:3] = _tilted(state[:3], angle)
-    _fly(raised, time, rows)
+    _tilt(state[:3], angle)
+    _set_attitude(state, time, rows)
     ends = np.cumsum([0, *(piece.control.shape[1] for piece in pieces)])
     found: list[Iterate] = []
     for piece, first, last in zip(pieces, ends, ends[1:], strict=False):
-        x, steps = raised[:, first : last + 1], np.diff(time[first : last + 1])
+        x, steps = state[:, first : last + 1], np.diff(time[first : last + 1])
         control = piece.control.copy()
         for row, one in enumerate(PointMassControl.quantities()):
             if one.rate_of:
@@ -47,21 +46,19 @@ def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     return found
 
 
-def _tilted(r: Array, angle: float) -> Array:
-    """Return the tilted positions (3, n), north, east, down."""
+def _tilt(r: Array, angle: float) -> None:
+    """Tilt positions (3, n), north, east, down, in place."""
     along = r[:2, -1] - r[:2, 0]
     if np.linalg.norm(along) < SHORTEST_CHORD:
         along = r[:2, 1] - r[:2, 0]
     along = along / np.linalg.norm(along)
     across = np.array([-along[1], along[0]])
     offset = across @ (r[:2] - r[:2, :1])
-    tilted = r.copy()
-    tilted[:2] -= np.outer(across, (1.0 - math.cos(angle)) * offset)
-    tilted[2] -= math.sin(angle) * np.abs(offset)
-    return tilted
+    r[:2] -= np.outer(across, (1.0 - math.cos(angle)) * offset)
+    r[2] -= math.sin(angle) * np.abs(offset)
 
 
-def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
+def _set_attitude(state: Array, time: Array, rows: Sequence[str]) -> None:
     """Set attitude, speed, load factor and roll rate along a path, in place."""
     velocity = np.gradient(state[:3], time, axis=1)
     speed = np.linalg.norm(velocity, axis=0)
@@ -70,20 +67,14 @@ def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
     lift = force - (force * ahead).sum(axis=0) * ahead
     up = lift / np.maximum(np.linalg.norm(lift, axis=0), 1e-6)
     right = np.cross(ahead, up, axis=0)  # down is -up, and right = down x ahead = ahead x up
-    q = [_attitude(*columns) for columns in zip(ahead.T, right.T, up.T, strict=True)]
+    banks = [math.atan2(y, -z) for y, z in zip(right[2], up[2], strict=True)]
+    q = [
+        quaternion(math.atan2(y, x), -math.asin(max(-1.0, min(1.0, float(z)))), bank)
+        for (x, y, z), bank in zip(ahead.T, banks, strict=True)
+    ]
     for row, history in zip(("q0", "q1", "q2", "q3"), np.array(q).T, strict=True):
         state[rows.index(row)] = history
     align_quaternions(state)
-    bank = np.unwrap([math.atan2(one[2], -two[2]) for one, two in zip(right.T, up.T, strict=True)])
     state[rows.index("V_K")] = speed
     state[rows.index("n_z")] = np.linalg.norm(lift, axis=0) / g0
-    state[rows.index("p_Kbar")] = np.clip(np.gradient(bank, time), -ROLL_RATE, ROLL_RATE)
-
-
-def _attitude(ahead: Array, right: Array, up: Array) -> list[float]:
-    """Return the quaternion of a frame given by its axes in O.
-
-    Course and climb are those of `ahead`, the bank that of the others.
-    """
-    climb = -math.asin(max(-1.0, min(1.0, float(ahead[2]))))
-    return quaternion(math.atan2(ahead[1], ahead[0]), climb, math.atan2(right[2], -up[2]))
+    state[rows.index("p_Kbar")] = np.clip(np.gradient(np.unwrap(banks), time), -ROLL_RATE, ROLL_RATE)
