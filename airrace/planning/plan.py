@@ -17,8 +17,7 @@ from airrace.frames import angles, rotation
 from airrace.planning.planning_model import PlanningModel
 from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turn_by
 from airrace.planning.route_decisions import ANY, RouteDecisions
-from airrace.planning.waypoints import Waypoint, is_only_a_height
-from airrace.quantities import Interval
+from airrace.planning.waypoints import Waypoint
 from airrace.records import record
 from airrace.track.course import Course, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
@@ -107,8 +106,9 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
 
 def stops_of(course: Course) -> list[int]:
     """Return the passages that are planned for themselves: all but those that ask for a height alone on the way."""
-    last = len(course.passages) - 1
-    return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
+    ends = (0, len(course.passages) - 1)
+    is_stop = [one.roll is not None or not one.element.only_a_height for one in course.passages]
+    return [index for index, stops in enumerate(is_stop) if stops or index in ends]
 
 
 def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, last: bool) -> tuple[list[Waypoint], float]:
@@ -189,13 +189,10 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Plann
         assert a.position is not None
         assert b.position is not None
         north, east, heading = (float(one[0]) for one in leg.path.points(np.array([share * leg.path.length])))
-        height = _nearest(a.position[2] + share * (b.position[2] - a.position[2]), element.heights)
+        height = a.position[2] + share * (b.position[2] - a.position[2])
+        height = min(max(height, element.heights.lower), element.heights.upper)
         waypoints.append(Waypoint(passage, (north, east, height), heading, 0.0, None, heading, free=True))
     return waypoints
-
-
-def _nearest(value: float, allowed: Interval) -> float:
-    return min(max(value, allowed.lower), allowed.upper)
 
 
 def _with_knife_edges(

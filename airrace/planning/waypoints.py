@@ -40,11 +40,6 @@ class Waypoint:
         return quaternion(self.heading, self.climb, self.bank or 0.0)
 
 
-def is_only_a_height(passage: Passage) -> bool:
-    """Return whether a passage asks for nothing but a height: any flight that rises to it on its way will do."""
-    return passage.roll is None and passage.element.only_a_height
-
-
 def place(passage: Passage) -> tuple[float, float, float] | None:
     """Return north, east and height (NaN where free) of an element, m; None if it may be anywhere."""
     where, height = passage.element.place, passage.element.nominal_height

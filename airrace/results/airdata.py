@@ -9,7 +9,6 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
     P_ISA,
     RHO_ISA,
-    AtmosphereParameters,
     atmosphere_parameters,
     density,
     pressure,
@@ -45,20 +44,12 @@ def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
         air: of the day.
     """
     day = atmosphere_parameters(air)
-    p, rho = _pressure(z, day), _density(z, day)
+    p, rho = (np.asarray(law(z, day), np.float64).reshape(z.shape) for law in (pressure, density))
     M2 = V_A**2 * rho / (KAPPA * p)
     impact = p * ((1.0 + 0.5 * (KAPPA - 1.0) * M2) ** (KAPPA / (KAPPA - 1.0)) - 1.0)
     a_02 = KAPPA * P_ISA / RHO_ISA
     ratio = (impact / P_ISA + 1.0) ** ((KAPPA - 1.0) / KAPPA) - 1.0
     return np.sqrt(2.0 / (KAPPA - 1.0) * a_02 * ratio)
-
-
-def _pressure(z: Array, day: AtmosphereParameters[float]) -> Array:
-    return np.asarray(pressure(z, day), np.float64).reshape(z.shape)
-
-
-def _density(z: Array, day: AtmosphereParameters[float]) -> Array:
-    return np.asarray(density(z, day), np.float64).reshape(z.shape)
 
 
 @functools.lru_cache(maxsize=16)
