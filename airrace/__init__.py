@@ -14,7 +14,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
-    from airrace.api import check, import_log, open, optimize, resume, tracks
+    from airrace.api import Run, check, import_log, open, optimize, resume, schema, tracks
     from airrace.batch import optimize_many
     from airrace.batch.reports import BatchResult
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from airrace.quantities import Interval
     from airrace.runs.courses import CourseCheck, init
     from airrace.runs.log_view import LogView
-    from airrace.runs.run import Run
     from airrace.runs.stage_view import StageView
     from airrace.track.course import (
         Course,
@@ -95,6 +94,7 @@ __all__ = [
     "optimize",
     "optimize_many",
     "resume",
+    "schema",
     "tracks",
 ]
 
@@ -113,10 +113,9 @@ _HOMES = {
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
     "airrace.runs.courses": ("CourseCheck", "init"),
-    "airrace.api": ("check", "import_log", "open", "optimize", "resume", "tracks"),
+    "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
     "airrace.runs.log_view": ("LogView",),
     "airrace.runs.stage_view": ("StageView",),
-    "airrace.runs.run": ("Run",),
     "airrace.track.course": (
         "Course",
         "Crowd",

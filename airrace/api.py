@@ -7,11 +7,12 @@ import logging
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Self
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
 from airrace.errors import UsageError
-from airrace.inputs import Document, load_inputs
+from airrace.inputs import Document, Inputs, load_inputs
 from airrace.inputs.batch import set_texts
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.planning.race import Race
@@ -19,10 +20,12 @@ from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
+from airrace.results.comparison import Comparison
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
 from airrace.runs.execute import execute
+from airrace.runs.flight_sources import report_page, write_flights
 from airrace.runs.log_view import LogView, fly_log_through
-from airrace.runs.output import ensure_free
+from airrace.runs.output import ensure_free, write_text
 from airrace.runs.plan import (
     Changes,
     ExecutionPlan,
@@ -32,8 +35,11 @@ from airrace.runs.plan import (
     plan_resumed_run,
     settings_texts,
 )
-from airrace.runs.run import Run, open_run
+from airrace.runs.run import RunState, compare_stages, open_run
+from airrace.runs.stage_view import Sensitivities
+from airrace.runs.verification import Verification, verify_run
 from airrace.track.course import Course
+from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching
 
 TrackGiven = str | Path | Course | Race
@@ -44,6 +50,9 @@ SettingsGiven = str | Path
 """A settings file, by its path."""
 Values = Mapping[str, str | int | float | bool] | Sequence[str]
 """Single values by their keys, or texts `key=value`."""
+
+# Without a handler Python itself prints the warnings of a library.
+logging.getLogger("airrace").addHandler(logging.NullHandler())
 
 
 def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
@@ -70,18 +79,37 @@ def value_texts(values: Values) -> list[str]:
     return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
 
 
-def stage_name(stage: str | Stage | None) -> str | None:
-    """Return the name of a stage."""
-    return stage.value if isinstance(stage, Stage) else stage
+def read_inputs(
+    track: TrackGiven,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    set: Values = (),
+    **chosen: str | GuessKind | SearchEffort | MeshCheck | int | None,
+) -> Inputs:
+    """Return what is given for a race, as objects.
+
+    Args:
+        track, aircraft, settings, set: see `optimize`.
+        chosen: settings that have arguments of their own; None for what the settings say.
+
+    Raises:
+        InputError: they are not valid; it carries all findings.
+        UsageError: no course is given.
+    """
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    return load_inputs(
+        named,
+        aircraft=document_or_path(aircraft_of(track, aircraft)),
+        settings=settings,
+        overrides=[*value_texts(set), *settings_texts(**chosen)],
+    )
 
 
 def _file_name(name: str) -> str:
     """Return a name as a file could bear it: runs are called after it."""
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"
-
-
-# Without a handler Python itself prints the warnings of a library.
-logging.getLogger("airrace").addHandler(logging.NullHandler())
 
 
 def optimize(
@@ -96,12 +124,12 @@ def optimize(
     until: str | Stage | None = None,
     output: str | Path | None = None,
     force: bool = False,
-    start: Run | str | Path | None = None,
+    start: RunState | str | Path | None = None,
     set: Values = (),
     threads: int | None = None,
     timeout: float | None = None,
     progress: bool | Progress = False,
-) -> Run:
+) -> "Run":
     """Fly a course as fast as can be, stage by stage; the last one is certified.
 
     Examples:
@@ -143,27 +171,22 @@ def optimize(
     path = None if output is None else Path(output)
     if path is not None:
         ensure_free(path, force=force)
-    aircraft = aircraft_of(track, aircraft)
-    named = document_or_path(track)
-    if named is None:
-        raise UsageError("a course is needed: a name, a file or an object")
-    plan = plan_new_run(
-        named,
-        aircraft=document_or_path(aircraft),
-        settings=settings,
-        overrides=[
-            *value_texts(set),
-            *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
-        ],
-        until=stage_name(until),
-        path=path,
-        start=start,
+    inputs = read_inputs(
+        track,
+        aircraft,
+        settings,
+        set,
+        guess=guess,
+        search=search,
+        alternatives=alternatives,
+        mesh_check=mesh_check,
     )
+    plan = plan_new_run(inputs, until=until, path=path, start=start)
     return _fly(plan, threads, timeout, progress)
 
 
 def resume(
-    run: Run | str | Path,
+    run: RunState | str | Path,
     *,
     until: str | Stage | None = None,
     from_: str | Stage | None = None,
@@ -177,7 +200,7 @@ def resume(
     threads: int | None = None,
     timeout: float | None = None,
     progress: bool | Progress = False,
-) -> Run:
+) -> "Run":
     """Continue a run, or fly it again with something changed.
 
     Without changes it goes on after the last stage that still stands, in the file of the run if it has one. With `set`,
@@ -217,28 +240,25 @@ def resume(
     changes = Changes(
         document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
     )
-
     path = None if output is None else Path(output)
     if path is not None:
         ensure_free(path, force=force)
-    if not changes:
-        before = run if isinstance(run, Run) else open_run(Path(run))
+    if changes:
+        if from_ is not None:
+            raise UsageError(
+                "`from_` goes on in the same run; a changed run starts from the highest stage up to `until`"
+            )
+        before = run if isinstance(run, RunState) else open_source_run(Path(run))
+        changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
+        plan = plan_changed_run(before, changes, until=until, path=path)
+    else:
+        before = run if isinstance(run, RunState) else open_run(Path(run))
         before = before if path is None else before.moved(path)
-        again = stage_name(from_)
-        return _fly(
-            plan_resumed_run(before, until=stage_name(until), from_stage=again, mesh_check=mesh_check),
-            threads,
-            timeout,
-            progress,
-        )
-    changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
-    if from_ is not None:
-        raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
-    before = run if isinstance(run, Run) else open_source_run(Path(run))
-    return _fly(plan_changed_run(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
+        plan = plan_resumed_run(before, until=until, from_stage=from_, mesh_check=mesh_check)
+    return _fly(plan, threads, timeout, progress)
 
 
-def open(path: str | Path) -> Run:
+def open(path: str | Path) -> "Run":
     """Open the run in a file that `airrace optimize` or `Run.save` has written.
 
     Args:
@@ -248,7 +268,7 @@ def open(path: str | Path) -> Run:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts what the run was given.
     """
-    return open_run(Path(path))
+    return Run.of(open_run(Path(path)))
 
 
 def check(
@@ -277,11 +297,7 @@ def check(
         InputError: the inputs are not valid; it carries all findings.
         UsageError: no course is given.
     """
-    named = document_or_path(track)
-    if named is None:
-        raise UsageError("a course is needed: a name, a file or an object")
-    flown_by = document_or_path(aircraft_of(track, aircraft))
-    return check_course(named, aircraft=flown_by, settings=settings, overrides=value_texts(set))
+    return check_course(read_inputs(track, aircraft, settings, set))
 
 
 def tracks() -> tuple[ShippedTrack, ...]:
@@ -294,11 +310,11 @@ def tracks() -> tuple[ShippedTrack, ...]:
     return catalogue().tracks
 
 
-def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progress: bool | Progress) -> Run:
+def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progress: bool | Progress) -> "Run":
     """Fly all stages of a plan."""
     with _watched(plan, progress) as watcher:
         steps = list(execute(plan, threads=threads or available_cores(), timeout=timeout, progress=watcher))
-    return steps[-1] if steps else plan.run
+    return Run.of(steps[-1] if steps else plan.run)
 
 
 @contextmanager
@@ -346,11 +362,7 @@ def import_log(
     from airrace.inputs.log_layout import read_layout, with_columns, with_zone
     from airrace.logs.csv_log import ColumnLayout
 
-    named = document_or_path(track)
-    if named is None:
-        raise UsageError("a course is needed: a name, a file or an object")
-    flown_by = document_or_path(aircraft_of(track, aircraft))
-    inputs = load_inputs(named, aircraft=flown_by, overrides=value_texts(set))
+    inputs = read_inputs(track, aircraft, set=set)
     layout, known_noise = (ColumnLayout(), None) if mapping is None else read_layout(Path(mapping))
     layout = with_columns(layout, columns)
     layout = layout if time_zone is None else with_zone(layout, time_zone)
@@ -359,3 +371,154 @@ def import_log(
     return fly_log_through(
         Path(log), inputs, layout=layout, noise=known_noise if noise is None else noise, run=run, name=name
     )
+
+
+def schema(language: str) -> dict[str, object]:
+    """Return the JSON Schema (draft-07) of an input file, for editors and validators.
+
+    Args:
+        language: `track`, `aircraft`, `settings`, `batch` or `log`.
+
+    Raises:
+        UsageError: there is no such language.
+    """
+    from airrace.inputs.json_schema import LANGUAGES, json_schema
+
+    if language not in LANGUAGES:
+        raise UsageError(f"there is no language {language!r}; known are {', '.join(LANGUAGES)}")
+    return json_schema(language)
+
+
+class Run(RunState):
+    """A race that is flown stage by stage: what was asked for, and the stages that are finished.
+
+    A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
+    numbers of a run are those of its last stage:
+
+    Examples:
+        >>> run
+        <Run half_cuban_eight: point-mass, 8.634 s, certified>
+        >>> run["point-mass"].race_time == run.race_time
+        True
+        >>> [stage.name for stage in run]
+        ['homotopy', 'point-mass']
+    """
+
+    @classmethod
+    def of(cls, state: RunState) -> Self:
+        """Return a run of its state."""
+        return cls(state.inputs, state.checkpoint, state.path, state.sign)
+
+    resume = resume
+
+    def verify(self) -> tuple[Verification, ...]:
+        """Measure every certificate again from the stored histories and multipliers alone.
+
+        Returns:
+            One verification per stage that carries a certificate; those with an `objection` do not hold.
+
+        Raises:
+            NotCertified: there is no certificate in this run.
+        """
+        return verify_run(self)
+
+    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Sensitivities:
+        """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
+        return self.stage(stage).sensitivities(by)
+
+    def compare(self, other: RunState) -> Comparison:
+        """Hold another run of the same passings against this one, as `airrace compare` does, at the highest stage that
+        holds in both.
+
+        Returns:
+            The comparison leg by leg; `difference` (s) is positive where the other run is slower. `certified` tells
+            whether the stage is certified in both: a race time that was solved on one mesh may be off by some
+            milliseconds.
+
+        Raises:
+            UsageError: no stage is certified or solved in both, or the other run has other passings.
+        """
+        comparison = compare_stages(self.stages, other.stages, (self.label, other.label))
+        if comparison is None:
+            raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
+        return comparison
+
+    def plot(self, path: str | Path, stage: str | Stage | None = None, *, kneeboard: bool = False) -> Path:
+        """Draw a flight into a file, as `airrace plot` does: plan and profile by load factor, histories with limits.
+
+        A file that exists is replaced as a whole.
+
+        Args:
+            path: the drawing, `.png`, `.svg` or `.pdf`.
+            stage: which stage; None for the last one.
+            kneeboard: whether it is one page to hold in the hand: map and table of the gates.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: matplotlib is not installed, or there is no such stage, or it found no flight.
+            StorageError: the system refused.
+        """
+        ensure_drawable(Path(path))
+        from airrace.views.flight_figures import flight_figure, kneeboard_figure
+
+        save_figure((kneeboard_figure if kneeboard else flight_figure)(self.flight(stage)), Path(path))
+        return Path(path)
+
+    def export(
+        self,
+        format_name: str,
+        path: str | Path,
+        stage: str | Stage | None = None,
+        *,
+        rate: float | None = None,
+        origin: str | None = None,
+        start: str | None = None,
+    ) -> Path:
+        """Write a flight into a file of another program, as `airrace export` does.
+
+        A file that exists is replaced as a whole.
+
+        Args:
+            format_name: e.g. `kml`, `acmi`, `netcdf`; `airrace export --help` lists them.
+            path: the file.
+            stage: which stage; None for the last one.
+            rate: samples per second; None for what suits the format.
+            origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
+            start: when the clock starts, ISO 8601, UTC unless it says otherwise.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: there is no such format or stage, an argument says nothing sensible, the course has no origin
+                where the format needs one, or a library that it needs is not installed.
+            StorageError: the system refused.
+        """
+        write_flights(format_name, [self.flight(stage)], Path(path), rate=rate, origin=origin, start=start)
+        return Path(path)
+
+    def report(
+        self, path: str | Path, *others: str, stage: str | Stage | None = None, sensitivities: bool = False
+    ) -> Path:
+        """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
+
+        A file that exists is replaced as a whole.
+
+        Args:
+            path: the page.
+            others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
+            stage: which stage; None for the last one.
+            sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: there is no such stage, or it found no flight, or another flight is of other passings.
+            NotCertified: sensitivities were asked for, and the stage is no certified optimum.
+            StorageError: the system refused.
+        """
+        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities))
+        return Path(path)

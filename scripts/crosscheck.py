@@ -36,7 +36,7 @@ from airrace.jsbsim.accelerations import at_geopotential_height, differences, ra
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
 from airrace.jsbsim.simulation import fly_course, simulate
 from airrace.procedure import results_api
-from airrace.runs.run import Run, run_of_checkpoint
+from airrace.runs.run import RunState, run_of_checkpoint
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540
@@ -76,7 +76,7 @@ def in_states(aircraft: Aircraft) -> Iterable[Row]:
             yield Row(text, force <= FORCE_LIMIT and angular <= ANGULAR_LIMIT if limited else None)
 
 
-def along_optimum(run: Run, planet: Planet) -> Row:
+def along_optimum(run: RunState, planet: Planet) -> Row:
     """The six-dof optimum of a run, second by second."""
     race = run.inputs.race
     if race.air.wind is not None or race.air.thermals:

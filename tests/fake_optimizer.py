@@ -56,6 +56,17 @@ def certificate(*, kkt_error: float = 1e-9) -> Certificate:
     )
 
 
+STATES = (
+    ("x", "m", 100.0, 0.0),
+    ("y", "m", 100.0, 0.0),
+    ("z", "m", 100.0, -20.0),
+    ("V_K", "m/s", 50.0, 80.0),
+    ("n_z", "1", 1.0, 1.0),
+    ("p_Kbar", "rad/s", 1.0, 0.0),
+)
+"""Name, unit, scale and value of the states of a straight flight; `x` grows."""
+
+
 def stage_result(
     stage: Stage,
     outcome: Status = Status.SOLVED,
@@ -71,8 +82,8 @@ def stage_result(
         first_node=2 * np.arange(legs + 1),
         durations=np.full(legs, 10.0 / legs),
         time=time_of,
-        states=(Quantity("x", "m", 100.0), Quantity("V_K", "m/s", 50.0)),
-        state=np.stack([80.0 * time_of, np.full(len(time_of), 80.0)]),
+        states=tuple(Quantity(name, unit, scale) for name, unit, scale, _ in STATES),
+        state=np.stack([80.0 * time_of, *(np.full(len(time_of), value) for *_, value in STATES[1:])]),
         controls=(Quantity("n_z_dot", "1/s", 10.0),),
         control=np.zeros((1, 2 * legs)),
     )

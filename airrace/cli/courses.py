@@ -48,9 +48,10 @@ def check(
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
         from airrace.cli.plan_view import LIMITS, plan_view
         from airrace.cli.tables import render, takes_unicode, terminal_columns
+        from airrace.inputs import load_inputs
         from airrace.runs.courses import check_course
 
-        course = check_course(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
+        course = check_course(load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ()))
         answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
             ensure_unread([plot], documents_of(course.inputs))

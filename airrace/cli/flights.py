@@ -117,7 +117,7 @@ def compare(
             ensure_room(plot, as_json=as_json)
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=names)
-        from airrace.cli.flight_tables import comparison_texts
+        from airrace.cli.comparison_tables import comparison_texts
         from airrace.results.comparison import compare_flights
         from airrace.runs.flight_sources import open_flights
         from airrace.runs.json_objects import comparison_object
@@ -311,11 +311,13 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
         verbose: Verbose = False,
     ) -> None:
         with answering(as_json=as_json, verbose=verbose) as answer:
-            from airrace.runs.flight_sources import output_of, write_flights
+            from airrace.runs.flight_sources import open_flights, output_of, write_flights
+            from airrace.runs.output import ensure_free
 
             path = output or output_of(form.name, names)
             ensure_room(path, as_json=as_json)
-            write_flights(form.name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
+            ensure_free(path, force=force, sources=names)
+            write_flights(form.name, open_flights(names, stage=stage), path, rate=rate, origin=origin, start=start)
             answer_with_files(answer, [path], quiet=quiet, format=form.name, flights=names)
 
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)

@@ -80,6 +80,7 @@ def optimize(
         if not dry_run:
             start_early(1 if search is SearchEffort.OFF else min(2, threads))  # the other is for what is tried
         from airrace.errors import UsageError
+        from airrace.inputs import load_inputs
         from airrace.runs.output import NO_PIPE, ensure_free
         from airrace.runs.plan import plan_new_run, settings_texts
         from airrace.runs.signing import signer_of
@@ -90,11 +91,9 @@ def optimize(
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
         ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
-        texts = settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
-        entries = [*(overrides or ()), *texts]
-        plan = plan_new_run(
-            track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
-        )
+        chosen = settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
+        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=[*(overrides or ()), *chosen])
+        plan = plan_new_run(inputs, until=until, path=path, start=start)
         _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
@@ -141,7 +140,7 @@ def resume(
         _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
         if output is not None:
             changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
-            plan = plan_changed_run(open_source_run(run_file), changes, until=until, out=output)
+            plan = plan_changed_run(open_source_run(run_file), changes, until=until, path=output)
         else:
             ensure_own(run_file, signer)
             plan = plan_resumed_run(open_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
+from airrace.cli.comparison_tables import comparison_texts
 from airrace.cli.tables import PAGE, number, render
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
-from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight, laps_of
@@ -28,7 +28,6 @@ from airrace.views.tables import Cell, Column, Table
 
 if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
-    from airrace.procedure.restart import SourceRun
     from airrace.runs.plan import ExecutionPlan
 
 logger = logging.getLogger(__name__)
@@ -59,9 +58,9 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     yield from (render(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
     if results[-1].is_flight:
         yield from _near_misses_texts(StageView(plan.run.inputs, results[-1], {}).flight())
-    difference = None if plan.start is None else start_table(plan.start, results)
-    if difference is not None:
-        yield render(difference, columns=PAGE)
+    compared = plan.compare(results)
+    if compared is not None:
+        yield from comparison_texts(compared, every=False)
 
 
 @record
@@ -110,7 +109,7 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> Stor
     run, refusal = None, ""
     try:
         run = ensure_readable(run_of_checkpoint(checkpoint, path))
-        every = run.told
+        every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])
         stale = dict(stale_stages(checkpoint, inputs_hash(checkpoint.inputs.resolved)))
@@ -331,27 +330,3 @@ def near_miss_table(misses: Sequence[NearMiss]) -> Table:
         (away.name, away.distance, away.required, away.time, one.where) for one in misses if (away := one.clearance)
     ]
     return Table("near misses", _NEAR_MISSES, rows)
-
-
-_START = (
-    Column("leg to"),
-    Column("before", "s", ".3f"),
-    Column("after", "s", ".3f"),
-    Column("difference", "s", "+.3f"),
-    Column("so far", "s", "+.3f"),
-)
-
-
-def start_table(start: "SourceRun", results: Sequence[StageResult]) -> Table | None:
-    """Return a table of the legs of a run and the one it started from; None where they have no stage in common."""
-    common = last_common(start.results, results)
-    if common is None:
-        return None
-    comparison = compare_splits(*common)
-    rows: list[tuple[str | float, ...]] = [
-        (leg.name, leg.before, leg.after, leg.difference, leg.cumulative) for leg in comparison.legs
-    ]
-    rows.append(("race", comparison.before, comparison.after, comparison.difference, ""))
-    remark = "" if comparison.certified else " (not certified in both: a few ms may be the mesh)"
-    title = f"{common[1].stage.value} against {start.name}: {comparison.difference:+.3f} s{remark}"
-    return Table(title, _START, rows)

@@ -1,13 +1,12 @@
 """Courses before they are flown: those that come along, a new file to begin with, and the check of a course."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs import Document, Inputs, load_inputs
+from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.course_import import read_placemarks, sketch_course
 from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
@@ -237,22 +236,8 @@ class CourseCheck:
         return course_page(self.map_model, [remark.text for remark in self.warnings])
 
 
-def check_course(
-    track: str | Path | Document,
-    *,
-    aircraft: str | Path | Document | None = None,
-    settings: str | Path | None = None,
-    overrides: Sequence[str] = (),
-) -> CourseCheck:
-    """Read a course and review it.
-
-    Args:
-        track, aircraft, settings, overrides: see `load_inputs`.
-
-    Raises:
-        InputError: the inputs are not valid; it carries all findings.
-    """
-    inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
+def check_course(inputs: Inputs) -> CourseCheck:
+    """Review a course as a race director would."""
     unused = (
         Remark("", RemarkKind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
         for name in inputs.unused_gates

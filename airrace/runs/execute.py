@@ -15,9 +15,9 @@ from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult, Status
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.runs.json_objects import run_object, split_comparison_object
+from airrace.runs.json_objects import comparison_object, run_object
 from airrace.runs.plan import ExecutionPlan
-from airrace.runs.run import Run, stages_object
+from airrace.runs.run import RunState, stages_object
 from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
 
 PATIENCE = 0.1
@@ -72,7 +72,9 @@ def file_lock(lock: Path) -> Generator[bool, None, None]:
             own.release()
 
 
-def execute(plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[Run]:
+def execute(
+    plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
+) -> Iterator[RunState]:
     """Fly the stages that are not kept; yield the run after each, written to its file if it has one.
 
     The file is written before anything is computed, too: whatever ends the run, it can be resumed.
@@ -88,7 +90,7 @@ def execute(plan: ExecutionPlan, *, threads: int, timeout: float | None = None, 
 
 def _execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Iterator[tuple[Run, StageResult]]:
+) -> Iterator[tuple[RunState, StageResult]]:
     """Return the run after each stage that was flown, or proved, and that stage."""
     if timeout is not None and not timeout > 0.0:
         raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
@@ -98,7 +100,7 @@ def _execute(
 
 def _execute_locked(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Iterator[tuple[Run, StageResult]]:
+) -> Iterator[tuple[RunState, StageResult]]:
     run, start = plan.run, plan.start
     kept = {result.stage for result in plan.reused}
     _store(run)
@@ -109,7 +111,7 @@ def _execute_locked(
         threads=threads,
         finished=plan.reused,
         start=() if start is None else start.results,
-        start_name="" if start is None else start.name,
+        start_name="" if start is None else start.label,
         timeout=timeout,
         progress=progress,
     ):
@@ -159,11 +161,12 @@ def execute_for_command(
             if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
         if plan.start is not None:
-            answer.fields["compared"] = split_comparison_object(plan.start, results)
+            compared = plan.compare(results)
+            answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
     return results
 
 
-def _store(run: Run, unchanged: Collection[Stage] = ()) -> None:
+def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:
     if run.path is not None:
         write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
 
@@ -171,7 +174,7 @@ def _store(run: Run, unchanged: Collection[Stage] = ()) -> None:
 def _next_step(plan: ExecutionPlan, results: Sequence[StageResult]) -> str:
     """Return how a run that was ended before its end is continued, as a clause."""
     if plan.start is not None and not results:  # resuming would begin from the course alone
-        return f"no stage is finished; start from {plan.start.name} again with --force"
+        return f"no stage is finished; start from {plan.start.label} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
     return f"go on with `airrace resume {plan.run.path}` (finished: {finished})"
 

@@ -17,8 +17,8 @@ from airrace.logs.reading import is_log
 from airrace.procedure.result import Stage
 from airrace.results import Flight
 from airrace.runs.log_view import LogView, fly_log_through, open_log
-from airrace.runs.output import FlightName, default_output_path, ensure_free
-from airrace.runs.run import Run, ensure_readable, run_of_checkpoint
+from airrace.runs.output import FlightName, default_output_path
+from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.standard_streams import stem_of
 from airrace.track.course import Origin
@@ -52,19 +52,19 @@ def open_flight(text: str, *, stage: str | None = None) -> Flight:
     return open_flights([text], stage=stage)[0]
 
 
-def open_file(path: Path) -> Run | LogView:
+def open_file(path: Path) -> RunState | LogView:
     """Return the run or the flown log in a file; errors as of `open_flights`."""
     stored = read_stored(path)
     return open_log(stored) if isinstance(stored, LogCheckpoint) else ensure_readable(run_of_checkpoint(stored, path))
 
 
-def source_of(kept: Run | LogView, stage: str | None) -> StageView | LogView:
+def source_of(kept: RunState | LogView, stage: str | None) -> StageView | LogView:
     """Return the stage of a run, None for its last one, or a flown log, which has no stages.
 
     Raises:
         UsageError: there is no such stage.
     """
-    if isinstance(kept, Run):
+    if isinstance(kept, RunState):
         return kept.stage(stage)
     if stage is not None:
         raise UsageError(f"a flown log has no stages; leave `{stage}` out")
@@ -75,10 +75,10 @@ def _is_log(name: FlightName) -> bool:
     return name.stage is None and is_log(name.path)
 
 
-def _source(name: FlightName, kept: Mapping[Path, Run | LogView], stage: str | None) -> StageView | LogView:
+def _source(name: FlightName, kept: Mapping[Path, RunState | LogView], stage: str | None) -> StageView | LogView:
     if not _is_log(name):
         one = kept[name.path]
-        return source_of(one, name.stage or (stage if isinstance(one, Run) else None))
+        return source_of(one, name.stage or (stage if isinstance(one, RunState) else None))
     if not kept:
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
@@ -107,40 +107,35 @@ EXPORT_RATES = 1e-3, 1e4
 
 def write_flights(
     format_name: str,
-    names: Sequence[str],
-    output: Path | None = None,
+    flights: Sequence[Flight],
+    path: Path,
     *,
-    stage: str | None = None,
     rate: float | None = None,
     origin: str | None = None,
     start: str | None = None,
-    force: bool = False,
 ) -> None:
     """Write flights into a file, as `airrace export FORMAT` does.
 
     Args:
         format_name: one of `airrace.export.formats.formats()`.
-        names: of the flights, as of `open_flights`.
-        output: the file; None for one beside the first run, with the suffix of the format.
-        stage: of the runs that name none; None for their last ones.
+        flights: at least one.
+        path: the file, which is replaced as a whole.
         rate: samples per second; None for what suits the format.
         origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
         start: when the clock starts, ISO 8601, UTC unless it says otherwise.
-        force: whether an existing file is replaced.
 
     Raises:
-        UsageError: the file exists or is that of a flight, an argument says nothing sensible, a course has no origin
-            where the format needs one, or a library that it needs is not installed.
+        UsageError: there is no such format, an argument says nothing sensible, a course has no origin where the format
+            needs one, or a library that it needs is not installed.
         StorageError: the system refused.
     """
+    if format_name not in formats():
+        raise UsageError(f"there is no format {format_name!r}; known are {', '.join(formats())}")
     chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
-    path = output or output_of(format_name, names)
-    ensure_free(path, force=force, sources=names)
     begin = BEGIN if start is None else begin_of(start)
     low, high = EXPORT_RATES
     if rate is not None and not low <= rate <= high:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
-    flights = open_flights(names, stage=stage)
     if chosen.globe or where is not None:
         flights = [on_globe(flight, where) for flight in flights]
     hertz = chosen.rate_hz if rate is None else rate
@@ -229,7 +224,7 @@ def log_sections(flown: LogView) -> list[str]:
 
 
 def report_page(
-    run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, sensitivities: bool = False
+    run: RunState, stage: str | Stage | None = None, others: Sequence[str] = (), *, sensitivities: bool = False
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
@@ -242,7 +237,7 @@ def report_page(
     return flight_page(flights, sections, footer_of(flown))
 
 
-def explored_stage(run: Run, flown: StageView) -> StageView:
+def explored_stage(run: RunState, flown: StageView) -> StageView:
     """Return the stage that tried the routes from which a stage was climbed: itself, or the last one before it
     that tried any; itself where none did.
     """

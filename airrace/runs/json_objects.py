@@ -10,7 +10,6 @@ import numpy as np
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
-from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
@@ -18,7 +17,6 @@ from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.legs import passings_around
 
 if TYPE_CHECKING:
-    from airrace.procedure.restart import SourceRun
     from airrace.runs.log_view import LogView
 
 REASONS: Mapping[RefinementReason, str] = {
@@ -348,25 +346,3 @@ def _leg_object(leg: LegComparison) -> dict[str, object]:
             for one in leg.differences
         ],
     }
-
-
-def split_comparison_object(start: "SourceRun", results: Sequence[StageResult]) -> dict[str, object] | None:
-    """Return the object `compared` of the answer, seconds; None where no stage holds in both runs."""
-    common = last_common(start.results, results)
-    if common is None:
-        return None
-    comparison = compare_splits(*common)
-    return {
-        "with": start.name,
-        "stage": common[1].stage.value,
-        "certified": comparison.certified,
-        "race_time_s": _seconds(comparison.before, comparison.after),
-        "legs": [
-            {"passing": leg.name, **_seconds(leg.before, leg.after), "cumulative": finite(leg.cumulative)}
-            for leg in comparison.legs
-        ],
-    }
-
-
-def _seconds(before: float, after: float) -> dict[str, object]:
-    return {"before": finite(before), "after": finite(after), "difference": finite(after - before)}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from airrace.checkpoint import (
     Checkpoint,
@@ -24,13 +24,11 @@ from airrace.extensions import extension_versions
 from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.planning.race import Race
 from airrace.procedure import results_api
-from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import MeshCheck
-from airrace.procedure.split_comparison import SplitComparison, compare_splits, last_common
+from airrace.results import Flight
+from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import near_misses_object, run_object, stage_object
 from airrace.runs.stage_view import (
-    Sensitivities,
     Splits,
     StageView,
     downgrade_stale,
@@ -41,26 +39,12 @@ from airrace.runs.stage_view import (
 )
 from airrace.views.plain_text import one_line
 
-if TYPE_CHECKING:
-    from airrace.api import AircraftGiven, SettingsGiven, TrackGiven, Values
-    from airrace.results import Flight
-    from airrace.runs.verification import Verification
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class RunState:
     """A race that is flown stage by stage: what was asked for, and the stages that are finished.
 
-    A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
-    numbers of a run are those of its last stage:
-
-    Examples:
-        >>> run
-        <Run half_cuban_eight: point-mass, 8.634 s, certified>
-        >>> run["point-mass"].race_time == run.race_time
-        True
-        >>> [stage.name for stage in run]
-        ['homotopy', 'point-mass']
+    It is a value: what continues or changes it returns another one.
 
     Attributes:
         inputs: course, aircraft, air and settings, with the documents that they come from.
@@ -95,8 +79,8 @@ class Run:
         return tuple(stored.result for stored in self.checkpoint.stages)
 
     @property
-    def told(self) -> tuple[StageResult, ...]:
-        """The finished stages as they may be told: those that no longer stand are not certified."""
+    def valid_results(self) -> tuple[StageResult, ...]:
+        """The finished stages; those that no longer stand are not certified."""
         return tuple(stage.result for stage in self.stages)
 
     @property
@@ -109,8 +93,8 @@ class Run:
         """The finished stages in their order; one that no longer stands is not certified."""
         stale, versions = self.stale, self.checkpoint.versions
         reasons = (stale.get(one.stage, "") for one in self.results)
-        told = zip(self.results, reasons, strict=True)
-        return tuple(StageView(self.inputs, downgrade_stale(one, reason), versions, reason) for one, reason in told)
+        pairs = zip(self.results, reasons, strict=True)
+        return tuple(StageView(self.inputs, downgrade_stale(one, reason), versions, reason) for one, reason in pairs)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
@@ -148,19 +132,19 @@ class Run:
     @property
     def certified(self) -> bool:
         """Whether the last stage is certified, and none before it failed."""
-        return is_certified(self.told)
+        return is_certified(self.valid_results)
 
     @property
     def message(self) -> str:
         """The sentence that says why the run is not certified; empty if it is."""
-        return verdict(self.told)[1] if self.results else "no stage is finished yet"
+        return verdict(self.valid_results)[1] if self.results else "no stage is finished yet"
 
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
     def with_mesh_check(self, result: StageResult) -> Self:
-        """Return this run with a finished stage as its completed or tried mesh check leaves it; later stages stay."""
+        """Return this run with a finished stage as its mesh check left it; later stages stay."""
         return replace(self, checkpoint=self.checkpoint.with_mesh_check(result))
 
     def moved(self, path: Path) -> Self:
@@ -185,122 +169,49 @@ class Run:
         write_checkpoint(Path(path), self.checkpoint, self.sign)
         return Path(path)
 
-    def resume(
-        self,
-        *,
-        until: str | Stage | None = None,
-        from_: str | Stage | None = None,
-        mesh_check: str | MeshCheck | None = None,
-        set: "Values" = (),
-        track: "TrackGiven | None" = None,
-        aircraft: "AircraftGiven | None" = None,
-        settings: "SettingsGiven | None" = None,
-        output: str | Path | None = None,
-        force: bool = False,
-        threads: int | None = None,
-        timeout: float | None = None,
-        progress: bool | Progress = False,
-    ) -> "Run":
-        """Continue this run, or fly it again with something changed; see `airrace.resume`."""
-        from airrace.api import resume
-
-        return resume(
-            self,
-            until=until,
-            from_=from_,
-            mesh_check=mesh_check,
-            set=set,
-            track=track,
-            aircraft=aircraft,
-            settings=settings,
-            output=output,
-            force=force,
-            threads=threads,
-            timeout=timeout,
-            progress=progress,
-        )
-
-    def verify(self) -> "tuple[Verification, ...]":
-        """Measure every certificate again from the stored histories and multipliers alone.
-
-        Returns:
-            One verification per stage that carries a certificate; those with an `objection` do not hold.
-
-        Raises:
-            NotCertified: there is no certificate in this run.
-        """
-        from airrace.runs.verification import verify_run
-
-        return verify_run(self)
-
-    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Sensitivities:
-        """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
-        return self.stage(stage).sensitivities(by)
-
-    def compare(self, other: "Run") -> SplitComparison:
-        """Hold another run of the same passings against this one, leg by leg, at the highest stage that holds in both.
-
-        Returns:
-            Race times (s) and legs; `difference` is positive where the other run is slower. `certified` tells whether
-            the stage is certified in both: a race time that was solved on one mesh may be off by some milliseconds.
-
-        Raises:
-            UsageError: no stage is certified or solved in both, or the other run has other passings.
-        """
-        common = last_common(self.told, other.told)
-        if common is None:
-            raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
-        try:
-            return compare_splits(*common)
-        except ValueError as error:
-            raise UsageError(f"{other.label} has other passings than {self.label}") from error
-
-    def flight(self, stage: str | Stage | None = None, label: str | None = None) -> "Flight":
+    def flight(self, stage: str | Stage | None = None, label: str | None = None) -> Flight:
         """Return the flight of a stage, by default of the last one; see `StageView.flight`."""
         return self.stage(stage).flight(label)
 
-    def report(
-        self, path: str | Path, *others: str, stage: str | Stage | None = None, sensitivities: bool = False
-    ) -> Path:
-        """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
-
-        A file that exists is replaced as a whole.
-
-        Args:
-            path: the page.
-            others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
-            stage: which stage; None for the last one.
-            sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
-
-        Returns:
-            The path.
-
-        Raises:
-            UsageError: there is no such stage, or it found no flight, or another flight is of other passings.
-            NotCertified: sensitivities were asked for, and the stage is no certified optimum.
-            StorageError: the system refused.
-        """
-        from airrace.runs.flight_sources import report_page
-        from airrace.runs.output import write_text
-
-        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities))
-        return Path(path)
-
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace optimize --json` prints."""
-        told = run_object(self.name, self.told, wall_of(self.results), certified=self.certified)
-        return told | {"stages": stages_object(self.inputs, self.told)}
+        summary = run_object(self.name, self.valid_results, wall_of(self.results), certified=self.certified)
+        return summary | {"stages": stages_object(self.inputs, self.valid_results)}
 
     def __repr__(self) -> str:
-        return f"<Run {run_line(self.name, self.told)}>"
+        return f"<Run {run_line(self.name, self.valid_results)}>"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the stages, the splits of the last one, and its flight from above."""
-        return run_page(self.race, self.name, self.told)
+        return run_page(self.race, self.name, self.valid_results)
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that notebooks complete within the brackets of `run[...]`."""
         return [one.stage.value for one in self.results]
+
+
+def compare_stages(
+    before: Sequence[StageView], after: Sequence[StageView], labels: tuple[str, str]
+) -> Comparison | None:
+    """Hold the highest stage that holds in both of two runs of the one against that of the other.
+
+    Args:
+        before, after: the stages of the runs; those before are the reference.
+        labels: of the runs, as users call them.
+
+    Returns:
+        None if no stage holds in both.
+
+    Raises:
+        UsageError: they fly other passings.
+    """
+    earlier = {stage.name: stage for stage in before if stage.result.holds}
+    common = [stage for stage in after if stage.result.holds and stage.name in earlier]
+    if not common:
+        return None
+    name = common[-1].name
+    first, second = (f"{label}:{name}" for label in labels)
+    return compare_flights(earlier[name].flight(first), common[-1].flight(second))
 
 
 def wall_of(results: Sequence[StageResult]) -> float:
@@ -308,9 +219,9 @@ def wall_of(results: Sequence[StageResult]) -> float:
     return sum(result.timings.wall for result in results)
 
 
-def new_run(inputs: Inputs, path: Path | None = None) -> Run:
+def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
     """Return a run of which nothing is finished yet."""
-    return Run(inputs, Checkpoint(stored_inputs(inputs), current_versions()), path)
+    return RunState(inputs, Checkpoint(stored_inputs(inputs), current_versions()), path)
 
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:
@@ -339,7 +250,7 @@ def resolved_text(inputs: Inputs) -> str:
     return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
 
 
-def open_run(path: Path) -> Run:
+def open_run(path: Path) -> RunState:
     """Return the run in a file.
 
     Raises:
@@ -350,7 +261,7 @@ def open_run(path: Path) -> Run:
     return ensure_readable(run_of_checkpoint(read_checkpoint(path), path))
 
 
-def ensure_readable(run: Run) -> Run:
+def ensure_readable(run: RunState) -> RunState:
     """Return a run whose flights can be read by the models of their stages.
 
     Raises:
@@ -361,7 +272,7 @@ def ensure_readable(run: Run) -> Run:
     return run
 
 
-def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> Run:
+def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> RunState:
     """Return a run read from its checkpoint; its inputs are understood anew from their stored texts.
 
     Raises:
@@ -376,10 +287,10 @@ def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> Run:
     )
     # Stages link to the configuration they were computed from; new ones to the one understood now.
     current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
-    return Run(inputs, current, path)
+    return RunState(inputs, current, path)
 
 
-def adopt_checkpoint(run: Run) -> Run:
+def adopt_checkpoint(run: RunState) -> RunState:
     """Return a new run together with the stages that still stand of the checkpoint at its path.
 
     What is damaged, of other inputs or from other versions, is left aside.

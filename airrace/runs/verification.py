@@ -22,7 +22,7 @@ from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.runs.json_objects import certificate_object
-from airrace.runs.run import Run, current_versions
+from airrace.runs.run import RunState, current_versions
 from airrace.trajectory import Array
 
 ROUNDED = 1e-6
@@ -300,7 +300,7 @@ class Verification:
         }
 
 
-def verify_run(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
+def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, ...]:
     """Measure every stage again, and hold what is stored against that.
 
     Args:
@@ -328,7 +328,7 @@ def verify_run(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
     return tuple(_verification(run, result, again, general) for result, again in measured)
 
 
-def _of_the_run(run: Run, *, versions: bool) -> Iterator[str]:
+def _of_the_run(run: RunState, *, versions: bool) -> Iterator[str]:
     """Yield what speaks against the whole of a run, which its last stage has to answer for."""
     if missing := missing_stages(run.inputs.settings, run.results):
         yield missing
@@ -336,7 +336,7 @@ def _of_the_run(run: Run, *, versions: bool) -> Iterator[str]:
         yield f"{other}, which cannot be confirmed"
 
 
-def _verification(run: Run, result: StageResult, again: StageResult, general: Sequence[str]) -> Verification:
+def _verification(run: RunState, result: StageResult, again: StageResult, general: Sequence[str]) -> Verification:
     measured = again if result.is_flight else None
     objection = run.stale.get(result.stage, "") or in_one_sentence(_objections(result, measured))
     if result is run.results[-1]:

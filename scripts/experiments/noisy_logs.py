@@ -25,7 +25,7 @@ from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.procedure.results_api import sampler
 from airrace.results import Crossing, Flight
-from airrace.runs.run import Run
+from airrace.api import Run
 from airrace.trajectory import Array
 
 LEAD = 4.0

@@ -39,12 +39,12 @@ def test_changes_come_on_top_of_what_was_stored_and_the_difference_is_told_leg_b
     assert run_file.read_bytes() == before
     assert rules(Path("NEW.h5")) == (9.0, 12.0)
     compared = ran.answer["compared"]
-    assert (compared["with"], compared["stage"]) == ("RUN.h5", "point-mass")
-    assert compared["race_time_s"] == {"before": 10.0, "after": 10.0, "difference": 0.0}
-    assert [leg["passing"] for leg in compared["legs"]] == PASSINGS[1:]
+    (flight,) = compared["flights"]
+    assert (compared["reference"]["label"], flight["label"]) == ("RUN.h5:point-mass", "NEW.h5:point-mass")
+    assert (compared["reference"]["race_time_s"], flight["race_time_s"], flight["difference_s"]) == (10.0, 10.0, 0.0)
+    assert [leg["passing"] for leg in flight["legs"]] == PASSINGS[1:]
     said = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5", "--force")
-    assert "point-mass against RUN.h5: +0.000 s" in said.out
-    assert "so far" in said.out
+    assert "NEW.h5:point-mass against RUN.h5:point-mass: a tie within" in said.out
     ran = airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5", "--force", "--json")
     assert ran.code == 0
     assert "compared" in ran.answer

@@ -286,9 +286,11 @@ def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Pat
     assert (tmp_path / "RUN.h5").read_bytes() == stored
     assert changed.race_time <= scratch.race_time + 5e-3
     compared = changed.answer["compared"]
-    difference = compared["race_time_s"]["difference"]
+    assert isinstance(compared, dict)
+    (flight,) = compared["flights"]
+    difference = flight["difference_s"]
     assert difference == pytest.approx(changed.race_time - before.race_time, abs=1e-9)
-    assert sum(leg["difference"] for leg in compared["legs"]) == pytest.approx(difference, abs=1e-6)
+    assert sum(leg["difference_s"] for leg in flight["legs"]) == pytest.approx(difference, abs=1e-6)
     assert airrace("verify", "NEW.h5", cwd=tmp_path).code == 0
 
 

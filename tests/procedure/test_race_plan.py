@@ -17,11 +17,9 @@ from races import (
     SHIPPED,
     SMALL,
     WINDOW,
-    blown,
     course,
     knife_edge,
     level,
-    optimum,
 )
 from races import planned as plan_of
 from races import pylon as pylon_at
@@ -38,10 +36,8 @@ from airrace.planning.race import Race
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Status
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
-from airrace.procedure.split_comparison import compare_splits, last_common
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Interval
 from airrace.track.course import Direction
@@ -315,26 +311,3 @@ def test_a_race_that_differs_has_a_plan_of_its_own() -> None:
     slower = dataclasses.replace(race, course=dataclasses.replace(race.course, passages=race.course.passages[:3]))
     assert len(race.plan.waypoints) == 4
     assert len(slower.plan.waypoints) == 3
-
-
-def test_losses_of_the_legs_add_up_to_that_of_the_race_and_change_signs_the_other_way_round() -> None:
-    calm, windy = optimum(SMALL, PLAN), optimum(blown(SMALL, 200.0, 3.0), PLAN)
-    there, back = compare_splits(calm, windy), compare_splits(windy, calm)
-    assert there.difference != 0.0
-    assert sum(leg.difference for leg in there.legs) == pytest.approx(there.difference, abs=1e-9)
-    assert there.legs[-1].cumulative == pytest.approx(there.difference, abs=1e-9)
-    assert sum(leg.before for leg in there.legs) == pytest.approx(there.before, abs=1e-9)
-    assert [leg.name for leg in there.legs] == ["pylon", "edge", "last"]
-    assert [leg.difference for leg in there.legs] == [-leg.difference for leg in back.legs]
-    assert there.difference == -back.difference
-    with pytest.raises(ValueError, match="same passings"):
-        compare_splits(calm, optimum(SHIPPED["half_cuban_eight"], PLAN))
-
-
-def test_only_stages_certified_in_both_runs_are_compared() -> None:
-    flown = optimum(SMALL, PLAN)
-    higher = dataclasses.replace(flown, stage=Stage.TRANSFER_FUNCTION)
-    failed = dataclasses.replace(higher, outcome=Status.NOT_CERTIFIED)
-    assert last_common([flown, higher], [flown]) == (flown, flown)
-    assert last_common([flown, failed], [flown, higher]) == (flown, flown)
-    assert last_common([failed], [higher]) is None

@@ -48,7 +48,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     one.run(
         """() => addEventListener('beforeprint', () => {
           window.pictures = [...document.querySelectorAll('#pictures img')].map(one => one.src.length);
-          window.told = document.querySelector('#pictures').innerText;
+          window.valid_results = document.querySelector('#pictures').innerText;
         })"""
     )
     one.page.pdf(path=artefacts / "printed.pdf", format="A4", print_background=True)
@@ -56,7 +56,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     pictures = one.run("() => window.pictures")
     assert len(pictures) == 3
     assert min(pictures) > 10_000
-    told = one.run("() => window.told")
+    told = one.run("() => window.valid_results")
     assert re.search(r"above, \d+ m wide; the aircraft at 0\.00 s", told)
     assert re.search(r"orbit, grid \d+ m; the aircraft at 0\.00 s", told)
     assert re.search(r"Load factor from .*\d to \d+\.\d g", told)
@@ -100,7 +100,7 @@ def test_without_space_the_course_from_above_stands_in(launch: Callable[..., Bro
 
 def test_the_ghost_is_behind_by_what_the_comparison_says(laptop: Opened) -> None:
     compared = half_cuban().compare(windy())
-    times = [0.0, *np.cumsum([leg.before for leg in compared.legs])]
+    times = [0.0, *np.cumsum([leg.reference.time for leg in compared.legs])]
     expected = [0.0, *(leg.cumulative for leg in compared.legs)]
     read = laptop.run(
         """times => times.map(time => {
@@ -109,7 +109,7 @@ def test_the_ghost_is_behind_by_what_the_comparison_says(laptop: Opened) -> None
         })""",
         times,
     )
-    assert laptop.run("() => airrace.strips.strips[0].told.title") == "Difference of time"
+    assert laptop.run("() => airrace.strips.strips[0].valid_results.title") == "Difference of time"
     # The strip shows milliseconds, at the sample before.
     assert read == pytest.approx(expected, abs=0.01)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
+from airrace.api import Run
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
 from airrace.frames import quaternion
@@ -16,7 +17,6 @@ from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.results.derivation import complete_histories
-from airrace.runs.run import Run
 from airrace.trajectory import Array
 
 ROOT = Path(__file__).parents[2]

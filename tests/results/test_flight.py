@@ -12,8 +12,8 @@ import pytest
 from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
-from airrace.cli import flight_tables
-from airrace.cli.flight_tables import comparison_texts
+from airrace.cli import comparison_tables
+from airrace.cli.comparison_tables import comparison_texts
 from airrace.cli.main import app
 from airrace.cli.run_tables import near_miss_table
 from airrace.cli.tables import render
@@ -471,7 +471,7 @@ def test_the_object_holds_the_same_numbers(files: tuple[str, str]) -> None:
 
 
 def test_the_object_holds_every_word_of_the_table(files: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flight_tables, "PAGE", 300)  # so that no words are wrapped
+    monkeypatch.setattr(comparison_tables, "PAGE", 300)  # so that no words are wrapped
     (flight,) = json.loads(run(*files, "--json")[1])["flights"]
     table = run(*files, "--all")[1].splitlines()
     assert any(leg["differs"] for leg in flight["legs"])

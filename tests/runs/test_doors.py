@@ -4,16 +4,17 @@ import dataclasses
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import fake_optimizer
 import pytest
 
 import airrace
+from airrace.api import Run
 from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import OUTCOMES, Stage, StageResult, Status
-from airrace.runs.run import Run
 
 ROOT = Path(__file__).parents[2]
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
@@ -169,6 +170,9 @@ def test_a_changed_run_is_another_one(run: Run) -> None:
     assert windy.race.air.wind is not None
     assert run.race.air.wind is None
     assert [leg.difference for leg in run.compare(windy).legs] == [0.0] * 16
+    failed = run.of(run.with_stage(replace(run.results[-1], outcome=Status.NOT_CERTIFIED)))
+    with pytest.raises(UsageError, match="no stage is certified or solved both in"):
+        run.compare(failed)
     with pytest.raises(UsageError, match="goes on in the same run"):
         run.resume(set={"rules.n_z_max": 9}, from_="point-mass")
 

@@ -24,8 +24,9 @@ from airrace.runs.execute import execute_for_command, summarise
 from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_resumed_run, step_lines
-from airrace.runs.run import Run, adopt_checkpoint, new_run
+from airrace.runs.run import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_view import is_certified, verdict
+from airrace.runs.verification import verify_run
 
 
 def test_the_object_has_the_documented_keys() -> None:
@@ -185,11 +186,11 @@ def test_nothing_behind_the_colon_is_no_stage(tmp_path: Path) -> None:
 TRACK = Path(__file__).parents[2] / "tracks" / "half_cuban_eight.yaml"
 
 
-def run_of(path: Path, *overrides: str) -> Run:
+def run_of(path: Path, *overrides: str) -> RunState:
     return new_run(load_inputs(TRACK, overrides=overrides), path)
 
 
-def stages(run: Run) -> list[Stage]:
+def stages(run: RunState) -> list[Stage]:
     return [stored.result.stage for stored in run.checkpoint.stages]
 
 
@@ -238,33 +239,33 @@ CERTIFIED = stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
 
 @pytest.fixture
-def run() -> Run:
+def run() -> RunState:
     """Two stages, the lower one solved on one mesh."""
     begun = new_run(load_inputs("rovinj_2014", overrides=("settings.guess=plan",)))
     return begun.with_stage(SOLVED).with_stage(CERTIFIED)
 
 
-def actions(run: Run, until: str, mesh_check: MeshCheck | str | None = None) -> list[str]:
+def actions(run: RunState, until: str, mesh_check: MeshCheck | str | None = None) -> list[str]:
     return [step.action for step in plan_resumed_run(run, until=until, mesh_check=mesh_check).steps]
 
 
-def test_solved_stage_below_the_last_is_kept(run: Run) -> None:
+def test_solved_stage_below_the_last_is_kept(run: RunState) -> None:
     assert actions(run, "transfer-function") == ["keep", "keep"]
 
 
-def test_solved_stage_is_proved_where_all_are(run: Run) -> None:
-    assert actions(run, "transfer-function", MeshCheck.ALL) == ["prove", "keep"]
-    assert actions(run, "state-space-inversion", "all") == ["prove", "keep", "run"]
+def test_solved_stage_is_proved_where_all_are(run: RunState) -> None:
+    assert actions(run, "transfer-function", MeshCheck.ALL) == ["check", "keep"]
+    assert actions(run, "state-space-inversion", "all") == ["check", "keep", "run"]
 
 
-def test_solved_stage_that_the_run_now_ends_with_is_proved(run: Run) -> None:
-    assert actions(run, "point-mass") == ["prove"]
+def test_solved_stage_that_the_run_now_ends_with_is_proved(run: RunState) -> None:
+    assert actions(run, "point-mass") == ["check"]
     assert list(step_lines(plan_resumed_run(run, until="point-mass").steps)) == [
-        "point-mass: prove (it was solved on one mesh)"
+        "point-mass: check (it was solved on one mesh)"
     ]
 
 
-def test_stages_stand_whatever_is_to_be_proved(run: Run) -> None:
+def test_stages_stand_whatever_is_to_be_proved(run: RunState) -> None:
     """Also those of a run that was asked for otherwise: its next call remembers."""
     asked = plan_resumed_run(run, until="transfer-function", mesh_check="all").run
     assert asked.stale == {}
@@ -275,13 +276,13 @@ def test_stages_stand_whatever_is_to_be_proved(run: Run) -> None:
     assert again.inputs.overrides == (*run.inputs.overrides, "settings.mesh_check=last")
 
 
-def test_what_may_be_proved_has_a_name(run: Run) -> None:
+def test_what_may_be_proved_has_a_name(run: RunState) -> None:
     with pytest.raises(InputError, match="mesh_check"):
         plan_resumed_run(run, until="transfer-function", mesh_check="some")
 
 
 def flown_by(
-    monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult
+    monkeypatch: pytest.MonkeyPatch, run: RunState, *results: StageResult
 ) -> tuple[CommandResult, Sequence[StageResult]]:
     """A run all of whose stages are to be proved, by a procedure that comes to these results."""
 
@@ -295,14 +296,16 @@ def flown_by(
     return answer, execute_for_command(answer, task, threads=1, progress=Silent())
 
 
-def test_completed_proof_is_told_in_the_place_of_its_stage(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_completed_proof_is_told_in_the_place_of_its_stage(run: RunState, monkeypatch: pytest.MonkeyPatch) -> None:
     proved = stage_result(Stage.POINT_MASS, passings=PASSINGS)
     answer, results = flown_by(monkeypatch, run, proved)
     assert list(results) == [proved, CERTIFIED]
     assert answer.code == 0
 
 
-def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_proof_that_fails_where_it_was_asked_for_fails_the_command(
+    run: RunState, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answer, results = flown_by(monkeypatch, run, replace(SOLVED, message="its race time could not be confirmed"))
     assert [result.status for result in results] == [Status.SOLVED, Status.CERTIFIED]
     assert answer.code == 5
@@ -311,16 +314,16 @@ def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, mon
 
 
 def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: RunState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def recompute(_: object, __: object, results: Sequence[StageResult]) -> Iterator[tuple[StageResult, StageResult]]:
         yield from ((result, result) for result in results)
 
     monkeypatch.setattr(procedure, "recompute", recompute)
-    below, last = run.verify()
+    below, last = verify_run(run)
     assert (below.verified, last.verified) == (True, True)
     assert below.finding == "verified as solved on one mesh, its race time not confirmed on a second one"
     assert last.finding == "verified"
-    (alone,) = replace(run, checkpoint=run.checkpoint.with_stage(SOLVED)).verify()
+    (alone,) = verify_run(replace(run, checkpoint=run.checkpoint.with_stage(SOLVED)))
     assert not alone.verified
     assert alone.objection.startswith("the run ends with it, and it is only solved on one mesh")

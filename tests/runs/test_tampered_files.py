@@ -125,7 +125,7 @@ def test_broken_chain_is_not_called_certified(path: Path) -> None:
     assert open_run(path).flight().source.certified is False
     assert "# certified: no" in open_run(path)[TRANSFER].to_csv()
     with pytest.raises(NotCertified):
-        open_run(path).sensitivities()
+        airrace.open(path).sensitivities()
 
 
 READERS = (
