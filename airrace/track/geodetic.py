@@ -37,10 +37,10 @@ def geodetic(north: Array, east: Array, origin: Origin) -> tuple[Array, Array]:
     phi, lam, h = _coordinates(origin)
     # The place is at the origin's elevation: its depth below the plane is found in two corrections.
     down = np.zeros_like(north)
-    for correction in range(3):
+    for _ in range(2):
         place = cast(tuple[Array, Array, Array], ned2geodetic(north, east, down, phi, lam, h, deg=False))
-        if correction < 2:
-            down = down + np.reshape(place[2] - h, north.shape)
+        down = down + np.reshape(place[2] - h, north.shape)
+    place = cast(tuple[Array, Array, Array], ned2geodetic(north, east, down, phi, lam, h, deg=False))
     return np.reshape(place[0], north.shape), np.reshape(place[1], north.shape)
 
 
