@@ -54,6 +54,10 @@ class Trajectory:
                     return values[row]
         raise KeyError(name)
 
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one in (*self.states, *self.controls))
+        return f"<Trajectory of {self.race_time:.3f} s: {len(self.phases)} phases, {len(self.time)} nodes, {names}>"
+
     def named(self) -> Mapping[str, Array]:
         """Return the histories of all states and controls by name."""
         names = [one.name for one in (*self.states, *self.controls)]

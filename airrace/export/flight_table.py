@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import UsageError
-from airrace.export.extras import extra
+from airrace.extras import extra
 from airrace.quantities import KNOT, Quantity
 from airrace.records import record
 from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from airrace.export.csv import Provenance
-from airrace.export.extras import extra
 from airrace.export.flight_table import FlightTable
 from airrace.export.globe import stamp
+from airrace.extras import extra
 from airrace.procedure.result import StageResult
 from airrace.results import Flight
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.export.extras import extra
 from airrace.export.globe import stamp
+from airrace.extras import extra
 from airrace.results import Flight
 
 

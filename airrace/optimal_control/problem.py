@@ -291,6 +291,10 @@ def _check_objective(system: System, objective: Objective) -> None:
 
 
 def _check_phase(system: System, phase: Phase) -> None:
+    if type(phase.duration) is not Interval:
+        raise ValueError(
+            f"the duration of phase {phase.name!r} is {phase.duration!r}; give its range in s as Interval(0.01, 5.0)"
+        )
     # Comparisons with NaN are false, so everything is asked the way in which NaN fails.
     if not all(fraction > 0.0 for fraction in phase.fractions) or not abs(sum(phase.fractions) - 1.0) <= WHOLE:
         raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")

@@ -204,6 +204,10 @@ class Flight:
         """The time from the first passing to the last, s; NaN where one of them is missing."""
         return self.crossings[-1].time - self.crossings[0].time if self.crossings else math.nan
 
+    def __repr__(self) -> str:
+        time = f"{self.race_time:.3f} s" if math.isfinite(self.race_time) else "not finished"
+        return f"<Flight {self.label}: {time}, {len(self.time)} times, {len(self.histories)} histories>"
+
     def __contains__(self, name: object) -> bool:
         return name in self.histories
 

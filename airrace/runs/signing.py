@@ -15,7 +15,7 @@ from typing import Any
 
 from airrace.checkpoint import Signature, read_sealed
 from airrace.errors import CheckpointError, UsageError
-from airrace.export.extras import extra
+from airrace.extras import extra
 from airrace.records import record
 
 logger = logging.getLogger(__name__)

@@ -10,10 +10,12 @@ import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export.csv import Provenance, export_csv
-from airrace.export.extras import extra
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
+from airrace.extras import extra
 from airrace.inputs import Inputs
+from airrace.optimal_control.casadi_nlp import CasadiNlp, to_casadi
 from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure import results_api
@@ -21,6 +23,7 @@ from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
+from airrace.results.duals import ConstraintMultipliers, NamedArray, costates, discretise, hamiltonian, multipliers
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
@@ -292,6 +295,39 @@ class StageView:
     def splits(self) -> Splits:
         """The gate splits: when and how every gate was passed; empty if no flight was found."""
         return Splits(self.result.splits if self.result.is_flight else ())
+
+    @property
+    def costates(self) -> NamedArray:
+        """The costates at the ends of the intervals, s per unit of each state; see `airrace.results.duals` for signs.
+
+        Raises:
+            NotCertified: the stage is no optimum.
+        """
+        problem, _ = self._discretised
+        return costates(problem, self.result)
+
+    @property
+    def hamiltonian(self) -> NamedArray:
+        """The Hamiltonian at the ends of the intervals, -1 along an optimum; errors as of `costates`."""
+        problem, iterate = self._discretised
+        return hamiltonian(problem, iterate, self.result)
+
+    @property
+    def multipliers(self) -> ConstraintMultipliers:
+        """The multipliers of all limits along the path and at passages, s per unit; errors as of `costates`."""
+        problem, _ = self._discretised
+        return multipliers(problem, self.result)
+
+    def to_casadi(self) -> CasadiNlp:
+        """Return the discretised problem as a nonlinear program of CasADi that begins at this optimum; errors as of
+        `costates`."""
+        return to_casadi(*self._discretised)
+
+    @property
+    def _discretised(self) -> tuple[Problem, Iterate]:
+        if self.result.certificate is None:
+            raise NotCertified(f"{self.name} is no optimum: it has no multipliers")
+        return discretise(self.inputs.race, self.inputs.settings, self.result)
 
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.results`.

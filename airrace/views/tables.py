@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from airrace.export.extras import extra
+from airrace.extras import extra
 from airrace.records import record
 from airrace.views.plain_text import escape_html
 

@@ -6,14 +6,13 @@ The package evaluates programs without either; here both are what it is held aga
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
-from airrace.optimal_control.constraint_rows import Indices
+from airrace.optimal_control.assembly import Assembly, Calls, FinalCost
+from airrace.optimal_control.casadi_nlp import NlpExpressions, sum_of, take_columns
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import Kernel, Kernels, Part, map_calls
+from airrace.optimal_control.kernels import Kernels, Part
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.solver import SOLVERS, fatrop_options
-from airrace.optimal_control.sparse_assembly import SparseAssembly
 from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
@@ -52,33 +51,27 @@ def transcribed(assembly: Assembly, threads: int = 1) -> NonlinearProgram:
     return _Transcription(assembly, threads).program()
 
 
-class _Transcription:
-    """A builder that holds the symbols while the program's functions are built."""
+class _Transcription(NlpExpressions):
+    """The expressions of a program with those of its derivatives."""
 
     def __init__(self, assembly: Assembly, threads: int) -> None:
-        layout = assembly.layout
-        self.assembly = assembly
-        self.threads = threads
-        self.w = ca.MX.sym("w", layout.unknowns)
-        self.p = ca.MX.sym("p", len(layout.parameter_values()))
+        super().__init__(assembly, threads)
         self.lam_f = ca.MX.sym("lam_f")
-        self.lam_g = ca.MX.sym("lam_g", layout.constraints)
-        self.unscaled = self.w * ca.DM(layout.scale)
-        self.padded = ca.vertcat(self.p, ca.MX.zeros(1))
+        self.lam_g = ca.MX.sym("lam_g", assembly.layout.constraints)
 
     def program(self) -> NonlinearProgram:
         w, p, lam_f, lam_g = self.w, self.p, self.lam_f, self.lam_g
         f, grad_f = self._objective()
-        g = self._constraints([self._evaluate(calls, Part.VALUES)[0] for calls in self.assembly.calls])
-        linear = [self._evaluate(calls, Part.JACOBIAN) for calls in self.assembly.calls]
-        curved = [self._evaluate(calls, Part.HESSIAN, self._multipliers(calls)) for calls in self.assembly.calls]
-        jacobian = _expression(self.assembly.jacobian, ca.vertcat(*(nonzeros for _, nonzeros in linear), 1.0))
-        adjoint = _expression(self.assembly.adjoint, ca.vertcat(*(gradient for gradient, _ in curved), lam_g))
+        g = self.constraints()
+        linear = [self.evaluate(calls, Part.JACOBIAN) for calls in self.assembly.calls]
+        curved = [self.evaluate(calls, Part.HESSIAN, self._multipliers(calls)) for calls in self.assembly.calls]
+        jacobian = sum_of(self.assembly.jacobian, ca.vertcat(*(nonzeros for _, nonzeros in linear), 1.0))
+        adjoint = sum_of(self.assembly.adjoint, ca.vertcat(*(gradient for gradient, _ in curved), lam_g))
         gradient = lam_f * grad_f + ca.densify(adjoint)
         hessian = self._hessian([nonzeros for _, nonzeros in curved])
         arguments, inputs = [w, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
         outputs = ["grad_gamma_x", "hess_gamma_x_x"]
-        g_and_jacobian = [self._constraints([value for value, _ in linear]), jacobian]
+        g_and_jacobian = [self.constraints_of([value for value, _ in linear]), jacobian]
         return NonlinearProgram(
             nlp=ca.Function("nlp", [w, p], [f, g], ["x", "p"], ["f", "g"]),
             grad_f=ca.Function("nlp_grad_f", [w, p], [grad_f], ["x", "p"], ["grad_f_x"]),
@@ -89,94 +82,43 @@ class _Transcription:
             grad=ca.Function("nlp_grad", arguments, [f, g, gradient, ca.MX(0, 1)]),
         )
 
-    # the kernel calls
-
-    def _evaluate(self, calls: Calls, part: Part, *multipliers: ca.MX) -> list[ca.MX]:
-        """Return the outputs of a kernel function over all its calls, lanes included, as columns of nonzeros."""
-        y = _drawn(self.unscaled, calls.inputs[calls.of_lane])
-        if calls.jumps is not None:
-            y -= _drawn(self.padded, calls.jumps[calls.of_lane])
-        own = _drawn(self.padded, calls.own[calls.of_lane])
-        shared = ca.repmat(self.p[calls.shared.tolist()], 1, calls.batches)
-        kernel = calls.kernel
-        assert isinstance(kernel, Kernel)
-        function = map_calls((kernel.value, kernel.jacobian, kernel.hessian)[part], calls.batches, self.threads)
-        outputs = function(y, own, shared, *multipliers)
-        # the nonzeros of a row come as a row
-        return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
-
     def _multipliers(self, calls: Calls) -> ca.MX:
         """Return the multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""
         padded = ca.densify(ca.vertcat(self.lam_g, ca.MX.zeros(1)))
         weights = ca.DM(calls.weights[calls.of_lane].T)
-        return _drawn(padded, calls.rows[calls.of_lane]) * weights
-
-    # the program's functions
+        return take_columns(padded, calls.rows[calls.of_lane]) * weights
 
     def _objective(self) -> tuple[ca.MX, ca.MX]:
         """Return f and its gradient."""
-        linear = ca.DM(self.assembly.linear)
-        f, gradient = ca.dot(linear, self.w), ca.MX(linear)
+        gradient = ca.MX(ca.DM(self.assembly.linear))
         if self.assembly.final is not None:
-            value, slope = self._final(self.assembly.final)
-            f += value
-            gradient += slope
+            gradient += self._final(self.assembly.final)
         if self.assembly.penalty is not None:
-            penalty = self._penalty(self.assembly.penalty)
-            f += penalty
-            gradient += ca.gradient(penalty, self.w)
-        return f, gradient
+            gradient += ca.gradient(self.regularisation(self.assembly.penalty), self.w)
+        return self.objective(), gradient
 
-    def _final(self, final: FinalCost) -> tuple[ca.MX, ca.MX]:
-        """Return the cost of the final state and its gradient in the unknowns, shape (n_w,)."""
-        y, own, weights = self._final_arguments(final)
+    def _final(self, final: FinalCost) -> ca.MX:
+        """Return the gradient of the cost of the final state in the unknowns, shape (n_w,)."""
+        y, own, weights = self.final_arguments(final)
         slope = final.kernel.hessian(y, own, _NOTHING, weights)[0]
         layout = self.assembly.layout
         places = final.inputs.tolist()
         at_the_end = ca.MX(ca.Sparsity(layout.unknowns, 1, [0, len(places)], places), ca.densify(slope))
         scaled = at_the_end * ca.DM(layout.scale)
-        return ca.dot(weights, final.kernel.value(y, own, _NOTHING)), ca.densify(scaled)
-
-    def _final_arguments(self, final: FinalCost) -> tuple[ca.MX, ca.MX, ca.DM]:
-        return self.unscaled[final.inputs.tolist()], self.p[final.own.tolist()], ca.DM(final.weights)
-
-    def _penalty(self, penalty: Penalty) -> ca.MX:
-        controls = _drawn(self.w, penalty.controls)
-        shares = self.unscaled[penalty.durations.tolist()] * self.p[penalty.fractions.tolist()]
-        return ca.dot(ca.mtimes(ca.DM(penalty.weights).T, controls**2).T, shares)
-
-    def _constraints(self, values: list[ca.MX]) -> ca.MX:
-        return ca.densify(_expression(self.assembly.constraints, ca.vertcat(*values, self.w)))
+        return ca.densify(scaled)
 
     def _hessian(self, drawn: list[ca.MX]) -> ca.MX:
         final, penalty = self.assembly.final, self.assembly.penalty
         if final is not None:
-            y, own, weights = self._final_arguments(final)
+            y, own, weights = self.final_arguments(final)
             curvature = final.kernel.hessian(y, own, _NOTHING, self.lam_f * weights)[1]
             drawn = [*drawn, ca.vec(curvature.nz[:])]
         if penalty is not None:
             share = self.lam_f * ca.repmat(self.p[penalty.fractions.tolist()].T, len(penalty.weights), 1)
             durations = ca.repmat(self.unscaled[penalty.durations.tolist()].T, len(penalty.weights), 1)
-            controls = _drawn(self.w, penalty.controls)
+            controls = take_columns(self.w, penalty.controls)
             drawn = [*drawn, ca.vec(share * durations), ca.vec(share * controls)]
-        return _expression(self.assembly.hessian, ca.vertcat(*drawn))
-
-
-def _drawn(column: ca.MX, places: Indices) -> ca.MX:
-    """Return the entries of a column at places of shape (m, n), as a matrix of shape (n, m)."""
-    count, size = places.shape
-    return ca.reshape(column[places.ravel().tolist()], size, count)
-
-
-def _expression(sums: SparseAssembly, drawn: ca.MX) -> ca.MX:
-    """Return a matrix of sums as a sparse expression of a dense column of drawn numbers."""
-    count = len(sums.rows)
-    values = ca.MX(0.0)
-    for turn, (nonzeros, weights, sources) in enumerate(sums.turns):
-        picked = ca.vec(drawn[sources.tolist()]) * ca.DM(weights)  # of a scalar: a row
-        at = ca.Sparsity(count, 1, [0, len(nonzeros)], nonzeros.tolist())
-        values += ca.densify(ca.MX(at, picked)) if turn else picked
-    return ca.MX(sums.sparsity, values)
+        return sum_of(self.assembly.hessian, ca.vertcat(*drawn))
 
 
 class FatropByCasadi(Solver):

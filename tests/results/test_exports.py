@@ -21,9 +21,10 @@ from readers import read_acmi, read_fdr, read_gpx, read_kml
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
+from airrace import extras
 from airrace.cli.main import app
 from airrace.errors import UsageError
-from airrace.export import extras, flight_table
+from airrace.export import flight_table
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import Format, formats, register

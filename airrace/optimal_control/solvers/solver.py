@@ -43,6 +43,8 @@ class Solution:
         iterations: number of iterations.
         seconds: that the solver took.
         derivative_seconds: how many of them were spent in the program's functions.
+        replay_error: largest distance between an interval integrated again, by an independent integrator, and the next
+            node, in scaled units; NaN where nobody has asked for it.
     """
 
     solver: str
@@ -57,6 +59,7 @@ class Solution:
     iterations: int
     seconds: float
     derivative_seconds: float
+    replay_error: float = np.nan
 
     @property
     def infeasible(self) -> bool:

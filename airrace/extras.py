@@ -1,4 +1,4 @@
-"""Packages that only some exports need."""
+"""Packages that only some outputs need, each an extra of the installation."""
 
 from importlib import import_module
 from types import ModuleType
