@@ -40,7 +40,7 @@ def main() -> None:
     # Of `sys.exit` all but taking apart what was loaded: of 0.20 s of processor time of `--help` that is 0.04 s, of
     # 1.6 s of `check` 0.4 s. And after an interrupt within an `exec`, Python would end by the signal.
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
-    with contextlib.suppress(OSError):  # stdout was flushed before, and nobody can be told of stderr
+    with contextlib.suppress(OSError):  # stdout was flushed before, and there is nobody to report stderr to
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(code)

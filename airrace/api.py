@@ -219,7 +219,7 @@ def resume(
         mesh_check: which stages have a mesh check from now on, `last` or `all`; `all` completes that of those solved
             on one mesh. None for what the run was asked for.
         set: single values that are changed, by their keys, e.g. `{"rules.n_z_max": 9}`.
-        track, aircraft, settings: what is flown instead: a name, a file or, but for settings, an object.
+        track, aircraft, settings: what replaces them: a name, a file or, but for settings, an object.
         output: the file to be written; None for the file of the run, of a changed run for none.
         force: whether a file that exists may be overwritten.
         threads: threads that evaluate derivatives; None for all cores.
@@ -278,7 +278,7 @@ def check(
     settings: SettingsGiven | None = None,
     set: Values = (),
 ) -> CourseCheck:
-    """Read a course, review it as a race director would, and show it; nothing is flown.
+    """Read a course, review it as a race director would, and show it; nothing is solved.
 
     Examples:
         >>> airrace.check("rovinj_2014")
@@ -390,7 +390,7 @@ def schema(language: str) -> dict[str, object]:
 
 
 class Run(RunState):
-    """A race that is flown stage by stage: what was asked for, and the stages that are finished.
+    """A race that is solved stage by stage: what was asked for, and the stages that are finished.
 
     A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
     numbers of a run are those of its last stage:

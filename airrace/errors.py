@@ -63,7 +63,7 @@ class ClusterError(AirraceError):
 
 
 class OutOfTime(AirraceError):
-    """An error of a run that is not finished within the time that it was given; what it has finished is kept."""
+    """An error of a run that is not finished within the time that it was given; what it has finished is stored."""
 
 
 class SolverCrash(AirraceError):

@@ -1,7 +1,7 @@
 """Ctrl-C and SIGTERM as one request to stop, repeated until it is heard.
 
 A signal raises KeyboardInterrupt wherever the main thread is. casadi loses it, or turns it into an error of its own,
-if that is while it finds out what its arguments are. So the request is kept: it is raised again until somebody says
+if that is while it finds out what its arguments are. So the request is stored: it is raised again until somebody says
 that it was heard, and an error that comes after it counts as its consequence. While an interrupt is on its way, and
 processes and files are put in order, it is not raised a second time, however often Ctrl-C is pressed.
 

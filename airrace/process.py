@@ -4,9 +4,10 @@ A process that only works for another one is started as `python -m airrace.proce
 from its standard input and answers on its standard output: every system has these two, and their end tells each side
 that the other one is gone.
 
-Lack of memory is told in one sentence, with one exit code. A limit of the address space (`ulimit -v`) is met wherever a
-library is loaded, in threads and in other processes as well, each of which would print a traceback. With hardly any
-address space OpenBLAS asks the system for memory again and again, without an end: then nothing is loaded at all.
+Lack of memory is reported in one sentence, with one exit code. A limit of the address space (`ulimit -v`) is met
+wherever a library is loaded, in threads and in other processes as well, each of which would print a traceback. With
+hardly any address space OpenBLAS asks the system for memory again and again, without an end: then nothing is loaded
+at all.
 """
 
 import contextlib
@@ -154,7 +155,7 @@ def die_with_starter() -> None:
 
 
 def available_cores(membership: str = "/proc/self/cgroup", groups: str = "/sys/fs/cgroup") -> int:
-    """Return the number of cores that this process may use, which can be fewer than the machine has.
+    """Return the number of cores that this process may use, which can be fewer than the computer has.
 
     It may be bound to some of them, and a container may have a quota of their time (`docker run --cpus`).
     """

@@ -23,7 +23,7 @@ def record(*, kw_only: bool) -> Callable[[Class], Class]: ...
 def record(cls: Class | None = None, *, kw_only: bool = False) -> Class | Callable[[Class], Class]:
     """Make a class a dataclass whose instances never change, are equal where their fields are, and can be hashed.
 
-    Of these methods those are kept that the class defines itself.
+    Of these methods those stay that the class defines itself.
 
     Args:
         cls: the class.

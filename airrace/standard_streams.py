@@ -11,7 +11,7 @@ STANDARD = Path("-")
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return at most so many bytes from the beginning of a file, or of what is piped in.
+    """Return at most so many bytes from the start of a file, or of what is piped in.
 
     Raises:
         OSError: the system refused.

@@ -1,13 +1,14 @@
-"""Batches of many courses: what is to be flown, by whom, what of it is done already, and what came of it.
+"""Batches of many courses: which jobs there are, who runs them, what is done already, and what came of it.
 
     sources -> jobs -> planning --- jobs ---> supervision <--- events --- an executor (local.py, cluster.py)
                            ^                     |
                            +----- records <------+------> reports
 
-A `Job` is plain data and complete in itself: it can travel. `supervision.py` decides what runs, runs again or is kept,
-and writes the records; it knows nothing of processes. An `Executor` flies jobs, somewhere; it knows nothing of records.
+A `Job` is plain data and complete in itself: it can travel. `supervision.py` decides what runs, runs again or is
+reused, and writes the records; it knows nothing of processes. An `Executor` flies jobs, somewhere; it
+knows nothing of records.
 **Another executor** is one class with the methods of `supervision.Executor`, which says what it may rely on and what it
-owes. `local.LocalExecutor` flies jobs on the machine it runs on, and needs a folder to write to and nothing else.
+owes. `local.LocalExecutor` flies jobs on the computer it runs on, and needs a folder to write to and nothing else.
 """
 
 import contextlib
@@ -66,7 +67,7 @@ class BatchOptions:
         return sources
 
     def plan(self, sources: "Sources") -> "BatchPlan":
-        """Return what is to be flown; see `planning.make_plan`."""
+        """Return the plan of the batch; see `planning.make_plan`."""
         from airrace.batch.planning import make_plan
         from airrace.batch.record import Choice
         from airrace.runs.plan import stage_by_name
@@ -100,7 +101,7 @@ class BatchOptions:
         stopping: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]],
         ensure: Callable[["BatchPlan"], None],
     ) -> "tuple[BatchPlan, Sequence[JobResult]]":
-        """Plan the batch and fly what is to be flown, with the folder locked.
+        """Plan the batch and run its jobs, with the folder locked.
 
         Args:
             watcher: who watches, entered when the first job begins.
@@ -108,7 +109,7 @@ class BatchOptions:
             ensure: refuses a plan by raising.
 
         Raises:
-            InputError, UsageError, ClusterError, StorageError: nothing can be flown.
+            InputError, UsageError, ClusterError, StorageError: no job can run.
         """
         from airrace.batch.record import lock_folder
         from airrace.batch.supervision import supervise
@@ -161,11 +162,11 @@ def optimize_many(
         until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
         jobs: jobs at a time; None for all cores, or all threads of the cluster's workers.
         output: the folder of checkpoints and records.
-        cluster: the address of a scheduler of dask.distributed; None for this machine.
+        cluster: the address of a scheduler of dask.distributed; None for this computer.
         timeout: the longest wall time of a job, s; None for none.
         retries: how often a job is tried again whose process crashed.
-        retry_failed: whether jobs are flown again that ended without a certified flight.
-        force: whether all jobs are flown again, from their beginning.
+        retry_failed: whether jobs are repeated that ended without a certified flight.
+        force: whether all jobs are repeated from their start.
 
     Returns:
         One result per job, course by course, the fastest first. A job that fails is a result, too: its `state` and

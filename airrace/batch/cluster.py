@@ -26,11 +26,11 @@ from distributed.security import Security
 from airrace.batch.jobs import Job
 from airrace.batch.local import GRACE, LocalExecutor
 from airrace.batch.supervision import (
-    Attempt,
     AttemptResult,
     Ended,
     Event,
     FailureKind,
+    JobAttempt,
     StageFinished,
     StageStarted,
     Started,
@@ -116,7 +116,7 @@ class AttemptPayload:
 class AttemptReply:
     """The result of an attempt with its checkpoint, as it travels back.
 
-    `ending` is None if nothing was flown: the attempt had been begun before, on a worker that is gone.
+    `ending` is None if nothing was solved: the attempt had been begun before, on a worker that is gone.
     """
 
     ending: AttemptResult | None
@@ -132,8 +132,8 @@ _stopped: set[str] = set()
 def fly(payload: AttemptPayload) -> AttemptReply:
     """Fly a job, as a task of a worker: report its stages while it lasts, and end it when it is no longer wanted.
 
-    dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is flown again is not for it
-    to say: attempts are counted, and their reasons kept.
+    dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is repeated is not for it
+    to say: attempts are counted, and their reasons stored.
     """
     worker: Any = distributed.get_worker()  # Any: here and below, `distributed` has few annotations
     client: Any = distributed.get_client()  # pyright: ignore[reportUnknownMemberType]
@@ -159,7 +159,7 @@ def fly(payload: AttemptPayload) -> AttemptReply:
             return AttemptReply(_loss(f"its checkpoint was {error}"))
         _under_way[payload.key] = path
         try:
-            local.submit(Attempt(payload.job, payload.attempt, path, payload.timeout))
+            local.submit(JobAttempt(payload.job, payload.attempt, path, payload.timeout))
             while True:
                 for event in local.events(TIMES.poll):
                     match event:
@@ -326,7 +326,7 @@ class _RunningAttempt:
         reported: the number of stages that were reported.
     """
 
-    order: Attempt
+    order: JobAttempt
     future: Any
     workers: frozenset[str]
     since: float
@@ -342,8 +342,8 @@ class ClusterExecutor:
         command: arguments with which a worker's Python runs a job, see `airrace.batch.local`.
         versions: the versions that workers must have, by name.
         slots: the largest number of jobs at a time; None for as many as workers have threads.
-        wait: the time to wait for a worker when there is none, s; None for that of `TIMES`. After it jobs end unflown,
-            until there is one.
+        wait: the time to wait for a worker when there is none, s; None for that of `TIMES`. After it jobs end
+            without a flight, until there is one.
     """
 
     def __init__(
@@ -374,7 +374,7 @@ class ClusterExecutor:
         threads = sum(self._threads.values()) or (1 if self._gave_up else 0)
         return threads if self._slots is None else min(threads, self._slots)
 
-    def submit(self, order: Attempt) -> None:
+    def submit(self, order: JobAttempt) -> None:
         name, key = order.job.name, f"{self._batch}-{next(self._numbers)}"
         if not self._threads:
             self._pending.append(Ended(name, _loss(self._no_worker)))
@@ -521,7 +521,7 @@ class ClusterExecutor:
                 self._connection.client.cancel([one.future for one in attempts])
 
 
-def receive_checkpoint(order: Attempt, reply: AttemptReply) -> tuple[Sequence[StageFinished], AttemptResult]:
+def receive_checkpoint(order: JobAttempt, reply: AttemptReply) -> tuple[Sequence[StageFinished], AttemptResult]:
     """Put the checkpoint that came back where it belongs, if it is what was sent.
 
     Returns:

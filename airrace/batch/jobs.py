@@ -42,14 +42,14 @@ class Fingerprint:
             "settings": "the settings changed",
             "overrides": "--set or --sweep changed",
             "until": f"the last stage was {earlier.until} and is {self.until}",
-            "versions": f"it was flown with other versions ({earlier.versions}; now {self.versions})",
+            "versions": f"it was solved with other versions ({earlier.versions}; now {self.versions})",
         }
         return [clause for name, clause in clauses.items() if getattr(earlier, name) != getattr(self, name)]
 
 
 @record
 class Job:
-    """A course to be flown once. It holds texts, not files, so it means the same on any machine.
+    """A course to be solved once. It holds texts, not files, so it means the same on any computer.
 
     Attributes:
         name: stable, readable, a valid name of a file; unique in its batch. The checkpoint is `NAME.h5`.
@@ -59,7 +59,7 @@ class Job:
         overrides: `key=value`, in their order: those of `--set`, then those of the sweeps.
         swept: the value of every sweep, by key: what tells this job from its siblings.
         until: the name of the last stage.
-        versions: those of airrace and of what its numbers depend on, on the machine that planned the job.
+        versions: those of airrace and of what its numbers depend on, on the computer that planned the job.
     """
 
     name: str
@@ -204,7 +204,7 @@ def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
 
     Args:
         course: the track file.
-        aircraft: the aircraft file, None where the track's own is flown.
+        aircraft: the aircraft file, None where the track's own is used.
         swept: the value of every sweep.
     """
     lasts = [key.rpartition(".")[2] for key, _ in swept]

@@ -1,4 +1,4 @@
-"""The executor of this machine: a process for each job, a few at a time.
+"""The executor of this computer: a process for each job, a few at a time.
 
 A job's process is `airrace.batch.job_process`. The first line of its standard input is a JSON object (`job`,
 `checkpoint`); it answers with lines of JSON on its standard output:
@@ -24,11 +24,11 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from airrace.batch.supervision import (
-    Attempt,
     AttemptResult,
     Ended,
     Event,
     FailureKind,
+    JobAttempt,
     StageFinished,
     StageStarted,
     Started,
@@ -38,7 +38,7 @@ from airrace.process import ONE_THREAD, python_command, start_apart
 from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
-"""The time that a process which is told to stop may take, s."""
+"""The time that a process that has to stop may take, s."""
 LAST_OUTPUT_MAX = 2000
 """The size of the end of a crashed process's output in which its last words are looked for, bytes."""
 ANSWER_MAX = 64 * 1024 * 1024
@@ -50,7 +50,7 @@ STOP = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 
 class LocalExecutor:
-    """An executor that flies jobs in processes of this machine.
+    """An executor that flies jobs in processes of this computer.
 
     Args:
         command: what runs a job.
@@ -63,7 +63,7 @@ class LocalExecutor:
         self._running: dict[str, _JobProcess] = {}
         self._inbox: queue.SimpleQueue[Event] = queue.SimpleQueue()
 
-    def submit(self, order: Attempt) -> None:
+    def submit(self, order: JobAttempt) -> None:
         name = order.job.name
         try:
             self._running[name] = _JobProcess(order, self._command, self._inbox.put)
@@ -111,7 +111,7 @@ class _JobProcess:
         report: is called from another thread.
     """
 
-    def __init__(self, order: Attempt, command: Sequence[str], report: Callable[[Event], None]) -> None:
+    def __init__(self, order: JobAttempt, command: Sequence[str], report: Callable[[Event], None]) -> None:
         self._order = order
         self._report = report
         self._started = time.monotonic()
@@ -162,7 +162,7 @@ class _JobProcess:
         name = self._order.job.name
         order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
         asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None  # `start_apart` was told so
+        assert asked is not None  # `start_apart` was called with it
         assert answers is not None
         with contextlib.suppress(OSError):  # it reads no more
             asked.write(json.dumps(order).encode("utf-8") + b"\n")
@@ -195,7 +195,7 @@ class _JobProcess:
         self._report(Ended(name, ending))
 
     def _ending(self, wall: float) -> AttemptResult:
-        """Return how the attempt ended. An answer counts even if the process was told to stop meanwhile."""
+        """Return how the attempt ended. An answer counts even if the process had to stop meanwhile."""
         answer = self._answer
         if self._stopping is not FailureKind.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
             code, message = ExitCode.INTERRUPTED, "interrupted"

@@ -32,7 +32,7 @@ class RouteSummary:
     """The routes that a job has tried, in short.
 
     Attributes:
-        route: the one that was flown, in words.
+        route: of the flight, in words.
         tried: how many there were, this one among them.
         next: the fastest of the others, in words; empty where there is none.
         behind: the time by which that one is behind on the rough mesh, s; None if there is none.
@@ -55,7 +55,7 @@ class JobResult:
         wall: the wall time of the attempt that ended it, s.
         retries: why earlier attempts did not end it.
         findings: what is wrong with the inputs.
-        routes: which route was flown; None where no other was tried.
+        routes: which route the flight takes; None where no other was tried.
         stage: the last one that is finished; empty where none is.
         laps: lap times of that stage, s; empty for a race of one lap.
     """
@@ -110,8 +110,8 @@ class PlannedJob:
         track, aircraft: paths as users name them; the aircraft is None where nobody knows it.
         swept: the value of every sweep.
         job: None where the inputs are not even good enough to make one.
-        reason: why it is flown, a clause; empty where it is not.
-        known: how it stands without being flown; None where it is flown.
+        reason: why it runs, a clause; empty where it is not.
+        known: how it stands without a run; None where it runs.
     """
 
     name: str
@@ -166,12 +166,12 @@ class BatchPlan:
 
 
 def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choice: Choice = Choice.NONE) -> BatchPlan:
-    """Return the plan of a batch: everything that is found out before anything is flown.
+    """Return the plan of a batch: everything that is found out before any job runs.
 
     Args:
         until: the last stage where nobody names one.
         versions: the versions of airrace and of what its numbers depend on.
-        choice: which finished jobs are flown again.
+        choice: which finished jobs are repeated.
 
     Raises:
         InputError: a settings file cannot be read, or a value is both set and swept.
@@ -182,7 +182,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
         for group in sources.groups
     )
     if total > JOBS_MAX:
-        raise UsageError(f"these are {total} jobs; at most {JOBS_MAX} are flown at once")
+        raise UsageError(f"these are {total} jobs; at most {JOBS_MAX} are allowed in a batch")
     planner = _Planner(until, versions)
     families = [family for group in sources.groups for family in planner.families(group)]
     refuse_clashes((step.name, _origin(step)) for _, steps in families for step in steps)

@@ -72,7 +72,7 @@ class JobRecord:
     """A job's record as it is stored on disk.
 
     Attributes:
-        fingerprint: what it was flown with.
+        fingerprint: what it was solved with.
         ended: whether it has ended; otherwise it was under way when this was written.
         code, message, wall: the end of its last attempt, see `AttemptResult`.
         retries: why earlier attempts of the same call were not the last.
@@ -156,7 +156,7 @@ VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
 
 
 class Choice(Enum):
-    """A choice of the finished jobs that are flown again."""
+    """A choice of the finished jobs that are repeated."""
 
     NONE = "none"
     FAILED = "failed"
@@ -164,7 +164,7 @@ class Choice(Enum):
 
 
 def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecord | None]:
-    """Return why a job has to be flown, as a clause, and its record.
+    """Return why a job has to run, as a clause, and its record.
 
     Returns:
         The reason, empty if the job is finished and nothing it depends on has changed; the record where there is one.

@@ -43,7 +43,7 @@ class BatchResult:
     """The result of a job, and how far it is behind.
 
     Attributes:
-        step: the job, and why it was flown or not.
+        step: the job, and why it ran or not.
         result: how it ended.
         folder: where its checkpoint and its record lie.
         behind: s behind the fastest certified job of its own course; None without a race time. Jobs of different
@@ -196,7 +196,7 @@ class WindSummary:
     """The race times of one course in several winds.
 
     Attributes:
-        title: what was flown, in words.
+        title: of the batch, in words.
         flights: the number of certified flights.
         best, worst: the fastest and the slowest of them.
         per_knot: race time for a knot of wind over all directions, s/kt; None with one speed only.
@@ -234,7 +234,7 @@ def wind_words(row: BatchResult) -> str:
 
 
 def wind_summaries(rows: Sequence[BatchResult]) -> list[WindSummary]:
-    """Return a summary of every course that was flown in several winds; none if the wind was not swept."""
+    """Return a summary of every course that was solved in several winds; none if the wind was not swept."""
     groups: dict[tuple[str, ...], list[tuple[float, BatchResult]]] = {}
     for row in rows:
         others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
@@ -314,15 +314,15 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
     cells: list[tuple[str | float | None, ...]] = []
     for row in rows:
         step, result, swept, routes = row.step, row.result, row.swept, row.result.routes
-        kept = step.action == "keep"
+        reused = step.action == "keep"
         cells.append(
             (
                 *(step.name, step.course, step.track, step.aircraft),
                 *(swept.get(key) for key in keys),
                 *(row.state, result.code, result.stage, result.race_time),
                 *(None if row.behind is None else row.behind_words, row.behind),
-                *(" ".join(map(str, result.laps)), result.wall, "kept" if kept else result.wall),
-                *("yes" if kept else "no", len(result.retries), result.message),
+                *(" ".join(map(str, result.laps)), result.wall, "kept" if reused else result.wall),
+                *("yes" if reused else "no", len(result.retries), result.message),
                 *((routes.route, routes.tried, routes.next, routes.behind) if routes else [None] * 4),
                 None if row.checkpoint is None else str(row.checkpoint),
             )

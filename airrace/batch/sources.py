@@ -1,4 +1,4 @@
-"""The courses that a user means with files, patterns and `batch.yaml`, and how each of them is to be flown."""
+"""The courses that a user means with files, patterns and `batch.yaml`, and the settings of each."""
 
 import glob
 import os
@@ -18,7 +18,7 @@ from airrace.standard_streams import STANDARD, name_of
 FOLDERS_MAX = 10_000
 """The largest number of folders that one pattern is looked for in; a tenth of a second's work on most disks."""
 MATCHES_MAX = 20_000
-"""The largest number of files that one pattern may mean; each of them is read before anything is flown."""
+"""The largest number of files that one pattern may mean; each of them is read before any job runs."""
 
 
 class TooWideError(Exception):
@@ -66,13 +66,13 @@ SWEEP_OPTION = "--sweep"
 
 @record
 class Manner:
-    """The way in which courses are to be flown.
+    """The settings with which courses are solved.
 
     Attributes:
         aircraft: files, each of which flies every course; empty for the tracks' own.
         settings: a settings file, None for the defaults.
         overrides: `key=value` texts for all jobs.
-        sweeps: values flown in turn.
+        sweeps: values tried in turn.
         until: name of the last stage, None where nobody names one.
         places: where keys are set or swept in a file, for what is found to be wrong with them.
     """
@@ -87,7 +87,7 @@ class Manner:
 
 @record
 class SourceGroup:
-    """A group of courses that are flown alike."""
+    """A group of courses with the same settings."""
 
     courses: tuple[Path, ...]
     manner: Manner

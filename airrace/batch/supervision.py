@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 
 @record
-class Attempt:
-    """A job to be flown.
+class JobAttempt:
+    """A job to run.
 
     Attributes:
-        job: what is to be flown.
+        job: its inputs.
         attempt: 1 for the first; only one attempt of a job is ever under way.
-        checkpoint: where its checkpoint belongs, on the machine of the supervision. If there is one already, it is the
-            job's own, and finished stages in it that still stand are not flown again.
+        checkpoint: where its checkpoint belongs, on the computer of the supervision. If there is one already, it is the
+            job's own, and finished stages in it that still stand are not repeated.
         timeout: longest wall time of this attempt, s; None for no limit.
     """
 
@@ -73,7 +73,7 @@ class AttemptResult:
 
 @record
 class Started:
-    """An event: an attempt is under way; `where` names the machine, empty for this one."""
+    """An event: an attempt is under way; `where` names the host, empty for this one."""
 
     name: str
     where: str = ""
@@ -115,10 +115,10 @@ class Executor(Protocol):
     What it may rely on: all calls come from one thread; `submit` is called for at most `slots` jobs at a time, and
     never for a job that has not ended yet. What it owes:
 
-    - Whatever becomes of a job (it crashes, hangs, its machine goes away), an `Ended` follows. Nothing of that raises.
+    - Whatever becomes of a job (it crashes, hangs, its host goes away), an `Ended` follows. Nothing of that raises.
     - Before it tells `StageFinished` or `Ended` of a job, the checkpoint with the stages finished by then lies at
       `order.checkpoint` as a whole file (`checkpoint.atomic.replace_file`), verified if it came from elsewhere. Stages
-      may come back one by one or all at the end; the former costs less when a machine is lost.
+      may come back one by one or all at the end; the former costs less when a host is lost.
     - An attempt that takes longer than `order.timeout` is stopped and ends with `FailureKind.TIMED_OUT` and code 6.
     - Every process it starts has one solver thread, and none outlives its job or this process.
 
@@ -130,7 +130,7 @@ class Executor(Protocol):
         """The number of jobs that can be under way at a time; it may change from call to call, and be 0 for a while."""
         ...
 
-    def submit(self, order: Attempt) -> None:
+    def submit(self, order: JobAttempt) -> None:
         """Begin with a job, and return at once."""
         ...
 
@@ -192,7 +192,7 @@ def supervise(
     *,
     stop_asked: Callable[[], bool],
 ) -> Sequence[JobResult]:
-    """Fly all jobs of a plan that are to be flown.
+    """Run all jobs of a plan that are due.
 
     Args:
         options: whose `timeout`, `retries` and `force` are followed.
@@ -221,7 +221,7 @@ def supervise(
             return
         attempts.number += 1
         running[job.name] = attempts
-        executor.submit(Attempt(job, attempts.number, path, options.timeout))
+        executor.submit(JobAttempt(job, attempts.number, path, options.timeout))
 
     def hear(patience: float, *, retries: int) -> None:
         for event in executor.events(patience):

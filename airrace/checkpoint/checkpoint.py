@@ -149,7 +149,7 @@ def content_digest(value: object) -> str:
     """
     digest = hashlib.sha256()
     for piece in _pieces(value):
-        # Each piece is preceded by its length, so that ("ab", "c") and ("a", "bc") are told apart.
+        # Each piece is preceded by its length, so that ("ab", "c") and ("a", "bc") are distinguished.
         digest.update(struct.pack("<Q", len(piece)))
         digest.update(piece)
     return digest.hexdigest()

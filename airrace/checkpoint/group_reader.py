@@ -101,7 +101,7 @@ LENGTH_ERROR = 0.1
 
 
 def ensure_possible(result: StageResult, path: str) -> None:
-    """Refuse a stage whose flight nobody can have flown.
+    """Refuse a stage whose flight no aircraft can fly.
 
     Where no flight was found the numbers are those at which the solver gave up, and anything goes.
 
@@ -112,26 +112,26 @@ def ensure_possible(result: StageResult, path: str) -> None:
     """
     if not result.is_flight:
         return
-    flown = result.trajectory
+    trajectory = result.trajectory
     for name, values in (
-        ("durations", flown.durations),
-        ("time", flown.time),
-        ("states", flown.state),
-        ("controls", flown.control),
+        ("durations", trajectory.durations),
+        ("time", trajectory.time),
+        ("states", trajectory.state),
+        ("controls", trajectory.control),
         ("constraint_multipliers", result.constraint_multipliers),
         ("bound_multipliers", result.bound_multipliers),
     ):
         ensure_sizes(values, f"{path}/{name}")
     numbers = [[value for value in vars(split).values() if isinstance(value, float)] for split in result.splits]
     ensure_sizes(np.array(numbers), f"{path}/splits")
-    if not (flown.durations > 0.0).all():
+    if not (trajectory.durations > 0.0).all():
         raise CheckpointError(f"{path}/durations: a phase takes no time")
-    if flown.time[0] != 0.0 or not (np.diff(flown.time) > 0.0).all():
+    if trajectory.time[0] != 0.0 or not (np.diff(trajectory.time) > 0.0).all():
         raise CheckpointError(f"{path}/time: does not run forwards from 0")
-    passed: Array = np.diff(flown.time[flown.first_node])
-    if not (np.abs(passed - flown.durations) <= ROUNDED * flown.race_time).all():
+    passed: Array = np.diff(trajectory.time[trajectory.first_node])
+    if not (np.abs(passed - trajectory.durations) <= ROUNDED * trajectory.race_time).all():
         raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")
-    rows = {one.name: values for one, values in zip(flown.states, flown.state, strict=True)}
+    rows = {one.name: values for one, values in zip(trajectory.states, trajectory.state, strict=True)}
     ensure_attitudes(rows, f"{path}/states")
 
 

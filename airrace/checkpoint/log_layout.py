@@ -1,4 +1,4 @@
-"""A flown log as it is stored: what it was imported with, what was recorded, and the flight that was made of it."""
+"""A flight log as it is stored: what it was imported with, what was recorded, and the flight that was made of it."""
 
 import itertools
 from collections.abc import Mapping
@@ -72,7 +72,7 @@ class RawLog:
 
 @record
 class LogCheckpoint:
-    """All that the file of a flown log holds.
+    """All that the file of a flight log holds.
 
     Attributes:
         inputs: course and aircraft, as documents and as resolved.
@@ -95,7 +95,7 @@ class LogCheckpoint:
     label: str
 
 
-FLOWN_LOG = "flown log"
+FLIGHT_LOG = "flight log"
 """The content of such a file."""
 LOG_SCHEMA = 1
 """The version of this layout; a reader refuses every other."""
@@ -103,7 +103,7 @@ BASES = ("measured", "derived")
 
 
 def encode_log(recorded: LogCheckpoint) -> Group:
-    """Return a flown log as a tree.
+    """Return a flight log as a tree.
 
     Raises:
         CheckpointError: a name cannot name an HDF5 dataset.
@@ -141,16 +141,16 @@ def encode_log(recorded: LogCheckpoint) -> Group:
             }
         ),
     }
-    return Group(members, {CONTENT: FLOWN_LOG, "schema": LOG_SCHEMA})
+    return Group(members, {CONTENT: FLIGHT_LOG, "schema": LOG_SCHEMA})
 
 
 def is_log_checkpoint(root: Group) -> bool:
-    """Return whether a tree is that of a flown log."""
-    return root.attributes.get(CONTENT) == FLOWN_LOG
+    """Return whether a tree is that of a flight log."""
+    return root.attributes.get(CONTENT) == FLIGHT_LOG
 
 
 def decode_log(root: Group) -> LogCheckpoint:
-    """Return the flown log that a tree holds.
+    """Return the flight log that a tree holds.
 
     Raises:
         CheckpointError: another content or schema; a member that is missing, unknown or of the wrong kind; shapes that
@@ -158,7 +158,7 @@ def decode_log(root: Group) -> LogCheckpoint:
     """
     schema = root.attributes.get("schema")
     if not is_log_checkpoint(root) or schema != LOG_SCHEMA:
-        raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {LOG_SCHEMA}")
+        raise CheckpointError(f"the flight log's schema is {schema}; this airrace reads schema {LOG_SCHEMA}")
     place = GroupReader("", root).expecting("inputs", "versions", "log", "flight")
     flight = place.group("flight").expecting("label", "time", "histories", "passings", "violations")
     time = flight.floats("time")

@@ -118,7 +118,7 @@ def encode(checkpoint: Checkpoint) -> Group:
 
 
 def inputs_group(inputs: StoredInputs) -> Group:
-    """Return the inputs as a group, as runs and flown logs store them."""
+    """Return the inputs as a group, as runs and flight logs store them."""
     documents = {"track": inputs.track, "aircraft": inputs.aircraft, "settings": inputs.settings}
     return Group(
         {
@@ -130,24 +130,24 @@ def inputs_group(inputs: StoredInputs) -> Group:
 
 
 def versions_table(versions: Mapping[str, str]) -> StoredTable:
-    """Return versions by name as a table, as runs and flown logs store them."""
+    """Return versions by name as a table, as runs and flight logs store them."""
     return table_of(Version, [Version(name, number) for name, number in versions.items()])
 
 
 def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
-    flown, mesh, search = result.trajectory, result.mesh, result.search
+    trajectory, mesh, search = result.trajectory, result.mesh, result.search
     summary = SearchSummary(search.converged_to_best, search.converged_elsewhere, search.failed, search.seconds)
     members: dict[str, Node] = {
         "outcome": result.outcome.value,
         "message": result.message,
         "notes": table_of(NoteRow, [NoteRow(note.kind.value, note.text) for note in result.notes]),
-        "time": series(flown.time, "s", "time at the nodes"),
-        "interval_time": series(flown.time[:-1], "s", "time at the beginning of the intervals"),
-        "states": _encode_histories(flown.states, flown.state, f"{path}/time"),
-        "controls": _encode_histories(flown.controls, flown.control, f"{path}/interval_time"),
-        "phases": StoredTable({"phase": flown.phases}),
-        "first_node": integers(flown.first_node, "node at which each phase begins, and the last node"),
-        "durations": series(flown.durations, "s", "duration of each phase"),
+        "time": series(trajectory.time, "s", "time at the nodes"),
+        "interval_time": series(trajectory.time[:-1], "s", "time at the start of the intervals"),
+        "states": _encode_histories(trajectory.states, trajectory.state, f"{path}/time"),
+        "controls": _encode_histories(trajectory.controls, trajectory.control, f"{path}/interval_time"),
+        "phases": StoredTable({"phase": trajectory.phases}),
+        "first_node": integers(trajectory.first_node, "node at which each phase begins, and the last node"),
+        "durations": series(trajectory.durations, "s", "duration of each phase"),
         "constraint_multipliers": series(result.constraint_multipliers, "1", "multipliers of the constraints"),
         "bound_multipliers": series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
         "mesh": Group(
@@ -218,7 +218,7 @@ def decode(root: Group) -> Checkpoint:
             contradict each other, or numbers that no flight can have.
     """
     if CONTENT in root.attributes:
-        raise CheckpointError("this is a flown log, not a run; show, report, compare, plot and export take it")
+        raise CheckpointError("this is a flight log, not a run; show, report, compare, plot and export take it")
     schema = root.attributes.get("schema")
     if schema != SCHEMA:
         raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
@@ -231,7 +231,7 @@ def decode(root: Group) -> Checkpoint:
 
 
 def inputs_of(place: GroupReader) -> StoredInputs:
-    """Return the inputs that a group holds, as runs and flown logs store them.
+    """Return the inputs that a group holds, as runs and flight logs store them.
 
     Raises:
         CheckpointError: a member is missing, unknown or of the wrong kind.

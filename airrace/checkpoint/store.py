@@ -11,8 +11,8 @@ smallest size HDF5 skips while it looks for its signature; any HDF5 program stil
             92-155 signature of `signed_text(image)`; zero where there is none
            156-511 zero
 
-Anyone can compute a checksum. Who has signed an image, with a key that nobody else has, is told by the signature; this
-module only carries it.
+Anyone can compute a checksum. Who has signed an image, with a key that nobody else has, is proven by the signature;
+this module only carries it.
 """
 
 import hashlib
@@ -134,7 +134,7 @@ def write_checkpoint(
 
 
 def write_log(path: Path, recorded: LogCheckpoint) -> None:
-    """Replace the file at `path` by a flown log, at once and as a whole; errors as of `write_checkpoint`."""
+    """Replace the file at `path` by a flight log, at once and as a whole; errors as of `write_checkpoint`."""
     _write(path, encode_log(recorded), decode_log, None)
 
 
@@ -153,7 +153,7 @@ def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
 
 
 def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
-    """Return the run or the flown log at `path`, verified; errors as of `read_checkpoint`."""
+    """Return the run or the flight log at `path`, verified; errors as of `read_checkpoint`."""
     return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))[0]
 
 

@@ -62,11 +62,11 @@ def ensure_room(*outputs: Path | None, as_json: bool) -> None:
 def answer_with_files(
     answer: CommandResult, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
 ) -> None:
-    """Fill in the answer of a command that has written files; one that was written to stdout is not told.
+    """Fill in the answer of a command that has written files; one that was written to stdout is left out.
 
     Args:
         paths: the files.
-        quiet: whether they are not told in words.
+        quiet: whether they are left out of the words.
         remark: what there is to be said of them, a clause.
         fields: what else the object holds.
     """
@@ -101,7 +101,7 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
         abandon_stdout()
     if answer.code is ExitCode.INTERRUPTED:
-        interrupts.hear()  # who listens to signals in another way, as a batch does, has told it by now
+        interrupts.hear()  # who listens to signals in another way, as a batch does, has set that up by now
     for finding in answer.findings[:FINDINGS_SHOWN]:
         print(one_line(str(finding)), file=sys.stderr)
     if len(answer.findings) > FINDINGS_SHOWN:

@@ -64,7 +64,7 @@ def batch(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Fly jobs again that ended without a certified flight.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", "-f", help="Fly all jobs again, from their beginning.")] = False,
+    force: Annotated[bool, typer.Option("--force", "-f", help="Fly all jobs again, from their start.")] = False,
     csv_file: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     junit_file: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit report.")] = None,
     markdown_file: Annotated[

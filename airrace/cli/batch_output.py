@@ -58,7 +58,7 @@ class Reports:
     markdown: Path | None
 
     def ensure_writable(self, plan: BatchPlan) -> None:
-        """Make sure, before anything is flown, that the reports can be written and would spoil nothing.
+        """Make sure, before any job runs, that the reports can be written and would spoil nothing.
 
         Raises:
             UsageError: one is a folder or read by the batch, or is another file that the batch writes.
@@ -154,7 +154,7 @@ _MESSAGE = Column("message", wraps=True)
 def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> list[Table]:
     """Return all jobs, course by course, the fastest of each first.
 
-    They are one table, or where the terminal is too narrow for it three: the ranking, how the jobs were flown, and the
+    They are one table, or where the terminal is too narrow for it three: the ranking, how the jobs were solved, and the
     messages.
 
     Args:
@@ -212,7 +212,7 @@ _DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s
 
 
 def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) -> list[Table]:
-    """Return tables for every course that was flown in several winds: best and worst, and the mean by direction.
+    """Return tables for every course that was solved in several winds: best and worst, and the mean by direction.
 
     Args:
         summaries: what the courses have shown.
@@ -235,7 +235,7 @@ def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) ->
 
 
 REASONS_MAX = 20
-"""The largest number of reasons that are told one by one before anything is flown."""
+"""The largest number of reasons that are stated one by one before any job runs."""
 
 Clock = Callable[[], float]
 

@@ -1,4 +1,4 @@
-"""Tables of a course before it is flown."""
+"""Tables of a course before its race."""
 
 import itertools
 import math

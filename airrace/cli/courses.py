@@ -70,7 +70,7 @@ def init(
     like: Annotated[Path | None, track_option("Copy this course, a file or a name that comes along.")] = None,
     from_: Annotated[
         Path | None,
-        file_option("FILE", "Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.", "--from"),
+        file_option("FILE", "Sketch the course from placemarks: KML, GPX or GeoJSON, in race order.", "--from"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

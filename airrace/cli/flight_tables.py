@@ -1,4 +1,4 @@
-"""The texts of flights: two on one clock, a flown log, and sensitivities."""
+"""The texts of flights: two on one clock, a flight log, and sensitivities."""
 
 import math
 import textwrap
@@ -16,7 +16,7 @@ from airrace.views.tables import Column, Table, Value
 
 
 def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
-    """Yield race time and passings of a flown log, violations and remarks; at most 80 columns wide.
+    """Yield race time and passings of a flight log, violations and remarks; at most 80 columns wide.
 
     Args:
         log: the log, as it was understood.
@@ -51,7 +51,7 @@ _VIOLATIONS = (
     Column("rule"),
     Column("time", "s", "z.2f"),
     Column("flown", form="z.1f"),
-    Column("+-", form="z.1f"),  # the standard deviation of what was flown
+    Column("+-", form="z.1f"),  # the standard deviation of the measured value
     Column("allowed", form="z.1f"),
     Column("unit", wraps=True),
     Column("penalty", wraps=True),

@@ -1,4 +1,4 @@
-"""Commands around flights, of runs and of flown logs: `import`, `compare`, `plot`, `report` and `export`."""
+"""Commands around flights, of runs and of flight logs: `import`, `compare`, `plot`, `report` and `export`."""
 
 import sys
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 def import_log(
     log: Annotated[Path, typer.Argument(metavar="LOG", readable=False, help="The log: CSV, GPX, IGC or ACMI.")],
-    course: Annotated[Path, track_option("The course that was flown: a file, or a name that `airrace tracks` lists.")],
+    course: Annotated[Path, track_option("The course of the race: a file, or a name that `airrace tracks` lists.")],
     output: Annotated[
         Path | None, output_option("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
     ] = None,
@@ -59,7 +59,7 @@ def import_log(
     as_json: AsJson = False,
     verbose: Verbose = False,
 ) -> None:
-    """Import a flown log: find its run through a course, smooth it, and tell which rules it would break.
+    """Import a flight log: find its run through a course, smooth it, and tell which rules it would break.
 
     show, report, compare, plot and export take the file that is written.
     """
@@ -105,7 +105,7 @@ def compare(
     as_json: AsJson = False,
     verbose: Verbose = False,
 ) -> None:
-    """Hold flights against the first one: where time is lost, leg by leg, and what is flown otherwise there."""
+    """Hold flights against the first one: where time is lost, leg by leg, and how the flights differ there."""
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
         from airrace.runs.output import ensure_free
@@ -173,7 +173,7 @@ def report(
         list[str] | None,
         typer.Argument(
             metavar="FLIGHT",
-            help="Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flown log, as many as you like.",
+            help="Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flight log, as many as you like.",
         ),
     ] = None,
     output: Annotated[
@@ -225,7 +225,7 @@ def _common() -> None:
 @export.command("csv", cls=Command)
 def csv_table(
     name: Annotated[
-        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
+        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.")
     ],
     stage: StageOfFlights = None,
     rate: Annotated[

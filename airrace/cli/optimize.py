@@ -69,7 +69,7 @@ def optimize(
 ) -> None:
     """Fly a course as fast as can be.
 
-    The flight is optimised stage by stage, and each stage is kept in a checkpoint as soon as it is finished. The last
+    The flight is optimised stage by stage, and each stage is stored in a checkpoint as soon as it is finished. The last
     one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
     """
     with answering(empty_result(stem_of(track)), as_json=as_json, verbose=verbose) as answer:

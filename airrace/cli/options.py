@@ -100,7 +100,7 @@ FlightNames = Annotated[
     typer.Argument(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass."),
 ]
 
-# What is flown.
+# The flight.
 AircraftFile = Annotated[
     Path | None,
     file_option(

@@ -230,7 +230,7 @@ def _lap(lap: int) -> Layer:
 
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
-    """Draw what is flown through as a stroke across its axis, long enough to be seen, and all else as a dot."""
+    """Draw gates as a stroke across its axis, long enough to be seen, and all else as a dot."""
     ends = mark.stroke
     if ends is None:
         canvas.write(*canvas.cell(mark.north, mark.east), "o" if plain else "\u2022", GATE.style)

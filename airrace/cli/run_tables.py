@@ -38,7 +38,7 @@ ROUTES_MAX = 12
 """The largest number of routes in the table; all of them are in the checkpoint and in the object."""
 NEAR_MISSES = textwrap.fill(
     "warning: the rules measure the wing tips at the instant of a passing alone; right before or after it, or at other "
-    "gates, the wing comes as close to pylons as told above.",
+    "gates, the wing comes as close to pylons as stated above.",
     PAGE,
 )
 UNVERIFIED = textwrap.fill(

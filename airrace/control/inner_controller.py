@@ -28,10 +28,10 @@ DM: Callable[..., Any] = ca.DM
 
 FOLLOWER = 50.0
 """The rate constant with which commands and deflections, which are states, follow their wanted values, 1/s."""
-LEVER = 4.0
-"""The rate constant with which an error of the power lever is corrected, 1/s."""
+THROTTLE = 4.0
+"""The rate constant with which an error of the throttle is corrected, 1/s."""
 LEAST_AXIAL_EFFECT = 0.05
-"""The least effect of the power lever that is assumed, g per full lever travel, so that no error is divided by zero."""
+"""The least effect of the throttle that is assumed, g per full throttle travel, so that no error is divided by zero."""
 
 Named = dict[str, Scalar]
 
@@ -85,18 +85,18 @@ class Plant:
         )
         return rates, load_factors_of_motion(state, change)
 
-    def lever(self) -> Scalar:
+    def throttle(self) -> Scalar:
         """Return `delta_T_cmd` for the commanded load factor along the velocity.
 
-        It is the inverse of the equation of n_x, followed by the inverse of the lever's lag.
+        It is the inverse of the equation of n_x, followed by the inverse of the throttle's lag.
         """
         x, command = self.x, self.commands
         effect = maximum(jacobian(self.load.n_x, x["delta_T"]), LEAST_AXIAL_EFFECT)
         wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
-        rate = command.delta_T_dot + LEVER * (wanted - x["delta_T"])
-        lever = ca.SX.sym("delta_T_cmd")
-        followed = self.motion(x, {"delta_T_cmd": lever})[0]["delta_T"]
-        return clip((rate - self.rates["delta_T"]) / jacobian(followed, lever), 0.0, 1.0)
+        rate = command.delta_T_dot + THROTTLE * (wanted - x["delta_T"])
+        throttle = ca.SX.sym("delta_T_cmd")
+        followed = self.motion(x, {"delta_T_cmd": throttle})[0]["delta_T"]
+        return clip((rate - self.rates["delta_T"]) / jacobian(followed, throttle), 0.0, 1.0)
 
     def following(self, wanted: Named) -> Named:
         """Return the controls that make states follow their wanted values.
@@ -112,7 +112,7 @@ class Plant:
 
     def controller(self, wanted: Named, settled: Named) -> InnerController:
         """Return the controller that drives the states in `wanted` to their values, and settles those in `settled`."""
-        controls = self.following(wanted) | {"delta_T_cmd": self.lever()}
+        controls = self.following(wanted) | {"delta_T_cmd": self.throttle()}
         u = column(controls.get(one.name, 0.0) for one in self.system.controls)
         arguments = [column(self.x.values()), column(self.commands.join())]
         return InnerController(

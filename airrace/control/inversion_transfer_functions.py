@@ -5,7 +5,7 @@ With the lags `n'' = w^2 (n_cmd - n) - 2 D w n'` and `p' = (p_cmd - p) / tau`, w
     n'_des = n_dot_ref + w (n_ref - n)      n''_des = 3 w (n'_des - n')      p'_des = p_dot_ref + K_p (p_ref - p)
 
 and the commands follow by inverting the lags exactly. The bandwidth is the lag's own, for a faster answer takes
-commands that move faster than a pilot's hand: a slow aircraft would be shaken instead of flown.
+commands that move faster than a pilot's hand: a slow aircraft would be shaken.
 """
 
 from airrace.control.inner_controller import (
@@ -25,9 +25,9 @@ from airrace.frames import Scalar
 K_P = 12.0
 """The gain of the roll rate, 1/s."""
 HEADROOM = 1.1
-"""The factor on the limits of lift and sideslip within which commands are kept (1).
+"""The factor on the limits of lift and sideslip within which commands stay (1).
 
-It is above 1 because a reference flown at its limits leaves nothing to correct with.
+It is above 1 because a reference at its limits leaves nothing to correct with.
 """
 
 

@@ -58,7 +58,7 @@ class Commands(Vector[T]):
     """
 
     n_x: T = quantity("1", text="load factor along the velocity")
-    delta_T_dot: T = quantity("1/s", text="rate of the power lever")
+    delta_T_dot: T = quantity("1/s", text="rate of the throttle")
     n_y: T = quantity("1", text="lateral load factor")
     n_z: T = quantity("1", text="load factor")
     n_z_dot: T = quantity("1/s", text="rate of the load factor")

@@ -47,8 +47,8 @@ class ReferencePoint(Vector[T]):
     soft_n_z_dot: T = quantity("1/s", text="rate of that")
     soft_p: T = quantity("rad/s", text="roll rate without its corners")
     soft_p_dot: T = quantity("rad/s2", text="rate of that")
-    delta_T: T = quantity("1", text="power lever")
-    delta_T_dot: T = quantity("1/s", text="rate of the power lever")
+    delta_T: T = quantity("1", text="throttle")
+    delta_T_dot: T = quantity("1/s", text="rate of the throttle")
     Phi: T = quantity("rad", text="angle rolled, as counted; zero where nothing is")
     gain: T = quantity("m", text="height gained, as counted; zero where nothing is")
     Phi_reset: T = quantity("rad/s", text="winding back of the angle rolled")
@@ -140,7 +140,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
 def soften(s: Array, values: Array) -> Array:
     """Return a history without its corners: its mean under a triangle `SOFTENING` wide to either side.
 
-    What happens in between is neither early nor late, and its integral is kept; the ends hold their values.
+    What happens in between is neither early nor late, and its integral is preserved; the ends hold their values.
 
     Args:
         s: instants, s; increasing, shape (M,).

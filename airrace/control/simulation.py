@@ -2,7 +2,7 @@
 
 The outer loop asks for load factors and a roll rate that lead back to the reference, the inner controller makes the
 model's own controls of them. Everything advances in steps of equal time with the classical Runge-Kutta scheme; the
-reference, linear between its samples, is looked up at the beginning of a step and as far ahead as its clock can run.
+reference, linear between its samples, is looked up at the start of a step and as far ahead as its clock can run.
 Many steps are one call.
 
 A flight begins trimmed: in the state in which the model does at rest what the reference does. Trimmed states all along
@@ -58,7 +58,7 @@ class Followed:
         time: when the reference's clock showed the wanted values, s from the start; shape (N + 1,).
         state: then; shape (n_x, N + 1).
         control: constant controls that lead from one of these to the next, within their bounds; shape (n_u, N).
-        durations: of the reference's phases as flown, s; shape (n,).
+        durations: of the reference's phases in the simulation, s; shape (n,).
         tracking_error: largest distance from the reference, m.
         tracking_error_time: the reference's clock at that distance, s.
         end_distance: distance from the reference's end, m.
@@ -85,7 +85,7 @@ class TrackingSimulator:
         inner: its inner controller.
         step: of time, s.
         advance: from (x, s) and the reference there and at the furthest a step ahead to (x, s) after that step, and the
-            controls, the distance and the roll error at its beginning.
+            controls, the distance and the roll error at its start.
     """
 
     model: FlightModel

@@ -11,7 +11,7 @@ An aircraft that rotates has the coefficients
 Starred rates are dimensionless: `b / (2 V_A)` times p and r, `cbar / (2 V_A)` times q and alpha_K_dot. `C_lr` and
 `C_np` grow with the lift coefficient. A positive deflection makes a negative moment about its own axis.
 
-The thrust is that of a piston engine with propeller [Gagg & Ferrar 1934], whose power lever lags:
+The thrust is that of a piston engine with propeller [Gagg & Ferrar 1934], whose throttle lags:
 
     T = delta_T P sigma_P(rho) / sqrt(V_A^2 + V_s^2),   sigma_P = 1.132 rho/rho_0 - 0.132
     delta_T_dot = (delta_T_cmd - delta_T) / tau_T
@@ -93,12 +93,12 @@ def power_ratio(rho: Scalar) -> Scalar:
 
 
 def thrust(delta_T: Scalar, V_A: Scalar, rho: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
-    """Return the thrust (N) at lever position `delta_T` (0 to 1), airspeed `V_A` (m/s) and density `rho` (kg/m3)."""
+    """Return the thrust (N) at throttle position `delta_T` (0 to 1), airspeed `V_A` (m/s) and density `rho` (kg/m3)."""
     return delta_T * aircraft.P * power_ratio(rho) / sqrt(V_A * V_A + aircraft.V_s * aircraft.V_s)
 
 
-def lever_rate(delta_T: Scalar, delta_T_cmd: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
-    """Return the rate of the power lever `delta_T_dot`, 1/s."""
+def throttle_rate(delta_T: Scalar, delta_T_cmd: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
+    """Return the rate of the throttle `delta_T_dot`, 1/s."""
     return (delta_T_cmd - delta_T) / aircraft.tau_T
 
 

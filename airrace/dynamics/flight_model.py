@@ -44,7 +44,7 @@ class RollReset(Vector[T]):
 
 
 COUNTING = {name: Interval.exactly(0.0) for name in RollReset.names()}
-"""The bounds of the controls in the phase in which a roll is flown: nothing is wound back."""
+"""The bounds of the controls in the phase of a roll: nothing is wound back."""
 
 FROM_ZERO = {name: Interval.exactly(0.0) for name in RollCounter.names()}
 """The bounds of the counters where that phase begins: both are zero."""

@@ -21,7 +21,7 @@ from airrace.quantities import Interval
 LEAST_INDEPENDENCE = 1e-3
 """The least determinant of the moments due to ailerons and rudder, as a part of the product of their own moments (1).
 
-Below it their effects cannot be told apart.
+Below it their effects cannot be distinguished.
 """
 
 Fault = tuple[str, str, str]
@@ -72,7 +72,7 @@ def _lateral_faults(aircraft: Aircraft) -> Iterator[Fault]:
         yield (
             "yaw",
             "C_nzeta",
-            "ailerons and rudder cannot be told apart: C_lxi C_nzeta must be above C_lzeta C_nxi, or no pair of "
+            "ailerons and rudder cannot be distinguished: C_lxi C_nzeta must be above C_lzeta C_nxi, or no pair of "
             "deflections rolls without yawing",
         )
         return

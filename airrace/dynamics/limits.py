@@ -144,22 +144,22 @@ class Commanded(Vector[T]):
 
 @vector
 class SurfaceControl(Vector[T]):
-    """The rates of the deflections, and the commanded lever; (12) of the paper with rates instead of deflections."""
+    """The rates of the deflections, and the commanded throttle; (12) of the paper with rates instead of deflections."""
 
     eta_dot: T = quantity("rad/s", text="rate of the elevator", rate_of="eta")
     xi_dot: T = quantity("rad/s", text="rate of the ailerons", rate_of="xi")
     zeta_dot: T = quantity("rad/s", text="rate of the rudder", rate_of="zeta")
-    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded throttle")
 
 
 @vector
 class CommandControl(Vector[T]):
-    """The rates of the commands, and the commanded lever."""
+    """The rates of the commands, and the commanded throttle."""
 
     n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor", rate_of="n_z_cmd")
     n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor", rate_of="n_y_cmd")
     p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate", rate_of="p_cmd")
-    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded throttle")
 
 
 BRISK_COMMANDS = {"n_y_cmd_dot": 0.4}

@@ -24,7 +24,7 @@ edge and for the foot of the perpendicular on it,
     smooth_minimum(a, b) = (a + b - sqrt((a - b)^2 + w^2)) / 2      (never larger than the minimum)
     smooth_clip(s; 0, L) = (L + sqrt(s^2 + w^2) - sqrt((s - L)^2 + w^2)) / 2
 
-with widths w that are small parts of the distance to be kept, so that it is wrong by less than two thousandths of that.
+with widths w that are small parts of the required distance, so that it is wrong by less than two thousandths of that.
 Over ground, the distance from an area is negative within it, so that there is a way out. In space (16)
 
     d = sqrt(max(d_ground, 0)^2 + (h - h_crowd)^2)
@@ -53,9 +53,9 @@ LEVEL_BLEND = 1e-6
 VERTICAL = 1e-3
 """The angle from the vertical (rad) within which the climb angle is rounded off, for it has an edge there."""
 CLIP_WIDTH = 0.02
-"""The width of the smooth clip, as a part of the distance to be kept (1)."""
+"""The width of the smooth clip, as a part of the required distance (1)."""
 MINIMUM_WIDTH = 0.002
-"""The width of the smooth minimum, as a part of the distance to be kept (1)."""
+"""The width of the smooth minimum, as a part of the required distance (1)."""
 LEAST_DISTANCE = 0.1
 """The distance (m) that the widths are relative to where a crowd may be approached more closely than that."""
 TINY = 1e-6
@@ -313,7 +313,7 @@ class CrowdKind:
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:
-        """The height, the distance to be kept (which smoothing is relative to), then north and east of each corner."""
+        """The height, the required distance (which smoothing is relative to), then north and east of each corner."""
         corners = [Quantity(f"{axis}_{number}", "m") for number in range(self.corners) for axis in ("north", "east")]
         return (Quantity("height", "m"), Quantity("keep", "m"), *corners)
 

@@ -39,9 +39,9 @@ class FlightPathState(Vector[T]):
 
 @vector
 class PoweredState(FlightPathState[T]):
-    """The flight path and the power lever, which every model has."""
+    """The flight path and the throttle, which every model has."""
 
-    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
+    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="throttle")
 
 
 def turn_rates(V_K: Scalar, R: Matrix, *, n_y: Scalar, n_z: Scalar) -> tuple[Scalar, Scalar]:

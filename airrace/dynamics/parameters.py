@@ -20,7 +20,7 @@ class AircraftParameters(Vector[T]):
     C_Y_trim: T = quantity("1/rad", text="side force due to sideslip, yawing moment trimmed by the rudder")
     P: T = quantity("W", scale=1e5, text="propulsive power at sea level, eta_p P_max")
     V_s: T = quantity("m/s", scale=50.0, text="speed that bounds the thrust at rest, eta_p P_max / T_static")
-    tau_T: T = quantity("s", text="time constant of the power lever")
+    tau_T: T = quantity("s", text="time constant of the throttle")
 
 
 @vector

@@ -6,8 +6,8 @@ from airrace.dynamics.aerodynamics import (
     LoadFactorPath,
     airflow,
     axial_load_factor,
-    lever_rate,
     load_factor_coefficients,
+    throttle_rate,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
@@ -23,7 +23,7 @@ from airrace.track.course import Rules
 
 @vector
 class PointMassState(PoweredState[T]):
-    """The flight path, the power lever and the pilot's commands.
+    """The flight path, the throttle and the pilot's commands.
 
     The commands are states so that they are continuous and piecewise linear.
     """
@@ -35,12 +35,12 @@ class PointMassState(PoweredState[T]):
 
 @vector
 class PointMassControl(Vector[T]):
-    """The rates of the pilot's commands, and the commanded lever."""
+    """The rates of the pilot's commands, and the commanded throttle."""
 
     n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
     n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
     p_Kbar_dot: T = quantity("rad/s2", scale=20.0, text="rate of the roll rate", rate_of="p_Kbar")
-    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded throttle")
 
 
 def load_factor_flight(
@@ -76,7 +76,7 @@ def point_mass(
     )
     rates = PointMassState[Scalar](
         **vars(flight_path),
-        delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
+        delta_T=throttle_rate(state.delta_T, control.delta_T_cmd, aircraft),
         n_z=control.n_z_dot,
         n_y=control.n_y_dot,
         p_Kbar=control.p_Kbar_dot,

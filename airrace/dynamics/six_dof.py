@@ -13,12 +13,12 @@ from airrace.dynamics.aerodynamics import (
     Sideways,
     airflow,
     drag_coefficient,
-    lever_rate,
     lift_coefficient,
     moment_coefficients,
     pitching_moment_coefficient,
     power_ratio,
     side_force_coefficient,
+    throttle_rate,
     thrust,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
@@ -36,7 +36,7 @@ from airrace.track.course import Rules
 
 @vector
 class BodyState(PoweredState[T]):
-    """The flight path, the power lever, and the attitude and rotation of the body in it: (11) of the paper."""
+    """The flight path, the throttle, and the attitude and rotation of the body in it: (11) of the paper."""
 
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
@@ -99,7 +99,7 @@ def six_dof(
     p_dot, q_dot, r_dot = angular_accelerations(body_rates, moments, aircraft)
     rates = SixDofState[Scalar](
         **vars(flight_path_rates(state, R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=p_Kbar)),
-        delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
+        delta_T=throttle_rate(state.delta_T, control.delta_T_cmd, aircraft),
         alpha_K=alpha_dot,
         beta_K=beta_dot,
         p_K=p_dot,

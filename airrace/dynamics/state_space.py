@@ -20,10 +20,10 @@ from airrace.dynamics.aerodynamics import (
     Sideways,
     airflow,
     axial_load_factor,
-    lever_rate,
     lift_coefficient,
     moment_coefficients,
     side_force_coefficient,
+    throttle_rate,
     thrust,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
@@ -43,7 +43,7 @@ from airrace.track.course import Rules
 
 @vector
 class LinearFlightState(PoweredState[T]):
-    """The flight path, the power lever, and the attitude and rotation of the body in the flight path."""
+    """The flight path, the throttle, and the attitude and rotation of the body in the flight path."""
 
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
@@ -137,7 +137,7 @@ def linear_flight(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> tuple[LinearFlightState[Scalar], BodyPath[Scalar]]:
-    """Return the time derivatives of flight path, lever and body motion, and the path quantities."""
+    """Return the time derivatives of flight path, throttle and body motion, and the path quantities."""
     alpha_A, beta_A = here.seen.alpha_A, here.seen.beta_A
     motion = sideways(state, (beta_A, state.p_s, state.r_s), (surfaces.xi, surfaces.zeta), here, aircraft)
     n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
@@ -152,7 +152,7 @@ def linear_flight(
     n_x = axial_load_factor(n_z, n_y, coefficients, state.delta_T, here.flow, here.rho, aircraft)
     rates = LinearFlightState[Scalar](
         **vars(flight_path_rates(state, here.R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=state.p_s)),
-        delta_T=lever_rate(state.delta_T, delta_T_cmd, aircraft),
+        delta_T=throttle_rate(state.delta_T, delta_T_cmd, aircraft),
         alpha_K=alpha_dot,
         beta_K=r_Kbar - state.r_s,
         p_s=p_dot,
@@ -164,7 +164,7 @@ def linear_flight(
 
 @vector
 class StateSpaceState(Deflected[T], LinearFlightState[T]):
-    """The flight path, the lever, the body motion and the control surfaces."""
+    """The flight path, the throttle, the body motion and the control surfaces."""
 
 
 def state_space(

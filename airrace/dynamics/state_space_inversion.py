@@ -64,7 +64,7 @@ GAINS = Gains()
 
 @vector
 class StateSpaceInversionState(Commanded[T], LinearFlightState[T]):
-    """The flight path, the lever, the body motion and the commands."""
+    """The flight path, the throttle, the body motion and the commands."""
 
 
 @vector

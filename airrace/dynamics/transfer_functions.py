@@ -8,7 +8,7 @@ The rest is as for the point mass.
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import LoadFactorPath, drag_coefficient, lever_rate
+from airrace.dynamics.aerodynamics import LoadFactorPath, drag_coefficient, throttle_rate
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import (
     BRISK_COMMANDS,
@@ -31,7 +31,7 @@ from airrace.track.course import Rules
 
 @vector
 class LaggingState(PoweredState[T]):
-    """The flight path, the power lever and the lags."""
+    """The flight path, the throttle and the lags."""
 
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
@@ -42,7 +42,7 @@ class LaggingState(PoweredState[T]):
 
 @vector
 class TransferFunctionState(Commanded[T], LaggingState[T]):
-    """The flight path, the power lever, the lags and their commands."""
+    """The flight path, the throttle, the lags and their commands."""
 
 
 def transfer_functions(
@@ -59,7 +59,7 @@ def transfer_functions(
     lag = lags(flow.V_A, rho, drag_coefficient(path.C_L, path.beta_A, aircraft), aircraft)
     rates = TransferFunctionState[Scalar](
         **vars(flight_path),
-        delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
+        delta_T=throttle_rate(state.delta_T, control.delta_T_cmd, aircraft),
         n_z=state.n_z_dot,
         n_z_dot=lag.stiffness_z * (state.n_z_cmd - state.n_z) - lag.damping_z * state.n_z_dot,
         n_y=state.n_y_dot,

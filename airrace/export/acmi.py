@@ -1,4 +1,4 @@
-"""Tacview's ACMI 2.2: several aircraft on one clock, with attitude, airspeeds, load factors and lever.
+"""Tacview's ACMI 2.2: several aircraft on one clock, with attitude, airspeeds, load factors and throttle.
 
 Gates, pylons and people are things that stand; every passing is an event of the aircraft that makes it. Lengths are in
 metres, speeds in m/s, angles in degrees, as the format wants them.

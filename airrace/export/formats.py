@@ -75,7 +75,7 @@ def formats() -> Mapping[str, Format]:
     return _formats
 
 
-_KML = "gates, people, lines, the line flown, and the flight in time."
+_KML = "gates, people, lines, the flight path, and the flight in time."
 _TACVIEW = "several aircraft with attitude, airspeeds and load factors; passings are events."
 for _name, _rate_hz, _help in (
     ("kml", 10.0, f"KML for Google Earth and map viewers: {_KML}"),
@@ -84,7 +84,7 @@ for _name, _rate_hz, _help in (
     ("fdr", 20.0, "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight."),
     ("czml", 10.0, "CZML for Cesium: the course, and the flights in time with their attitude."),
     ("gpx", 5.0, "GPX 1.1: gates and pylons as waypoints, a track for every flight."),
-    ("geojson", 10.0, "GeoJSON: the course, the lines flown and their passings."),
+    ("geojson", 10.0, "GeoJSON: the course, the flight paths and their passings."),
 ):
     _module = "kml" if _name == "kmz" else _name
     register(Format(_name, _help, f"airrace.export.{_module}:{_name}", _rate_hz, globe=True))

@@ -1,4 +1,4 @@
-"""GeoJSON (RFC 7946): the course, the lines flown, and their passings."""
+"""GeoJSON (RFC 7946): the course, the flight paths, and their passings."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from datetime import datetime
 import numpy as np
 
 from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
-from airrace.results import Crossing, Flight
+from airrace.results import Flight, TimedCrossing
 
 
 def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
@@ -58,7 +58,7 @@ def _line(flight: Flight, begin: datetime) -> dict[str, object]:
     )
 
 
-def _passing(flight: Flight, crossing: Crossing) -> dict[str, object]:
+def _passing(flight: Flight, crossing: TimedCrossing) -> dict[str, object]:
     values = {name: crossing.value(name) for name in ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")}
     numbers = {name: round(value, 6) for name, value in values.items() if np.isfinite(value)}
     properties = {"kind": "passing", "name": crossing.name, "flight": printable(flight.label), "time_s": crossing.time}

@@ -1,6 +1,6 @@
 """KML 2.2 with Google's extension for moving things, and KMZ, which is KML in a zip archive.
 
-Gates, people and lines are plain placemarks, and so is the line flown: viewers without the extension show them, too.
+Gates, people and lines are plain placemarks, and so is the flight path: viewers without the extension show them, too.
 The flight in time is a `gx:Track` with angles; all of its `when` come before all `gx:coord`, as its schema demands.
 """
 

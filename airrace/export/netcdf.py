@@ -34,7 +34,7 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     file.createDimension("trajectory", len(flights))
     file.createDimension("obs", sum(len(flight.time) for flight in flights))
     _texts(file, "flight", [flight.label for flight in flights], {"cf_role": "trajectory_id", "long_name": "flight"})
-    _texts(file, "track", [flight.course.name for flight in flights], {"long_name": "course that is flown"})
+    _texts(file, "track", [flight.course.name for flight in flights], {"long_name": "course of the race"})
     _texts(file, "aircraft", [flight.aircraft.name for flight in flights], {"long_name": "aircraft that flies"})
     _texts(file, "stage", [flight.source.stage for flight in flights], {"long_name": "stage of the run"})
     size = file.createVariable("rowSize", "i", ("trajectory",))

@@ -123,7 +123,7 @@ class PropulsionEntry(Schema):
     P_max: Annotated[float, Gt(0), Le(10_000)] = Field(alias="power_max_kW", description="of the engine at sea level")
     eta_p: Annotated[float, Gt(0), Lt(1)] = Field(alias="propeller_efficiency", description="eta_p")
     T_static: Annotated[float, Gt(0), Le(1e6)] = Field(alias="static_thrust_N", description="at rest; a fit parameter")
-    tau_T: Annotated[float, Gt(0), Le(10)] = Field(alias="lever_lag_s", description="tau_T, from lever to thrust")
+    tau_T: Annotated[float, Gt(0), Le(10)] = Field(alias="lever_lag_s", description="tau_T, from throttle to thrust")
 
 
 class PropellerEntry(Schema):

@@ -1,4 +1,4 @@
-"""The language `airrace/batch/1` of `batch.yaml`: which courses, and how each of them is to be flown."""
+"""The language `airrace/batch/1` of `batch.yaml`: which courses, and the settings of each."""
 
 import re
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class BatchEntry(Schema):
     set: dict[str, Value] = Field(default_factory=dict[str, Value], description="single values, as `--set` gives them")
     sweep: dict[str, str | list[Value]] = Field(
         default_factory=dict[str, str | list[Value]],
-        description="values that are flown in turn, as `--sweep` gives them: a list, or a range `first:last:step`",
+        description="values that are tried in turn, as `--sweep` gives them: a list, or a range `first:last:step`",
     )
     until: str | None = optional("the last stage")
 

@@ -2,7 +2,7 @@
 
 A line between two places, no longer than `GATE_WIDTH_MAX`, is a gate between its two pylons, and so are two points that
 are called alike but for `left` and `right`; any other point is a single pylon. Areas are the airspace, where they are
-called so, else people. Elements are flown in the order of the file: gates in the direction of the way, pylons on the
+called so, else people. Elements follow one another as in the file: gates in the direction of the way, pylons on the
 outside of the turn.
 """
 
@@ -36,7 +36,7 @@ CROWD_DISTANCE = 100.0
 SIDES = re.compile(r"^(?P<name>.*?)[ _-]*\b(?P<side>left|right|l|r)$", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
-# the order and its laps, which way gates are flown and on which side pylons are passed, the rules, the aircraft,
+# the order and its laps, which way gates are passed and on which side pylons are passed, the rules, the aircraft,
 # the distance from people, and the elevation of the origin.
 """
 
@@ -172,7 +172,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
     Args:
         path: of the file with the placemarks, for messages.
         title: the name of the course.
-        marks: the placemarks, in the order flown.
+        marks: the placemarks, in race order.
 
     Raises:
         InputError: they hold no two elements.

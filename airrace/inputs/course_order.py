@@ -1,4 +1,4 @@
-"""The order in which a course is flown: its keys, the names that stand there, and every passage of the race."""
+"""The order of a course: its keys, the names that stand there, and every passage of the race."""
 
 import dataclasses
 from collections import Counter
@@ -29,7 +29,7 @@ class PassingReferenceEntry(ShorthandSchema):
     shorthand: ClassVar[str | None] = "gate"
     gate: str = Field(description="the name of an element of `gates`")
     direction: DirectionName | None = optional(
-        "which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
+        "which way a two-pylon gate is passed; `planned`: whichever makes the shorter race"
     )
     safety_lines: Annotated[list[str], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
@@ -40,18 +40,18 @@ Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=LIMI
 
 
 class CourseEntry(Schema):
-    """The order of a race: either `lap`, flown `laps` times, or `each_lap`."""
+    """The order of a race: either `lap`, repeated `laps` times, or `each_lap`."""
 
     what: ClassVar[str] = "a course"
     start: str = Field(description="the element that starts the clock")
-    start_direction: DirectionName | None = optional("which way the start is flown")
+    start_direction: DirectionName | None = optional("which way the start is passed")
     start_state: EndStateName = Field(
         default="settled",
         description="how the aircraft flies when the clock starts: `settled`, as in a steady flight with the load "
         "factor and the roll rate of that instant, or `free`, in any way within the limits",
     )
-    lap: Lap | None = optional("the elements in the order flown")
-    laps: Annotated[int, Ge(1), Le(100)] | None = optional("how often the lap is flown; once by default")
+    lap: Lap | None = optional("the elements in race order")
+    laps: Annotated[int, Ge(1), Le(100)] | None = optional("the number of laps; 1 by default")
     each_lap: Annotated[list[Lap], Field(min_length=1, max_length=100)] | None = optional(
         "instead of `lap` and `laps`: an order of its own for every lap"
     )
@@ -79,7 +79,7 @@ class CourseReference:
 
 
 def _references(course: MappingNode) -> list[CourseReference]:
-    """Return all passings in the order flown; those of a lap that is repeated once."""
+    """Return all passings in race order; those of a lap that is repeated once."""
     start = course.scalar("start_direction")
     found = [dataclasses.replace(_reference(course.get("start"), ("course", "start"), 0), direction=_text(start))]
     for index, node in enumerate(_items(course.get("lap"))):
@@ -187,11 +187,11 @@ def build_passages(
         if element is None:
             before = None
             continue
-        kept = tuple(lines[name] for _, name in reference.safety_lines if name in lines)
+        sides_to_keep = tuple(lines[name] for _, name in reference.safety_lines if name in lines)
         if (reference.path, before.name if before else "") not in checked:
             checked.add((reference.path, before.name if before else ""))
             _check_reference(reference, element, reporter)
-            _check_sides(reference, [before, element], kept, reporter)
+            _check_sides(reference, [before, element], sides_to_keep, reporter)
         for part in element.parts:
             name = f"{reference.lap}:{part.element.name}"
             seen[name] += 1
@@ -202,7 +202,7 @@ def build_passages(
                     element=part.element,
                     direction=part.direction or Direction(reference.direction or "forward"),
                     speed=start_speed if reference.lap == 0 else Interval(),
-                    safety_lines=kept,
+                    safety_lines=sides_to_keep,
                     roll=part.roll,
                 )
             )
@@ -211,7 +211,7 @@ def build_passages(
 
 
 def _flight(references: Sequence[CourseReference], laps: int) -> Iterator[CourseReference]:
-    """Yield the passings with those of a repeated lap as often as it is flown."""
+    """Yield the passings with those of a repeated lap as often as there are laps."""
     lap = [one for one in references if one.path[:2] == ("course", "lap")]
     yield references[0]
     for number in range(1, laps + 1):
@@ -224,7 +224,7 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
     if entry.lap is None and entry.each_lap is None:
         reporter.key(
             ("course", "lap"),
-            "missing; a course needs `lap`, the elements in the order flown, or `each_lap`, such an order per lap",
+            "missing; a course needs `lap`, the elements in race order, or `each_lap`, such an order per lap",
         )
         return False
     if entry.each_lap is not None:
@@ -243,7 +243,7 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
 def _check_reference(reference: CourseReference, element: CompositeElement, reporter: Reporter) -> None:
     gate, first = reference.gate, element.parts[0].element
     if reference.lap == 0 and len(element.parts) > 1:
-        reporter.value(reference.path, f"`{gate}` is flown as two passings; a race starts at one gate or pylon")
+        reporter.value(reference.path, f"`{gate}` is two passings; a race starts at one gate or pylon")
     elif reference.lap == 0 and element.position is None:
         message = f"a race must start somewhere: `{gate}` needs north_m, east_m and height_m, or be a gate"
         reporter.value(reference.path, message)

@@ -76,9 +76,9 @@ def load_inputs(
         InputError: the inputs are not valid; it carries all findings.
     """
     reader = DocumentReader(overrides)
-    opened, flown = reader.track_and_aircraft(track, aircraft)
+    opened, its_aircraft = reader.track_and_aircraft(track, aircraft)
     settings_file = None if settings is None else read_document(Path(settings), reader.findings)
-    return _inputs(reader, opened, flown, settings_file)
+    return _inputs(reader, opened, its_aircraft, settings_file)
 
 
 def read_documents(
@@ -94,11 +94,11 @@ def read_documents(
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
     """
-    opened, flown = DocumentReader(overrides).track_and_aircraft(track, aircraft)
-    if opened is None or flown is None:
+    opened, its_aircraft = DocumentReader(overrides).track_and_aircraft(track, aircraft)
+    if opened is None or its_aircraft is None:
         inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises with all findings
         return inputs.track, inputs.aircraft
-    return opened.document, flown
+    return opened.document, its_aircraft
 
 
 def read_named(collection: Collection, named: str | Path | Document, findings: list[Finding]) -> Document | None:
@@ -214,7 +214,7 @@ def _inputs(
     opened_settings = reader.open(settings_file or NO_SETTINGS, "settings")
     entry: TrackEntry | None = None
     scene: CourseAndAir | None = None
-    flown: Aircraft | None = None
+    model: Aircraft | None = None
     settings: Settings | None = None
     with gather(reader.findings):
         if track and is_of_objects(track.document):
@@ -225,13 +225,13 @@ def _inputs(
             scene = build_course_and_air(entry, track.reporter) if entry else None
     with gather(reader.findings):
         if opened_aircraft and is_of_objects(opened_aircraft.document):
-            flown = aircraft_of(opened_aircraft.document)
+            model = aircraft_of(opened_aircraft.document)
         elif opened_aircraft:
-            flown = read_aircraft(opened_aircraft.reporter)
+            model = read_aircraft(opened_aircraft.reporter)
     if opened_settings and (settings_entry := validate(SettingsEntry, opened_settings.reporter)):
         settings = build_settings(settings_entry, opened_settings.reporter)
-    if track and aircraft and scene and flown and settings and not reader.findings:
-        race = Race(scene.course, flown, scene.air)
+    if track and aircraft and scene and model and settings and not reader.findings:
+        race = Race(scene.course, model, scene.air)
         check_together(race, track.reporter)
         if not reader.findings:
             passed = {passage.element.base_name for passage in race.course.passages}
@@ -265,15 +265,17 @@ def shorten(findings: Sequence[Finding]) -> list[Finding]:
 
     Where there are more, one more finding says how many.
     """
-    kept: list[Finding] = []
+    shortened: list[Finding] = []
     findings = [dataclasses.replace(one, message=_with_short_quotes(one.message)) for one in findings]
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
         mine = list(group)
-        kept.extend(mine[: LIMITS.findings])
+        shortened.extend(mine[: LIMITS.findings])
         if len(mine) > LIMITS.findings:
             rest = len(mine) - LIMITS.findings
-            kept.append(dataclasses.replace(mine[LIMITS.findings], message=f"and {rest} more findings from here on"))
-    return kept
+            shortened.append(
+                dataclasses.replace(mine[LIMITS.findings], message=f"and {rest} more findings from here on")
+            )
+    return shortened
 
 
 def _with_short_quotes(message: str) -> str:

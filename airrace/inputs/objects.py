@@ -69,7 +69,7 @@ def course_and_air_of(document: Document) -> CourseAndAir:
     """Return the course and the air of a document.
 
     Raises:
-        InputError: they are not there, or the course is none that can be flown.
+        InputError: they are not there, or the course cannot be raced.
     """
     found = _read(document, CourseAndAir)
     passages = found.course.passages

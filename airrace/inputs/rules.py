@@ -57,7 +57,7 @@ Seconds = Annotated[float, Ge(0), Le(100)] | Literal["dnf"] | None
 
 
 class PenaltiesEntry(Schema):
-    """The penalties for broken rules, by which flown logs are judged; no optimum depends on them."""
+    """The penalties for broken rules, by which flight logs are judged; no optimum depends on them."""
 
     what: ClassVar[str] = "penalties"
     pylon: Seconds = optional("a wing touches a pylon", alias="pylon_s")
@@ -93,7 +93,7 @@ class PresetEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    penalties: PenaltiesEntry = Field(default=PenaltiesEntry(), description="what broken rules cost in a flown race")
+    penalties: PenaltiesEntry = Field(default=PenaltiesEntry(), description="what broken rules cost in a race")
 
 
 @cache

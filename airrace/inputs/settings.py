@@ -51,7 +51,7 @@ class CertificateEntry(Schema):
     what: ClassVar[str] = "the certificate"
     kkt_error: Limit = optional("largest error of the conditions of optimality, scaled")
     load_factor: Limit = optional(
-        "largest excess of load factors, lift coefficient and power lever between the mesh points"
+        "largest excess of load factors, lift coefficient and throttle between the mesh points"
     )
     length: Limit = optional("largest excess of floor and ceiling between the mesh points", alias="length_m")
     angle: Limit = optional(
@@ -60,9 +60,9 @@ class CertificateEntry(Schema):
     speed: Limit = optional("largest excess of speeds, between the mesh points and at gates", alias="speed_m_s")
     gate_length: Limit = optional("largest excess of positions at a gate", alias="gate_length_m")
     gate_angle: Limit = optional("largest excess of bank, climb and crossing angle at a gate", alias="gate_angle_deg")
-    replay: Limit = optional("largest deviation of the controls flown again, interval by interval, scaled")
+    replay: Limit = optional("largest deviation of the controls integrated again, interval by interval, scaled")
     replay_gate: Limit = optional(
-        "largest deviation of the controls flown again at the end of each leg", alias="replay_gate_m"
+        "largest deviation of the controls integrated again at the end of each leg", alias="replay_gate_m"
     )
     hamiltonian: Limit = optional("how far the Hamiltonian may be from -1")
     race_time: Limit = optional("how much the race time may change when all intervals are halved", alias="race_time_s")

@@ -31,7 +31,7 @@ class SafetyLineEntry(Schema):
     from_: PlaceEntry = Field(alias="from", description="a point of the line")
     to: PlaceEntry = Field(description="another point of it; the line has no ends and runs from `from` to here")
     keep: Literal["left", "right"] = Field(description="the side of the line, seen along it, on which the flight stays")
-    margin_m: Annotated[float, Ge(0), Le(1000)] = Field(default=0.0, description="distance to be kept from the line")
+    margin_m: Annotated[float, Ge(0), Le(1000)] = Field(default=0.0, description="required distance from the line")
 
     def build(self, name: str, places: Places) -> SafetyLine:
         """Return the line; it is only of use if nothing was reported."""
@@ -49,7 +49,7 @@ class CrowdEntry(Schema):
     point: PlaceEntry | None = optional("where people are: a single place")
     line: Corners | None = optional("where people are: along a line from corner to corner")
     polygon: Corners | None = optional("where people are: within an area; its corners in order, the first not repeated")
-    distance_m: Distance | None = optional("least distance to be kept; without it that of `rules.crowd_distance_m`")
+    distance_m: Distance | None = optional("least required distance; without it that of `rules.crowd_distance_m`")
     height_m: Annotated[float, Ge(-500), Le(5000)] = Field(
         default=0.0, description="height of the people above the origin"
     )

@@ -42,7 +42,7 @@ class TrackEntry(Schema):
     schema_: Literal["airrace/track/1"] = Field(alias="schema", description="the language of this file")
     name: Annotated[str, Field(min_length=1)] = Field(description="what the race is called")
     source: str = Field(default="", description="where the numbers come from")
-    notes: str = Field(default="", description="anything worth knowing; without effect")
+    notes: str = Field(default="", description="anything of interest; without effect")
     aircraft: str | None = optional("path of the aircraft file, relative to this file")
     origin: OriginEntry = Field(default=OriginEntry(), description="where the track's frame lies on the earth")
     environment: EnvironmentEntry = Field(default=EnvironmentEntry(), description="air and wind of the day")
@@ -58,10 +58,10 @@ class TrackEntry(Schema):
         description="lines not to be crossed on the legs whose passings name them, by name",
     )
     crowd: Annotated[dict[str, CrowdEntry], Field(max_length=LIMITS.crowds)] = Field(
-        default_factory=dict[str, CrowdEntry], description="where people are, by name; kept away from all along"
+        default_factory=dict[str, CrowdEntry], description="where people are, by name; avoided all along"
     )
-    airspace: Corners | None = optional("corners of the convex area within which the race is flown, in order")
-    course: CourseEntry = Field(description="the order in which it is flown")
+    airspace: Corners | None = optional("corners of the convex area of the race, in order")
+    course: CourseEntry = Field(description="the order of its passages")
 
 
 def track_language() -> type[TrackEntry]:
@@ -113,21 +113,21 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
     )
 
 
-def _check_heights(element: CompositeElement, flown: Interval, reporter: Reporter) -> None:
+def _check_heights(element: CompositeElement, band: Interval, reporter: Reporter) -> None:
     """Report an element that cannot be reached between floor and ceiling."""
     last = element.parts[-1]
     heights = last.element.heights
-    if flown.empty or heights.empty:
+    if band.empty or heights.empty:
         return
-    if heights.intersect(flown).empty:
+    if heights.intersect(band).empty:
         reporter.value(
-            (*element.path, last.element.height_key(too_high=heights.lower > flown.upper)),
-            f"lies at {_range(heights)}, outside of the flown heights of {_range(flown)} (rules: floor, ceiling)",
+            (*element.path, last.element.height_key(too_high=heights.lower > band.upper)),
+            f"lies at {_range(heights)}, outside of the race's heights of {_range(band)} (rules: floor, ceiling)",
         )
-    if last.roll is not None and last.roll.gain > flown.upper - flown.lower:
+    if last.roll is not None and last.roll.gain > band.upper - band.lower:
         reporter.value(
             (*element.path, "height_gain_m"),
-            f"is more than there is between floor and ceiling, {flown.upper - flown.lower:g} m",
+            f"is more than there is between floor and ceiling, {band.upper - band.lower:g} m",
         )
 
 

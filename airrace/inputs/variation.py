@@ -72,17 +72,17 @@ class Variation:
         path: KeyPath = tuple(key.split("."))
         kind = AIRCRAFT if path[0] in PREFIXED else "track"
         own = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
-        course, flown, air = self._race.course, self._race.aircraft, self._race.air
+        course, aircraft, air = self._race.course, self._race.aircraft, self._race.air
         track = Reporter(self._track, findings)
         if kind == AIRCRAFT:
             changed = apply_overrides(self._aircraft, own, findings, AircraftEntry)
-            flown = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}.")) or flown
+            aircraft = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}.")) or aircraft
         else:
             track = Reporter(apply_overrides(self._track, own, findings, track_language()), findings)
             if entry := validate(track_language(), track):
                 scene = build_course_and_air(entry, track)
                 course, air = scene.course, scene.air
-        race = Race(course, flown, air)
+        race = Race(course, aircraft, air)
         if not findings:
             check_together(race, track)
         if findings:

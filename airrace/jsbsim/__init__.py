@@ -1,1 +1,1 @@
-"""The crosscheck: the six-dof aircraft flown by JSBSim, with another program's equations, Earth and atmosphere."""
+"""The crosscheck: the six-dof aircraft simulated by JSBSim, with another program's equations, Earth and atmosphere."""

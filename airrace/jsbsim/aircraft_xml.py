@@ -111,7 +111,7 @@ FLAT = Planet("flat", turning=False, latitude=0.0)
 
 NAME = "airrace"
 MOVED = ("eta", "xi", "zeta", "delta_T")
-"""The deflections (rad) and the power lever: properties `airrace/...` that are set from outside."""
+"""The deflections (rad) and the throttle: properties `airrace/...` that are set from outside."""
 ALPHA, BETA, V_A = "aero/alpha-rad", "aero/beta-rad", "velocities/vt-fps"
 SPAN, CHORD = "metrics/bw-ft", "metrics/cbarw-ft"
 SIDEWAYS = {"beta": BETA, "p": "airrace/p_star", "r": "airrace/r_star", "xi": "airrace/xi", "zeta": "airrace/zeta"}

@@ -5,7 +5,7 @@
 O is the local frame where the flight begins; JSBSim measures the way from there in the plane that touches its sea
 level.
 
-Between the nodes deflections are linear, and the lever follows its command:
+Between the nodes deflections are linear, and the throttle follows its command:
 `delta_T_dot = (delta_T_cmd - delta_T) / tau_T`.
 
 What is left is mostly JSBSim's rate of alpha, which lags by one step: in a hard pull-up 8 mm after a second, half of
@@ -72,7 +72,7 @@ def body_attitude(state: SixDofState[float]) -> Array:
 
 
 class SimulatedAircraft:
-    """An aircraft flown by JSBSim in still air."""
+    """An aircraft simulated by JSBSim in still air."""
 
     def __init__(
         self, folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True
@@ -107,7 +107,7 @@ class SimulatedAircraft:
         self._jsbsim["ic/lat-geod-rad"] = planet.latitude
 
     def start(self, state: SixDofState[float]) -> None:
-        """Put the aircraft into a state, deflections and lever included; its north and east are ignored."""
+        """Put the aircraft into a state, deflections and throttle included; its north and east are ignored."""
         self.control({name: getattr(state, name) for name in MOVED})
         if not self._own_density:
             self._jsbsim["atmosphere/override/density"] = density(state.z, self.atmosphere) / DENSITY
@@ -123,7 +123,7 @@ class SimulatedAircraft:
         self._jsbsim.run_ic()
 
     def control(self, moved: Mapping[str, float]) -> None:
-        """Set deflections (rad) and power lever by name."""
+        """Set deflections (rad) and throttle by name."""
         for name, value in moved.items():
             self._jsbsim[f"{NAME}/{name}"] = value
 
@@ -192,10 +192,10 @@ def fly_course(
         simulation: the aircraft in the air of the day.
         optimum: an optimum of the six-dof model, in still air.
         at: states of the optimum at any times (s, shape (n,)), by name.
-        tau_T: the time constant of the lever, s.
+        tau_T: the time constant of the throttle, s.
     """
     steps = round(PIECE / STEP)
-    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is flown to its end
+    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is simulated to its end
     first = np.arange(0, last, steps)
     ends = np.minimum(first + steps, last)
     starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
@@ -220,7 +220,7 @@ def _states(histories: Mapping[str, Array]) -> list[SixDofState[float]]:
 
 
 def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str, float]]:
-    """Return deflections (rad) and lever at given times."""
+    """Return deflections (rad) and throttle at given times."""
     interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
     since = times - optimum.time[interval]
     histories = {

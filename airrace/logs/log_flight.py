@@ -14,7 +14,7 @@ from airrace.logs.smoothing import SMOOTHING, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.planning.race import Race
 from airrace.records import record
-from airrace.results import Crossing, Flight, Source
+from airrace.results import Flight, Source, TimedCrossing
 from airrace.results.flight import Basis
 from airrace.track.course import Passage
 from airrace.trajectory import Array
@@ -30,7 +30,7 @@ class ImportSettings:
         margin: what is smoothed before the first passing and behind the last one, s.
         gap: beyond which samples have a gap between them, s, if they are `gap_factor` times farther apart than usual.
         gap_factor: see above.
-        runs_max: the greatest number of runs whose beginning is in the remarks.
+        runs_max: the greatest number of runs whose start is in the remarks.
         gaps_max: the greatest number of gaps with a remark of their own.
     """
 
@@ -56,7 +56,7 @@ class ErrorModel:
         load_factor: likewise of the load factor, g; as the power 0.25: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m.
         slope_time: by which the velocity across the path is less certain than the position, s.
         turning_time: of turning, by whose turn the direction of the path is uncertain, s: smoothing rounds the
-            beginning of a pull. Root mean squares were 0.017 to 0.023 s with up to 0.02 m of noise.
+            start of a pull. Root mean squares were 0.017 to 0.023 s with up to 0.02 m of noise.
         speed: error of the speed where the position is off by 1 m, m/s. A smoother that takes the jerk for white noise
             looks at positions within a time `tau`; its positions are then off as `tau^2.5`, its velocities as
             `tau^1.5`, so the speed as the power 0.6 of the position. With Abu Dhabi 2016, too, and up to 200 Hz, the
@@ -184,15 +184,15 @@ def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str)
     time = np.unique(np.concatenate([between[np.min(np.abs(between[:, None] - own), axis=1) > 1e-6], own]))
     histories = log_histories(race, part, path, time)
     flight = Flight(race, Source(label, remark="flown"), time - run.begin, histories, ())
-    passings: list[Crossing] = []
+    passings: list[TimedCrossing] = []
     times = _passing_times(race.course.passages, run, flight)
     for passage, when in zip(race.course.passages, times, strict=True):
         if math.isfinite(when):
             row = int(np.searchsorted(flight.time, when - 1e-9))
             values = {name: float(one.values[row]) for name, one in histories.items()}
-            passings.append(Crossing(passage, float(flight.time[row]), values))
+            passings.append(TimedCrossing(passage, float(flight.time[row]), values))
         else:
-            passings.append(Crossing(passage, math.nan, {}))
+            passings.append(TimedCrossing(passage, math.nan, {}))
     return replace(flight, crossings=tuple(passings))
 
 

@@ -1,4 +1,4 @@
-"""The reader of logs: which format a file has, how much of it is believed, and the formats besides CSV.
+"""The reader of logs: which format a file has, how much of it is trusted, and the formats besides CSV.
 
 GPX 1.0 and 1.1; IGC by the FAI's technical specification for GNSS flight recorders, appendix A; Tacview's ACMI 2.x as
 text, in which what a line leaves out is as in the line before.
@@ -121,7 +121,7 @@ def _lines(path: str, file: IO[bytes]) -> Iterator[str]:
 
 
 def _read_archive(path: str, file: BinaryIO, aircraft: str | None) -> Recording:
-    """Return the recording in an archive, of whose names nothing is believed: its first ACMI text is read."""
+    """Return the recording in an archive, whose names are not trusted: its first ACMI text is read."""
     try:
         with zipfile.ZipFile(file) as archive:
             entry = next((one for one in archive.infolist() if one.filename.lower().endswith((".acmi", ".txt"))), None)

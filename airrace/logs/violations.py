@@ -17,7 +17,7 @@ from airrace.planning.race import Race
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
-from airrace.results import Crossing, Flight
+from airrace.results import Flight, TimedCrossing
 from airrace.results.clearances import at_row, surroundings
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.results.legs import legs_of
@@ -151,7 +151,7 @@ def violations(
 
 
 def _passing_violations(
-    race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
+    race: Race, crossing: TimedCrossing, axis: float, known: StandardDeviations, penalties: Penalties
 ) -> Iterator[tuple[str, float, float, float, str, float | None]]:
     """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks.
 

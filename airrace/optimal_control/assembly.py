@@ -20,7 +20,7 @@ from airrace.trajectory import Array
 
 @record
 class Calls:
-    """All calls of one kernel. Parameters are told by their places in (p, 0), p and a zero behind it.
+    """All calls of one kernel. Parameters are named by their places in (p, 0), p and a zero behind it.
 
     Attributes:
         kernel: what is called.

@@ -1,6 +1,6 @@
 """The problem language: it says what is to be optimised, and nothing about how.
 
-A problem is a `System` flown through phases. Each phase has a mesh, limits along its path, a range for its duration and
+A problem is a `System` in phases. Each phase has a mesh, limits along its path, a range for its duration and
 conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
 phase ends in a jump: a rocket that drops a stage.
 
@@ -78,10 +78,10 @@ class Phase:
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
         watches: what else holds along it.
-        jump: what is added to states, by name and in their units, between the end of this phase and the beginning of
+        jump: what is added to states, by name and in their units, between the end of this phase and the start of
             the next: `{"m": -6840.0}` for a stage of 6840 kg that is dropped. Conditions at the end of this phase are
             asked of the states before it, those of the next phase of the states after it; path quantities are asked at
-            the beginning of the next phase, not at the end of this one. The last phase has none.
+            the start of the next phase, not at the end of this one. The last phase has none.
     """
 
     name: str
@@ -124,8 +124,8 @@ class Problem:
     Attributes:
         system: what is controlled.
         parameters: values of the system's parameters (n_p,).
-        start: conditions at the beginning of the first phase.
-        phases: in the order in which they are flown.
+        start: conditions at the start of the first phase.
+        phases: in their order.
         objective: what is minimised.
         scheme: integrates an interval.
         time_scale: typical duration of a phase, s.

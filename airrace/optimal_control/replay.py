@@ -67,7 +67,7 @@ SETTINGS = ReplaySettings()
 
 @record
 class Replay:
-    """A flight that was flown again by the independent integrator.
+    """A flight that was integrated again by the independent integrator.
 
     Attributes:
         state: on a grid `SAMPLES` times finer than the mesh; shape (n_x, N, SAMPLES + 1), both ends included.
@@ -132,10 +132,10 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
-    """Measure how far each phase ends from its last node, before any jump, when it is flown in one go from its first.
+    """Measure how far each phase ends from its last node, before any jump, when integrated in one go from its first.
 
     Returns:
-        The end that is flown minus that node, in the states' units; shape (n_x, n phases).
+        The integrated end minus that node, in the states' units; shape (n_x, n phases).
     """
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
     scale, tolerance = _scale(problem), SETTINGS.phase_tolerance

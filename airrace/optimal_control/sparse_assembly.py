@@ -112,7 +112,7 @@ class SparseAssembly:
 class COOBuilder:
     """A collection of contributions `weight * values[source]` at (row, column) that make a matrix at once.
 
-    In a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are kept.
+    In a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are stored.
     """
 
     def __init__(self, rows: int, columns: int, *, symmetric: bool = False) -> None:

@@ -35,15 +35,19 @@ POSITION = ("x", "y", "z")
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
-def plan_from_solution(course: Course, pace: PlanningModel, flown: Trajectory) -> Plan:
+def plan_from_solution(course: Course, pace: PlanningModel, trajectory: Trajectory) -> Plan:
     """Return the plan that makes all choices as a flight has made them.
 
     Args:
-        course: what was flown.
+        course: of the flight.
         pace: how fast, and how tightly, it is planned.
-        flown: a flight through it, of any fidelity.
+        trajectory: of a flight through it, of any fidelity.
     """
-    return plan(course, pace, decisions_from_solution(course, flown.states, flown.state, flown.first_node.tolist()))
+    return plan(
+        course,
+        pace,
+        decisions_from_solution(course, trajectory.states, trajectory.state, trajectory.first_node.tolist()),
+    )
 
 
 def decisions_from_solution(
@@ -52,7 +56,7 @@ def decisions_from_solution(
     """Return the choices of a flight.
 
     Args:
-        course: what was flown.
+        course: of the flight.
         states: declarations of the states.
         state: the states at the nodes, shape (n_x, N + 1).
         first_node: the node of every passage.
@@ -80,10 +84,10 @@ def decisions_from_solution(
 
 
 def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:
-    """Return the candidate of a passage that is nearest to how it was passed, with the course that was flown.
+    """Return the candidate of a passage that is nearest to how it was passed, with its course over ground.
 
     Args:
-        course: what was flown.
+        course: of the flight.
         index: the index of the passage.
         q: the attitude as a quaternion, shape (4,).
     """

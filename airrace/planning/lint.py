@@ -1,4 +1,4 @@
-"""A review of a course before it is flown, as a race director would make it.
+"""A review of a course before its race, as a race director would make it.
 
 It yields remarks, not errors: the course stays valid. What the planned line comes too near to is remarked on by
 `airrace.results.planned`.
@@ -44,8 +44,8 @@ class LintSettings:
             10 m.
         energy_share: part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it.
         loop: a way that turns by this much more than straight lines do goes round a loop, rad.
-        same_place: passings nearer than that, as of a quad, are meant to be flown round a loop, m.
-        aside: a gate that points further away from both of its neighbours is flown the wrong way, rad.
+        same_place: passings nearer than that, as of a quad, are meant to be joined by a loop, m.
+        aside: a gate that points further away from both of its neighbours points the wrong way, rad.
         back: likewise a start or finish, which has but one.
     """
 
@@ -111,7 +111,7 @@ class Remark:
 def review(race: Race) -> list[Remark]:
     """Return all remarks: on the race as a whole, on the elements, on the legs.
 
-    There is one for every place, however often it is flown.
+    There is one for every place, however often it is passed.
     """
     course = race.course
     found = [*_race_remarks(race), *_start_remarks(race), *_element_remarks(course), *_axis_remarks(course)]
@@ -183,7 +183,7 @@ def _element_remarks(course: Course) -> Iterator[Remark]:
 
 
 def _axis_remarks(course: Course) -> Iterator[Remark]:
-    """Yield remarks on gates flown against the way the course comes and goes."""
+    """Yield remarks on gates passed against the way the course comes and goes."""
     seen: set[tuple[str, Direction]] = set()
     around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
     for before, passage, after in around:
@@ -236,7 +236,7 @@ def _mistakes(course: Course) -> Iterator[Remark]:
         margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
         if 0.0 < along < 1.0 and margin > SETTINGS.pylon_clearance:
             text = (
-                f"nothing has to be flown round `{passage.name}`: the straight line from `{before.name}` to "
+                f"no detour is needed round `{passage.name}`: the straight line from `{before.name}` to "
                 f"`{after.name}` passes it {margin:.0f} m away on the side that is asked for; is its `pass_side_deg` "
                 "reversed?"
             )
@@ -290,7 +290,7 @@ def tightest(race: Race) -> PlanningModel:
 
 
 def legs(race: Race) -> list[ReviewedLeg]:
-    """Return all legs whose ends both have a place, in the order flown; each with the shortest way at the tightest
+    """Return all legs whose ends both have a place, in race order; each with the shortest way at the tightest
     pace, all headings chosen together, unless the course is too long to be planned."""
     passages = race.course.passages
     turns: list[tuple[float, float, float] | None] = [None] * (len(passages) - 1)
@@ -308,7 +308,7 @@ def legs(race: Race) -> list[ReviewedLeg]:
 
 
 def _leg_remarks(race: Race) -> Iterator[Remark]:
-    """Yield remarks on the legs, of those that are flown in the same way on the first."""
+    """Yield remarks on the legs, of those that are alike on the first."""
     pace, rate = tightest(race), climb_rate(race.aircraft)
     different: dict[object, ReviewedLeg] = {}
     for leg in legs(race):
@@ -343,7 +343,7 @@ def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterato
     if up > engine + SETTINGS.energy_share * speed:
         text = (
             f"{from_to} {up:.0f} m are to be climbed: on the way {aircraft.name} gains {engine:.0f} m by its engine, "
-            f"and all of its speed is worth {speed:.0f} m"
+            f"and all of its speed yields {speed:.0f} m"
         )
         yield Remark(leg.after.name, RemarkKind.CLIMB, text)
 

@@ -84,7 +84,7 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
     Passages that ask for a height alone are put on the way between their neighbours afterwards.
 
     Args:
-        course: what is to be flown.
+        course: to be planned.
         pace: how fast, and how tightly.
         choices: what is chosen already.
     """
@@ -198,7 +198,7 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Plann
 def _with_knife_edges(
     waypoints: Sequence[Waypoint], legs: Sequence[PlannedLeg], edges: Mapping[int, int]
 ) -> list[Waypoint]:
-    """Return the waypoints with a bank at gates that may be flown on either edge.
+    """Return the waypoints with a bank at gates that allow either edge.
 
     It is the chosen one, else the one into which the path around the gate turns.
     """

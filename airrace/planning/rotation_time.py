@@ -48,7 +48,7 @@ def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningMo
 
     Pushing takes three times as long as pulling.
 
-    A turn of the path to the side is flown like a pull, for the aircraft can roll into it.
+    A turn of the path to the side is planned like a pull, for the aircraft can roll into it.
     """
     roll, pitch, yaw = rotation_vector(start, end)
     return abs(roll) / pace.p + _turning_time(pitch, yaw, pace)

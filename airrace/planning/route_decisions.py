@@ -1,4 +1,4 @@
-"""Choices: what a plan is told to keep to, where it would otherwise decide for itself.
+"""Choices: what a plan has to keep to, where it would otherwise decide for itself.
 
 Which route a race takes is decided in a few places: along which axis a passage is crossed and with which course,
 to which side the path turns between two passages, to which side a roll or a knife edge goes.
@@ -21,7 +21,7 @@ class RouteDecisions:
         ways: the candidates that are left of a passage.
         turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
         rolls: the side of the roll on the leg that ends with this passage.
-        edges: the wing that points down at a knife edge that may be flown on either.
+        edges: the wing that points down at a knife edge that allows either.
         last: whether of equally short plans the last is taken instead of the first; a mirror exchanges the two.
     """
 
@@ -62,7 +62,7 @@ class RouteDecisions:
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
         """Return these choices, but at some passages those that a plan has made; turns are left to the next plan.
 
-        What was flown since may turn less than that plan did, which forced a side.
+        The flight since may turn less than that plan did, which forced a side.
         """
 
         def side(angle: float | None) -> int:

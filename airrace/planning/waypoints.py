@@ -7,7 +7,7 @@ from airrace.records import record
 from airrace.track.course import Course, Passage
 
 PLANNED_MAX = 400
-"""The largest number of passages of a course that is planned before it is flown; each takes about a millisecond."""
+"""The largest number of passages of a course that is planned; each takes about a millisecond."""
 
 
 @record

@@ -44,7 +44,7 @@ class Evidence:
     """The measurements of an optimum, apart from the solver's own claims.
 
     Attributes:
-        replay: its controls flown again.
+        replay: its controls integrated again.
         check: limits and gates on that flight.
         drift: how far the Hamiltonian is from minus the weight of time, shape (N,).
         integration: what each interval's error of integration takes off the race time, s; shape (N,).
@@ -137,7 +137,7 @@ def _race_time_change(iterate: Iterate, coarser: float | None, limits: Certifica
 
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:
-    """Return the item of the farthest miss of a gate by a leg that is flown in one go: the largest length, m."""
+    """Return the item of the farthest miss of a gate by a leg that is integrated in one go: the largest length, m."""
     lengths = [row for row, one in enumerate(problem.system.states) if one.unit == "m"]
     missed = np.abs(replay_phases(problem, iterate)[lengths])
     row, phase = np.unravel_index(int(missed.argmax()), missed.shape)

@@ -189,7 +189,7 @@ def ensure_same_passings(here: Sequence[NamedPassing], there: Sequence[NamedPass
     """Refuse a run whose passings differ: its flight leads through another course.
 
     Args:
-        here: the passings of the race to be flown.
+        here: the passings of the race at hand.
         there: those of the run to start from; kinds may be unknown, which is an empty text.
         name: what users call that run.
 

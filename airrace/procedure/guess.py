@@ -125,7 +125,7 @@ def _counters(plan: Plan, mesh: Sequence[Fractions], steps: Array, state: Array)
 
 
 def _controls(history: History, steps: Array) -> Array:
-    """Return the rates of the piecewise linear commands; the lever stays at full power. Shape (4, N)."""
+    """Return the rates of the piecewise linear commands; the throttle stays at full power. Shape (4, N)."""
     rates = [np.diff(values) / steps for values in (history.n_z, history.n_y, history.p_Kbar)]
     return np.vstack([*rates, np.ones_like(steps)])
 
@@ -232,8 +232,8 @@ def _join_positions(plan: Plan, histories: list[History]) -> None:
 def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> None:
     """Move the histories of a chain, in place: each begins where the one before ends.
 
-    The chain as flown from its first waypoint misses the last one; the miss is made up for evenly on the way. So is
-    what its heights lack at the waypoints between.
+    The chain as integrated from its first waypoint misses the last one; the miss is made up for evenly on the way. So
+    is what its heights lack at the waypoints between.
     """
     start, end = waypoints[0], waypoints[-1]
     origin = np.array([0.0, 0.0, -50.0]) if start.position is None else _down(start.position)

@@ -18,7 +18,7 @@ class Iteration:
 class Progress(ABC):
     """The callbacks of a run, called from the thread that runs the procedure.
 
-    The procedure tells of all but the end of a stage: whoever keeps the result reports it, once it is kept.
+    The procedure tells of all but the end of a stage: whoever stores the result reports it, once it is stored.
     """
 
     @abstractmethod

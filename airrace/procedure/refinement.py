@@ -58,7 +58,7 @@ class RefinementSettings:
     ahead_of_order: float = 0.3
     """Share of the replay's limit from which on an interval is halved before it misses it. A fifth to a half of the
     intervals of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages
-    below the last kept it on the next mesh, by a factor of four, on 19 % fewer intervals than with all halved."""
+    below the last met it on the next mesh, by a factor of four, on 19 % fewer intervals than with all halved."""
     ahead: float = 0.1
     """Share of the Hamiltonian's limit from which on an interval is halved before it misses it. With a half, 5 of those
     24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved."""
@@ -71,7 +71,7 @@ class RefinementSettings:
     large. With a quarter of it Air Race X takes 586 intervals; the other meshes are the same, and with four times as
     much all of them are."""
     coarsen_worthwhile: float = 0.85
-    """Share of the nodes that a coarser mesh may keep to be worth a solve. Meshes are the same with 0.7 and 0.95."""
+    """Share of the nodes that a coarser mesh may keep to be solved on. Meshes are the same with 0.7 and 0.95."""
     longest_joined: float = 0.6
     """Longest interval that comes of joining two, s. With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with
     1.2 s 806 and 567."""
@@ -157,7 +157,7 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
     """Return a better first mesh; None if the present one will do.
 
     Args:
-        early: whether a mesh that is merely not good yet is worth another solve.
+        early: whether a mesh that is merely not good yet gets another solve.
         joining: whether nodes may be dropped.
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
@@ -195,7 +195,7 @@ def bisect_coarse(draft: MeshProposal, replay: Replay | None = None) -> MeshProp
     """Return a mesh everywhere finer by half, at least, than the coarser mesh behind a draft.
 
     Args:
-        replay: its controls flown again, for states at the new nodes; None for states straight between the old ones.
+        replay: of its controls, for states at the new nodes; None for states straight between the old ones.
     """
     sizes = np.diff(np.flatnonzero(draft.coarser))
     parts = np.where(sizes == 1, 2, 1).astype(np.int64)[np.cumsum(draft.coarser[:-1]) - 1]
@@ -293,7 +293,7 @@ def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
     """Estimate what the intervals of the mesh before have changed of the race time, s; shape (N before,).
 
     What is not the integrator's error is due to controls that are held less long, if the finer mesh is faster; if it is
-    slower, to limits that are kept at more nodes.
+    slower, to limits that hold at more nodes.
     """
     integration = before.evidence.integration
     changed = optimum.race_time - before.race_time

@@ -166,7 +166,7 @@ class Route:
 
     Attributes:
         text: what it is, in words.
-        race_time: of the whole race flown so, as far as a rough mesh tells, s.
+        race_time: of the whole race on this route, as far as a rough mesh tells, s.
         difference: to the best, on the same terms, s.
         evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held.
     """
@@ -208,7 +208,7 @@ class SuggestedChange:
 
     Attributes:
         conflict: the number of the conflict, from 1; a course may have several, and all of them must be resolved.
-        where: the leg or the passage that cannot be flown.
+        where: the leg or the passage that is infeasible.
         key: the number's, that `--set` takes; empty where no single number was found that resolves the conflict.
         text: what it is, for people.
         unit: of both values; empty for a plain number.

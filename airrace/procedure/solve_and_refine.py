@@ -425,7 +425,7 @@ def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Dia
         if solution.infeasible and diagnose is not None:
             conflict = diagnose(session, start.problem, last, start.guess, solution.worst)
             if conflict is None:
-                message = f"{message}; the legs around it can be flown by themselves"
+                message = f"{message}; the legs around it are feasible by themselves"
             else:
                 outcome, message = Status.INFEASIBLE, conflict
         if outcome is Status.NOT_CONVERGED:

@@ -1,7 +1,7 @@
 """The solver session of a stage: the primary solver, then the fallback, within a budget, with every attempt on record.
 
 The budget is how much may be solved for a stage without success before it is given up. Work is counted, not timed, so
-that a run ends alike on every machine and with any number of threads: iterations, those of a restoration of feasibility
+that a run ends alike on all computers and with any number of threads: iterations, those of a restoration of feasibility
 included, times intervals, times what an iteration costs its solver. Only what ends without an optimum is counted.
 Solves that find one are limited by the number of meshes.
 """

@@ -1,4 +1,4 @@
-"""The stages of a run, by the names that users write, in the order in which they are flown."""
+"""The stages of a run, by the names that users write, in their order."""
 
 import re
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 class Stage:
     """A stage; there is one object per name, so stages are compared with `is`.
 
-    `HOMOTOPY` is the assembled guess of the point mass, kept so that an interrupted run resumes behind it; it is
+    `HOMOTOPY` is the assembled guess of the point mass, stored so that an interrupted run resumes behind it; it is
     neither an optimum nor certified. The others are optima, one per fidelity.
 
     """
@@ -41,7 +41,7 @@ class Stage:
 
     @classmethod
     def new(cls, value: str, *, after: "Stage") -> "Stage":
-        """Declare and return a further stage, flown after another one and before what followed that until now.
+        """Declare and return a further stage, solved after another one and before what followed that until now.
 
         A stage that exists already stays where it is.
 
@@ -81,7 +81,7 @@ def _declared(value: str, position: int) -> Stage:
     return stage
 
 
-class _Stages(Sequence[Stage]):
+class _StageSequence(Sequence[Stage]):
     """All stages in order, those of extensions included."""
 
     @overload
@@ -99,8 +99,8 @@ class _Stages(Sequence[Stage]):
         return len(_order)
 
 
-STAGES: Sequence[Stage] = _Stages()
-"""The stages in the order in which they are flown."""
+STAGES: Sequence[Stage] = _StageSequence()
+"""The stages in their order."""
 
 Stage.HOMOTOPY = _declared("homotopy", 0)
 Stage.POINT_MASS = _declared("point-mass", 1)

@@ -204,9 +204,9 @@ def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float
 
 
 class PerturbedProblem:
-    """The problem of one stage, stated anew for races that differ from the one flown in numbers alone.
+    """The problem of one stage, stated anew for races that differ from the solved one in numbers alone.
 
-    Plan, mesh and the weights of the regularisation stay those of the race that was flown, and so do the functions of
+    Plan, mesh and the weights of the regularisation stay those of the solved race, and so do the functions of
     its model, for in a race that differs in numbers only parameters and limits differ.
     """
 
@@ -214,7 +214,7 @@ class PerturbedProblem:
         """Begin with a race as its flight states it on a mesh.
 
         Args:
-            race: the race that was flown.
+            race: the solved race.
             flight: its flight.
             mesh: the fractions of each phase.
         """
@@ -237,7 +237,7 @@ class PerturbedProblem:
         return self.formulation(race).problem(self._mesh)
 
     def formulation(self, race: Race) -> StageProblem:
-        """Return the flight of a race along the plan of the race that was flown."""
+        """Return the flight of a race along the plan of the solved race."""
         flight, course, original = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
@@ -265,7 +265,7 @@ def _surroundings(course: Course) -> tuple[object, ...]:
 
 
 def with_passages(plan: Plan, course: Course) -> Plan:
-    """Return a plan for a course whose passages differ from the planned ones in numbers alone, flown the same way
+    """Return a plan for a course whose passages differ from the planned ones in numbers alone, on the same route
     round.
 
     Axes and prescribed banks turn with their elements; sides, directions and planned durations stay.

@@ -1,6 +1,6 @@
 """Warm starts: from the optimum of one fidelity to a start for the next.
 
-Where the equations change, the higher fidelity's model is flown along the lower one's optimum by error feedback. Where
+Where the equations change, the higher fidelity's model follows the lower one's optimum by error feedback. Where
 that strays too far, the model is trimmed in the optimum, node by node. Where only the controls change, from commands to
 the deflections they made, the recorded ones are trajectory.
 """
@@ -29,7 +29,7 @@ FEWEST = 4
 
 
 def track(flight: StageProblem, simulator: TrackingSimulator, source: StageProblem, optimum: StageResult) -> Start:
-    """Return a start: a stage's model flown along the optimum of another stage, or trimmed where that strays too far.
+    """Return a start: a stage's model that follows the optimum of another stage, or trimmed where that strays too far.
 
     Args:
         flight: of the stage to be started.

@@ -34,7 +34,7 @@ elements    what is passed
   label       what is written beside it; empty where another one on the same spot carries it
   posts       feet of pylons, [[north, east], ...]
   top         height of the pylons, m
-  window      ends [[north, east], [north, east]] of the stretch that is flown through; null where there is none
+  window      ends [[north, east], [north, east]] of the opening; null where there is none
   reach       likewise, of the stretch beside a pylon in which a passing counts
   heights     [lowest, highest] of the passing, m
   place       [north, east, height] of its name; where it stands nowhere, where the first flight passed it
@@ -115,7 +115,7 @@ STRIPS = (
         ("eta", "xi", "zeta"),
         digits=1,
     ),
-    Strip("Power lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Strip("Throttle", "%", 0.01, (("delta_T", "power"),), least=5.0),
     Strip("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
 """The strips of a report, from top to bottom."""
@@ -187,8 +187,8 @@ def time_lost(comparison: Comparison) -> tuple[Array, Array]:
 
 
 def _times(flight: Flight, leg: Leg) -> Array:
-    """Return when the shares of a leg were flown, its beginning left out, s; NaN where the leg was not flown."""
-    if not leg.flown:
+    """Return when the shares of a leg were reached, its start left out, s; NaN where the leg is incomplete."""
+    if not leg.is_complete:
         return np.full(len(SHARES) - 1, np.nan)
     distance = way(flight, leg)
     return np.interp(SHARES[1:], distance / distance[-1], flight.time[leg.rows])

@@ -1,4 +1,4 @@
-"""Sections of a report as HTML: tables of stages and of flown logs."""
+"""Sections of a report as HTML: tables of stages and of flight logs."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
 from airrace.records import record
 from airrace.results.attitude import path_axes
-from airrace.results.flight import BODY_ATTITUDE, Crossing, Flight
+from airrace.results.flight import BODY_ATTITUDE, Flight, TimedCrossing
 from airrace.results.legs import Leg, legs_of, passings_around
 from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point
@@ -58,7 +58,7 @@ class Clearance:
 
     @property
     def margin(self) -> float:
-        """The distance that is left beyond the required one, m; negative where that is not kept."""
+        """The distance that is left beyond the required one, m; negative where it is violated."""
         return self.distance - self.required
 
     @property
@@ -71,7 +71,7 @@ class Clearance:
 class Distance:
     """The distance from one thing all along a flight, m, shape (n,); NaN where it is not known.
 
-    `legs` are the numbers of the legs on which it has to be kept; None for all.
+    `legs` are the numbers of the legs on which it has to hold; None for all.
     """
 
     kind: str
@@ -121,7 +121,7 @@ def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearanc
 
     Args:
         flight: whose leg it is.
-        leg: a leg that was flown.
+        leg: a complete leg.
         known: what `distances` says of the flight.
     """
     found = [_least(flight, one, leg.rows) for one in known if one.legs is None or leg.number in one.legs]
@@ -157,8 +157,8 @@ def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance 
 
 
 def pylons(flight: Flight) -> Iterator[Distance]:
-    """Yield the distance of the wing from the pylons of every element, in the order first flown; none where the flight
-    knows its height nowhere.
+    """Yield the distance of the wing from the pylons of every element, in the order of first passings; none where the
+    flight knows its height nowhere.
     """
     elements = {one.element.name: one.element for one in flight.course.passages}
     posts = {name: element.drawing().posts for name, element in elements.items()}
@@ -208,9 +208,9 @@ class NearMiss:
     """
 
     clearance: Clearance
-    passing: Crossing | None
-    before: Crossing
-    after: Crossing
+    passing: TimedCrossing | None
+    before: TimedCrossing
+    after: TimedCrossing
 
     @property
     def where(self) -> str:

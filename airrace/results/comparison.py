@@ -1,6 +1,6 @@
 """Two flights of the same passings on one clock: the difference of time along the course, leg by leg, and its causes.
 
-Progress is the way flown, counted leg by leg: at a share `s` of a leg both flights have flown that share of their own
+Progress is the distance, counted leg by leg: at a share `s` of a leg both flights have covered that share of their own
 way through it. So the difference of time
 
     D(s) = t_other(s) - t_reference(s),        D(start) = 0,        D(finish) = difference of the race times
@@ -31,7 +31,7 @@ from airrace.trajectory import Array
 ROLLING = 1.0
 """The roll rate from which the aircraft is said to roll, rad/s."""
 DIFFERENCES_MAX = 4
-"""The greatest number of differences that are told of one leg."""
+"""The greatest number of differences that are reported of one leg."""
 
 
 @record
@@ -43,7 +43,7 @@ class Difference:
         reference, other: its values in the one and in the other flight.
         unit: of both.
         text: the difference in words, said of the other flight, e.g. "rolls 0.06 s later".
-        weight: the difference over the least that is worth telling; at least 1.
+        weight: the difference over the least that is reported; at least 1.
     """
 
     name: str
@@ -60,12 +60,12 @@ class Measure:
 
     Attributes:
         name: of the difference.
-        of: from a flight and its leg to the value; NaN where it cannot be told.
+        of: from a flight and its leg to the value; NaN where it is unknown.
         unit: of the value.
-        least: the smallest difference worth telling, in that unit.
+        least: the smallest difference that is reported, in that unit.
         more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference.
         digits: decimals of the difference in words.
-        most: a larger difference is not told: something else has been measured in the one flight than in the other.
+        most: a larger difference is not reported: something else has been measured in the one flight than in the other.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Measure:
 
 
 def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
-    """Return what the other flight does otherwise on a leg that both have flown, at most `DIFFERENCES_MAX`.
+    """Return what the other flight does otherwise on a leg that both completed, at most `DIFFERENCES_MAX`.
 
     The most telling difference comes first.
     """
@@ -203,7 +203,7 @@ TIE = 0.005
 Race times are certified to a few thousandths of a second (`race_time_change`).
 """
 SHARES = np.linspace(0.0, 1.0, 41)
-"""The shares of every leg at which the difference of time is told."""
+"""The shares of every leg at which the difference of time is given."""
 
 
 @record
@@ -261,7 +261,7 @@ class Comparison:
 
     Attributes:
         reference, other: the flights.
-        legs: in the order flown.
+        legs: in race order.
         progress: the difference of time along the course.
     """
 
@@ -287,7 +287,7 @@ class Comparison:
 
     @property
     def by_loss(self) -> tuple[LegComparison, ...]:
-        """The legs, first the one on which the other loses most; those that were not flown last."""
+        """The legs, first the one on which the other loses most; incomplete ones last."""
         return tuple(sorted(self.legs, key=lambda leg: math.inf if math.isnan(leg.difference) else -leg.difference))
 
     @property
@@ -310,12 +310,12 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
     for before, after in zip(legs_of(reference), legs_of(other), strict=True):
         so_far = (after.after.time - starts[1]) - (before.after.time - starts[0])
-        ways = [way(flight, leg) for flight, leg in ((reference, before), (other, after)) if leg.flown]
+        ways = [way(flight, leg) for flight, leg in ((reference, before), (other, after)) if leg.is_complete]
         lost, by_way, by_speed, found = np.full(len(SHARES), np.nan), math.nan, math.nan, ()
-        if before.flown and after.flown:
+        if before.is_complete and after.is_complete:
             mine, its = (
-                np.interp(SHARES, flown / flown[-1], flight.time[leg.rows])
-                for flown, flight, leg in zip(ways, (reference, other), (before, after), strict=True)
+                np.interp(SHARES, along / along[-1], flight.time[leg.rows])
+                for along, flight, leg in zip(ways, (reference, other), (before, after), strict=True)
             )
             lost = (its - starts[1]) - (mine - starts[0])
             (L, L_other), (t, t_other) = (float(one[-1]) for one in ways), (before.time, after.time)

@@ -1,7 +1,7 @@
 """The derivation of what follows from the given histories of a flight: heights, airspeeds, angles and attitudes.
 
 Each rule says what it needs and what it gives. A rule is followed where all it needs is there, and what a source has
-told itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
+stored itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -22,11 +22,11 @@ from airrace.results.flight import (
     GLOSSARY,
     PATH_ATTITUDE,
     Basis,
-    Crossing,
     Flight,
     Histories,
     History,
     Source,
+    TimedCrossing,
 )
 from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array
@@ -194,10 +194,12 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
     histories = complete_histories(race, given)
-    crossings: list[Crossing] = []
+    crossings: list[TimedCrossing] = []
     nodes = result.trajectory.first_node.tolist()
     for passage, node in zip(race.course.passages, nodes, strict=True):
         time = float(result.trajectory.time[node])
         row = int(np.searchsorted(read.time, time))
-        crossings.append(Crossing(passage, time, {name: float(one.values[row]) for name, one in histories.items()}))
+        crossings.append(
+            TimedCrossing(passage, time, {name: float(one.values[row]) for name, one in histories.items()})
+        )
     return Flight(race, source, read.time, histories, tuple(crossings))

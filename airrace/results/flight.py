@@ -88,8 +88,8 @@ ANGLES = frozenset({"chi", "mu", "psi", "phi", "longitude"})
 
 
 @record
-class Crossing:
-    """One passing of the course, as it was flown.
+class TimedCrossing:
+    """One passing of the course in a flight.
 
     Attributes:
         passage: what was passed; its name is unique over the race, its `lap` counts from 1.
@@ -177,11 +177,11 @@ class Flight:
     source: Source
     time: Array
     histories: Histories
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[TimedCrossing, ...]
 
     @property
     def course(self) -> Course:
-        """The course that is flown."""
+        """The course of the race."""
         return self.race.course
 
     @property
@@ -250,7 +250,7 @@ class Flight:
         """Return the same flight over other times.
 
         Histories are interpolated linearly, angles along the shorter way; the times of an optimum are so close that
-        positions are true to a few millimetres. Before the first and after the last time the ends are kept.
+        positions are true to a few millimetres. Before the first and after the last time the ends hold.
 
         Args:
             times: s after the start, rising, shape (m,).

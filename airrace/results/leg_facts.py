@@ -45,14 +45,14 @@ class LegFacts:
 
 
 def leg_facts(flight: Flight) -> tuple[LegFacts, ...]:
-    """Return the facts of all legs in order; the ranges of a leg that was not flown are NaN."""
+    """Return the facts of all legs in order; the ranges of an incomplete leg are NaN."""
     known, found = distances(flight), list[LegFacts]()
     for leg in legs_of(flight):
         n_z, height, V_K, V_A, V_I, roll = (
             _range(flight, leg, name) for name in ("n_z", "height", "V_K", "V_A", "V_I", "p_Kbar")
         )
         roll_rate, energies = max(-roll.least, roll.greatest), (leg.before.value("h_E"), leg.after.value("h_E"))
-        clearances = least(flight, leg, known) if leg.flown else ()
+        clearances = least(flight, leg, known) if leg.is_complete else ()
         found.append(LegFacts(leg, n_z, height, V_K, V_A, V_I, roll_rate, *energies, clearances))
     return tuple(found)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.records import record
-from airrace.results.flight import Crossing, Flight
+from airrace.results.flight import Flight, TimedCrossing
 from airrace.trajectory import Array
 
 
@@ -23,8 +23,8 @@ class Leg:
     """
 
     number: int
-    before: Crossing
-    after: Crossing
+    before: TimedCrossing
+    after: TimedCrossing
     rows: NDArray[np.int64]
 
     @property
@@ -43,7 +43,7 @@ class Leg:
         return self.after.time - self.before.time
 
     @property
-    def flown(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether both passings were made."""
         return math.isfinite(self.time)
 
@@ -67,7 +67,7 @@ class Lap:
 
 
 def legs_of(flight: Flight) -> tuple[Leg, ...]:
-    """Return all legs in order, also those that were not flown."""
+    """Return all legs in order, also incomplete ones."""
     pairs = itertools.pairwise(flight.crossings)
     return tuple(_leg(flight, number, *pair) for number, pair in enumerate(pairs, start=1))
 
@@ -78,7 +78,7 @@ def laps_of(flight: Flight) -> tuple[Lap, ...]:
     return tuple(Lap(number, tuple(legs)) for number, legs in grouped)
 
 
-def passings_around(flight: Flight, time: float) -> tuple[Crossing, Crossing]:
+def passings_around(flight: Flight, time: float) -> tuple[TimedCrossing, TimedCrossing]:
     """Return the passings between which a time (s) lies, of a flight that has made them all."""
     last = int(np.searchsorted([one.time for one in flight.crossings], time, "right")) - 1
     last = min(max(last, 0), len(flight.crossings) - 2)
@@ -86,12 +86,12 @@ def passings_around(flight: Flight, time: float) -> tuple[Crossing, Crossing]:
 
 
 def way(flight: Flight, leg: Leg) -> Array:
-    """Return the way flown from the beginning of a leg on, at its rows, m, shape (m,)."""
+    """Return the distance from the start of a leg, at its rows, m, shape (m,)."""
     places = np.stack([flight[name][leg.rows] for name in ("x", "y", "z")])
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=1), axis=0))])
 
 
-def _leg(flight: Flight, number: int, before: Crossing, after: Crossing) -> Leg:
+def _leg(flight: Flight, number: int, before: TimedCrossing, after: TimedCrossing) -> Leg:
     if not before.found or not after.found:
         return Leg(number, before, after, np.zeros(0, np.int64))
     first, end = np.searchsorted(flight.time, before.time), np.searchsorted(flight.time, after.time, "right")

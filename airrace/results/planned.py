@@ -24,7 +24,7 @@ from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.procedure.guess import SHORTEST_LEG, guess, leg_seconds
 from airrace.quantities import Quantity
 from airrace.results.clearances import Clearance, Distance, least, least_of_all, near_misses, pylons, surroundings
-from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Crossing, Flight, History, Source
+from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, History, Source, TimedCrossing
 from airrace.results.legs import Leg, legs_of
 from airrace.trajectory import Array
 
@@ -70,7 +70,7 @@ def planned_flight(race: Race) -> Flight:
         for name, values in zip(_NAMES, columns, strict=True)
     }
     crossings = tuple(
-        Crossing(passage, float(time[node]), {name: float(one.values[node]) for name, one in histories.items()})
+        TimedCrossing(passage, float(time[node]), {name: float(one.values[node]) for name, one in histories.items()})
         for passage, node in zip(race.course.passages, nodes, strict=True)
     )
     return Flight(race, Source("plan", remark=PLANNED), time, histories, crossings)
@@ -129,7 +129,7 @@ def plan_clearances(planned: Flight) -> tuple[Clearance, ...]:
 
 
 def remarks_on_line(planned: Flight) -> list[Remark]:
-    """Return all remarks, leg by leg; a leg that is flown several times is remarked on once.
+    """Return all remarks, leg by leg; a leg that occurs several times is remarked on once.
 
     Args:
         planned: of `planned_flight`.
@@ -156,7 +156,7 @@ def remarks_on_line(planned: Flight) -> list[Remark]:
 
 
 def _describe(planned: Flight, leg: Leg, nearest: Clearance, crowd: Clearance | None) -> str:
-    """Return what is wrong with a least distance on a leg, in words; nothing where it is kept.
+    """Return what is wrong with a least distance on a leg, in words; nothing where it holds.
 
     Args:
         planned, leg: the leg of the planned flight.
@@ -167,17 +167,17 @@ def _describe(planned: Flight, leg: Leg, nearest: Clearance, crowd: Clearance | 
     is_near = nearest.margin < -ROUNDING
     match nearest.kind:
         case "crowd" if nearest.margin < 0.0 and _overflies(planned, leg, name):
-            return f"leads over `{name}`; {required:.0f} m are to be kept"
+            return f"leads over `{name}`; {required:.0f} m are required"
         case "crowd" if is_near:
-            return f"comes within {away:.0f} m of `{name}`; {required:.0f} m are to be kept"
+            return f"comes within {away:.0f} m of `{name}`; {required:.0f} m are required"
         case "zone" if is_near and crowd is not None and crowd.margin >= 0.0:
             return f"leads through the zone of `{name}`; only its height keeps it {required:.0f} m away"
         case "safety line" if away < -ROUNDING:
-            return f"crosses the safety line `{name}` by {-away:.0f} m; the race has to be flown otherwise there"
+            return f"crosses the safety line `{name}` by {-away:.0f} m; the race needs another route there"
         case "safety line" if is_near:
-            return f"comes within {away:.0f} m of the safety line `{name}`; {required:.0f} m are to be kept"
+            return f"comes within {away:.0f} m of the safety line `{name}`; {required:.0f} m are required"
         case "airspace" if is_near:
-            return f"leaves the airspace by {-away:.0f} m; the race has to be flown otherwise there"
+            return f"leaves the airspace by {-away:.0f} m; the race needs another route there"
         case _:
             return ""
 

@@ -1,1 +1,1 @@
-"""Runs: new, opened, resumed, flown and saved; their object for JSON; which stages still stand; how they end."""
+"""Runs: new, opened, resumed, solved and saved; their object for JSON; which stages still stand; how they end."""

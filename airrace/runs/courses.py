@@ -1,4 +1,4 @@
-"""Courses before they are flown: those that come along, a new file to begin with, and the check of a course."""
+"""Courses before the race: those that come along, a new file to begin with, and the check of a course."""
 
 from dataclasses import asdict, dataclass
 from functools import cached_property

@@ -26,13 +26,13 @@ PATIENCE = 0.1
 
 @contextmanager
 def run_lock(path: Path | None) -> Generator[None, None, None]:
-    """Hold the lock of a run's file while it is flown.
+    """Hold the lock of a run's file while it is solved.
 
     It lies beside the file, for that is replaced after every stage. The system releases it when this process ends in
     any way; where the folder takes no files, or knows no locks, there is nothing to hold.
 
     Args:
-        path: the checkpoint; None for a run that is kept in memory alone.
+        path: the checkpoint; None for a run that is held in memory alone.
 
     Raises:
         UsageError: another process holds it.
@@ -75,14 +75,14 @@ def file_lock(lock: Path) -> Generator[bool, None, None]:
 def execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[RunState]:
-    """Fly the stages that are not kept; yield the run after each, written to its file if it has one.
+    """Fly the stages that are not reused; yield the run after each, written to its file if it has one.
 
     The file is written before anything is computed, too: whatever ends the run, it can be resumed.
 
     Args:
         plan: what is to be computed.
         threads: threads that evaluate derivatives.
-        timeout: the longest wall time of what is flown, s; None for none.
+        timeout: the longest wall time of the stages, s; None for none.
         progress: who watches.
     """
     return (run for run, _ in _execute(plan, threads=threads, timeout=timeout, progress=progress))
@@ -91,7 +91,7 @@ def execute(
 def _execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[tuple[RunState, StageResult]]:
-    """Return the run after each stage that was flown, or proved, and that stage."""
+    """Return the run after each stage that was solved, or checked, and that stage."""
     if timeout is not None and not timeout > 0.0:
         raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
     with run_lock(plan.run.path):
@@ -102,7 +102,7 @@ def _execute_locked(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[tuple[RunState, StageResult]]:
     run, start = plan.run, plan.start
-    kept = {result.stage for result in plan.reused}
+    reused = {result.stage for result in plan.reused}
     _store(run)
     for result in procedure.optimize(
         run.inputs.race,
@@ -115,22 +115,22 @@ def _execute_locked(
         timeout=timeout,
         progress=progress,
     ):
-        run = run.with_mesh_check(result) if result.stage in kept else run.with_stage(result)
+        run = run.with_mesh_check(result) if result.stage in reused else run.with_stage(result)
         _store(run, {one.stage for one in run.results} - {result.stage})
-        progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
+        progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
         yield run, result
 
 
 def execute_for_command(
     answer: CommandResult, plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Sequence[StageResult]:
-    """Fly the stages that are not kept, and fill in the answer's object, exit code and sentence.
+    """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence.
 
     Args:
         answer: what the command has to say.
         plan: what is to be computed.
         threads: threads that evaluate derivatives.
-        timeout: the longest wall time of what is flown, s; None for none.
+        timeout: the longest wall time of the stages, s; None for none.
         progress: who watches.
 
     Raises:

@@ -1,6 +1,6 @@
 """Flights by the names that every command takes: opened, exported, reported.
 
-`RUN.h5` is the last stage of a run, `RUN.h5:STAGE` another one, `FLOWN.h5` an imported log, and `LOG.csv` a log itself.
+`RUN.h5` is the last stage of a run, `RUN.h5:STAGE` another one, `LOG.h5` an imported log, and `LOG.csv` a log itself.
 """
 
 import math
@@ -28,11 +28,11 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flig
     """Return the flights of these names, each with a label of its own.
 
     Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
-    flights or a stage was named. A log that is not imported yet is flown through the course of the first file that has
+    flights or a stage was named. A log that is not imported yet is aligned with the course of the first file that has
     one.
 
     Args:
-        texts: `RUN.h5`, `RUN.h5:STAGE`, a flown log `FLOWN.h5`, or a log itself each.
+        texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
 
     Raises:
@@ -41,8 +41,8 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flig
         UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
     """
     names = [FlightName.of(text) for text in texts]
-    kept = {name.path: open_file(name.path) for name in names if not _is_log(name)}
-    sources = [_source(name, kept, stage) for name in names]
+    opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
+    sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
     return [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
@@ -53,37 +53,37 @@ def open_flight(text: str, *, stage: str | None = None) -> Flight:
 
 
 def open_file(path: Path) -> RunState | LogView:
-    """Return the run or the flown log in a file; errors as of `open_flights`."""
+    """Return the run or the flight log in a file; errors as of `open_flights`."""
     stored = read_stored(path)
     return open_log(stored) if isinstance(stored, LogCheckpoint) else ensure_readable(run_of_checkpoint(stored, path))
 
 
-def source_of(kept: RunState | LogView, stage: str | None) -> StageView | LogView:
-    """Return the stage of a run, None for its last one, or a flown log, which has no stages.
+def source_of(opened: RunState | LogView, stage: str | None) -> StageView | LogView:
+    """Return the stage of a run, None for its last one, or a flight log, which has no stages.
 
     Raises:
         UsageError: there is no such stage.
     """
-    if isinstance(kept, RunState):
-        return kept.stage(stage)
+    if isinstance(opened, RunState):
+        return opened.stage(stage)
     if stage is not None:
-        raise UsageError(f"a flown log has no stages; leave `{stage}` out")
-    return kept
+        raise UsageError(f"a flight log has no stages; leave `{stage}` out")
+    return opened
 
 
 def _is_log(name: FlightName) -> bool:
     return name.stage is None and is_log(name.path)
 
 
-def _source(name: FlightName, kept: Mapping[Path, RunState | LogView], stage: str | None) -> StageView | LogView:
+def _source(name: FlightName, opened: Mapping[Path, RunState | LogView], stage: str | None) -> StageView | LogView:
     if not _is_log(name):
-        one = kept[name.path]
+        one = opened[name.path]
         return source_of(one, name.stage or (stage if isinstance(one, RunState) else None))
-    if not kept:
+    if not opened:
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
         )
-    return fly_log_through(name.path, next(iter(kept.values())).inputs)
+    return fly_log_through(name.path, next(iter(opened.values())).inputs)
 
 
 def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
@@ -185,7 +185,7 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensiti
     """Return the page as text.
 
     Args:
-        names: `RUN.h5`, `RUN.h5:STAGE` or a flown log each; the report is about the first of them, the others fly
+        names: `RUN.h5`, `RUN.h5:STAGE` or a flight log each; the report is about the first of them, the others fly
             beside it.
         stage: for those that name none; None for the last one of the run.
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
@@ -199,27 +199,27 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensiti
     from airrace.report.flight_page import flight_page
 
     first = FlightName.of(names[0])
-    kept = open_file(first.path)
+    opened = open_file(first.path)
     flights = open_flights(names, stage=stage)
-    if isinstance(kept, LogView):
+    if isinstance(opened, LogView):
         if sensitivities:
-            raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
-        return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}")
-    flown = kept.stage(first.stage or stage)
-    sections = stage_sections(flown, explored_stage(kept, flown), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(flown))
+            raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
+        return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}")
+    view = opened.stage(first.stage or stage)
+    sections = stage_sections(view, explored_stage(opened, view), sensitivities=sensitivities)
+    return flight_page(flights, sections, footer_of(view))
 
 
-def log_sections(flown: LogView) -> list[str]:
-    """Return what a flown log knows besides its flight: passings that break rules, remarks, inputs."""
+def log_sections(view: LogView) -> list[str]:
+    """Return what a flight log knows besides its flight: passings that break rules, remarks, inputs."""
     from airrace.report.sections import inputs_section, recording_section, violations_section
 
-    log = flown.recorded.log
-    told = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
+    log = view.recorded.log
+    facts = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
     return [
-        violations_section(flown.violations, flown.penalty),
-        recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
-        inputs_section(flown.inputs, [], flown.recorded.versions),
+        violations_section(view.violations, view.penalty),
+        recording_section([*facts, ("start", f"{log.offset:.3f} s after the first sample")], view.remarks),
+        inputs_section(view.inputs, [], view.recorded.versions),
     ]
 
 
@@ -231,28 +231,28 @@ def report_page(
     """
     from airrace.report.flight_page import flight_page
 
-    flown = run.stage(stage)
-    flights = [flown.flight(), *open_flights(others)]
-    sections = stage_sections(flown, explored_stage(run, flown), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(flown))
+    view = run.stage(stage)
+    flights = [view.flight(), *open_flights(others)]
+    sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
+    return flight_page(flights, sections, footer_of(view))
 
 
-def explored_stage(run: RunState, flown: StageView) -> StageView:
+def explored_stage(run: RunState, view: StageView) -> StageView:
     """Return the stage that tried the routes from which a stage was climbed: itself, or the last one before it
     that tried any; itself where none did.
     """
     names = [one.name for one in run]
-    before = run.stages[: names.index(flown.name) + 1]
-    return next((one for one in reversed(before) if one.result.search.routes), flown)
+    before = run.stages[: names.index(view.name) + 1]
+    return next((one for one in reversed(before) if one.result.search.routes), view)
 
 
-def stage_sections(flown: StageView, explored: StageView | None = None, *, sensitivities: bool = False) -> list[str]:
+def stage_sections(view: StageView, explored: StageView | None = None, *, sensitivities: bool = False) -> list[str]:
     """Return what a run knows of a stage: routes that were tried, sensitivities, certificate, inputs.
 
     Each is HTML, and empty where there is nothing to tell.
 
     Args:
-        flown: the stage.
+        view: the stage.
         explored: the stage before it that tried routes; None for itself.
         sensitivities: whether sensitivities are computed and shown.
 
@@ -261,16 +261,16 @@ def stage_sections(flown: StageView, explored: StageView | None = None, *, sensi
     """
     from airrace.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
 
-    result = flown.result
+    result = view.result
     solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
     return [
-        search_section((explored or flown).result),
-        sensitivities_section(flown.sensitivities() if sensitivities else None),
-        certificate_section(flown.certificate),
-        inputs_section(flown.inputs, [("stage", solved)], flown.versions),
+        search_section((explored or view).result),
+        sensitivities_section(view.sensitivities() if sensitivities else None),
+        certificate_section(view.certificate),
+        inputs_section(view.inputs, [("stage", solved)], view.versions),
     ]
 
 
-def footer_of(flown: StageView) -> str:
+def footer_of(view: StageView) -> str:
     """Return a line that says which airrace has computed a stage, and what users should know of it."""
-    return "; ".join(text for text in (f"airrace {flown.versions['airrace']}", flown.message, flown.stale) if text)
+    return "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)

@@ -1,4 +1,4 @@
-"""Runs, stages, legs, flown logs and comparisons as objects for JSON: SI units and radians, null if not finite."""
+"""Runs, stages, legs, flight logs and comparisons as objects for JSON: SI units and radians, null if not finite."""
 
 import itertools
 import math
@@ -229,9 +229,9 @@ def _clearance(one: Clearance) -> dict[str, object]:
     }
 
 
-def log_object(flown: "LogView") -> dict[str, object]:
+def log_object(view: "LogView") -> dict[str, object]:
     """Return race time, passings, violations, legs and remarks; SI units and radians, violations in their own units."""
-    flight, log = flown.flight(), flown.recorded.log
+    flight, log = view.flight(), view.recorded.log
     return {
         "flown": True,
         "track": flight.course.name,
@@ -241,24 +241,24 @@ def log_object(flown: "LogView") -> dict[str, object]:
         "begins": log.begins or None,
         "start_in_log_s": log.offset,
         "race_time_s": finite(flight.race_time),
-        "penalty_s": finite(flown.penalty),
-        "race_over": math.isinf(flown.penalty),
+        "penalty_s": finite(view.penalty),
+        "race_over": math.isinf(view.penalty),
         "passings": _passings(flight),
-        "violations": [_violation_object(one) for one in flown.violations],
+        "violations": [_violation_object(one) for one in view.violations],
         **legs_object(flight),
         "histories": {name: one.basis.value for name, one in flight.histories.items()},
-        "remarks": list(flown.remarks),
+        "remarks": list(view.remarks),
     }
 
 
 def _passings(flight: Flight) -> list[dict[str, object]]:
-    told = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
+    names = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
     return [
         {
             "passing": one.name,
             "lap": one.lap,
             "time_s": finite(one.time),
-            **{name: finite(one.value(name)) for name in told},
+            **{name: finite(one.value(name)) for name in names},
         }
         for one in flight.crossings
     ]
@@ -280,7 +280,7 @@ def _violation_object(one: Violation) -> dict[str, object]:
 
 
 def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
-    """Return what `airrace compare --json` prints: seconds, metres; legs in the order flown."""
+    """Return what `airrace compare --json` prints: seconds, metres; legs in race order."""
     return {
         "tie_s": TIE,
         "reference": flight_object(reference),

@@ -1,4 +1,4 @@
-"""A flown log: the flight that was made of it, and what it would be penalised for."""
+"""A flight log: the flight that was made of it, and what it would be penalised for."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from airrace.export.csv import export_flight_csv
 from airrace.inputs import Inputs, inputs_from_documents
 from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
-from airrace.results import Basis, Crossing, Flight, History, Source
+from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.runs.output import write_or_return
 from airrace.runs.run import document_of, library_versions, stored_inputs
 from airrace.runs.stage_view import Splits
@@ -30,7 +30,7 @@ RATES = 1e-3, 1e4
 
 @dataclass(frozen=True, eq=False)
 class LogView:
-    """A log that was flown through a course.
+    """A log of a flight through a course.
 
     Attributes:
         inputs: course, aircraft and air, as they were given.
@@ -68,15 +68,15 @@ class LogView:
         stored, race = self.recorded, self.inputs.race
         names = [passage.name for passage in race.course.passages]
         if [one.passing for one in stored.passings] != names:
-            raise CheckpointError("the flown log is damaged: its passings are not those of its course")
+            raise CheckpointError("the flight log is damaged: its passings are not those of its course")
         histories = {one.quantity.name: History(one.quantity, one.values, Basis(one.basis)) for one in stored.histories}
-        crossings: list[Crossing] = []
+        crossings: list[TimedCrossing] = []
         for passage, passing in zip(race.course.passages, stored.passings, strict=True):
             values: dict[str, float] = {}
             if math.isfinite(passing.time):
                 row = min(int(np.searchsorted(stored.time, passing.time - 1e-9)), len(stored.time) - 1)
                 values = {name: float(one.values[row]) for name, one in histories.items()}
-            crossings.append(Crossing(passage, passing.time, values))
+            crossings.append(TimedCrossing(passage, passing.time, values))
         source = Source(
             label or stored.label, version=stored.versions.get("airrace", ""), remark=" ".join(self.remarks)
         )
@@ -134,9 +134,9 @@ class LogView:
         write_log(Path(path), self.recorded)
 
 
-def new_log_view(inputs: Inputs, flown: "LogFlight") -> LogView:
-    """Return a flown log that is stored nowhere yet."""
-    flight, log = flown.flight, flown.recording
+def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
+    """Return a flight log that is stored nowhere yet."""
+    flight, log = log_flight.flight, log_flight.recording
     recorded = LogCheckpoint(
         inputs=stored_inputs(inputs),
         versions=library_versions(),
@@ -144,23 +144,23 @@ def new_log_view(inputs: Inputs, flown: "LogFlight") -> LogView:
             path=log.path,
             format=log.format,
             begins="" if log.begins is None else log.begins.isoformat(),
-            offset=flown.offset,
+            offset=log_flight.offset,
             time=log.time,
             lines=log.lines,
             columns=log.columns,
-            remarks=flown.remarks,
+            remarks=log_flight.remarks,
         ),
         time=flight.time,
         histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
         passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
-        violations=flown.violations,
+        violations=log_flight.violations,
         label=flight.label,
     )
     return LogView(inputs, recorded)
 
 
 def open_log(recorded: LogCheckpoint) -> LogView:
-    """Return a flown log that was read from its file; its inputs are understood anew from their stored texts.
+    """Return a flight log that was read from its file; its inputs are understood anew from their stored texts.
 
     Raises:
         InputError: this version of airrace no longer accepts them.
@@ -191,7 +191,7 @@ def fly_log_through(
     from airrace.logs.reading import read_log
 
     recording = read_log(log, layout, aircraft=name)
-    flown = flight_from_log(
+    log_flight = flight_from_log(
         recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run
     )
-    return new_log_view(inputs, flown)
+    return new_log_view(inputs, log_flight)

@@ -115,7 +115,7 @@ def _files(source: Source) -> set[Path | int]:
 
 
 def default_output_path(source: str | Path, suffix: str) -> Path:
-    """Return where a command writes that makes a file of a file and is told no other name: beside it, with its stem.
+    """Return where a command writes that makes a file of a file and is given no other name: beside it, with its stem.
 
     What is made of stdin goes to stdout.
 

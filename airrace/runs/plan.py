@@ -1,4 +1,4 @@
-"""The plan of a run: which stages are computed, kept or checked on a second mesh; of a new run or of a stored one."""
+"""The plan of a run: which stages are computed, reused or checked on a second mesh; of a new run or of a stored one."""
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ from airrace.runs.stage_view import StageView
 logger = logging.getLogger(__name__)
 
 MESH_CHECK = "settings.mesh_check="
-"""The beginning of an override that says which stages have a mesh check."""
+"""The prefix of an override that says which stages have a mesh check."""
 
 
 @record
@@ -44,8 +44,8 @@ class PlannedStage:
 
     Attributes:
         stage: which one.
-        reason: why it runs, a clause for the user; empty where it is kept.
-        unchecked: why it is kept but checked on a second mesh first, a clause; empty where it is not.
+        reason: why it runs, a clause for the user; empty where it is reused.
+        unchecked: why it is reused but checked on a second mesh first, a clause; empty where it is not.
     """
 
     stage: Stage
@@ -88,7 +88,7 @@ class ExecutionPlan:
         return replace(self, run=replace(self.run, sign=sign))
 
     def compare(self, results: Sequence[StageResult]) -> Comparison | None:
-        """Hold what was flown against the run that it started from; None where it has none, or none in common."""
+        """Compare the flight with that of the run that it started from; None where it has none, or none in common."""
         if self.start is None:
             return None
         before, after = (
@@ -99,7 +99,7 @@ class ExecutionPlan:
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """The stages of the run up to the last, those that are kept as well."""
+        """The stages of the run up to the last, reused ones as well."""
         if self.steps:
             return tuple(step.stage for step in self.steps)
         without_homotopy = self.run.inputs.settings.guess is GuessKind.PLAN
@@ -199,7 +199,7 @@ def plan_new_run(
     Args:
         inputs: course, aircraft, air and settings.
         until: the last stage; None for the last one there is.
-        path: the checkpoint to be written; None for a run that is kept in memory alone.
+        path: the checkpoint to be written; None for a run that is held in memory alone.
         start: another run, or its file, whose highest stage that holds is started from.
 
     Raises:
@@ -226,7 +226,7 @@ def plan_changed_run(
         before: the run that exists.
         changes: what is otherwise.
         until: the last stage; None for the last one that the other run holds.
-        path: the checkpoint to be written; None for a run that is kept in memory alone.
+        path: the checkpoint to be written; None for a run that is held in memory alone.
 
     Raises:
         InputError: the changed inputs are not valid; it carries all findings.
@@ -268,7 +268,7 @@ def plan_resumed_run(
 ) -> ExecutionPlan:
     """Return what is left of a run: the stages after the last one that still stands, and mesh checks to be completed.
 
-    A stage that follows one that runs, runs, too. One that was solved on one mesh is kept, and checked on a second
+    A stage that follows one that runs, runs, too. One that was solved on one mesh is reused, and checked on a second
     one if it is the last one or if all are to be.
 
     Args:
@@ -346,5 +346,5 @@ def _unfit(result: StageResult) -> str:
 
 
 def step_lines(steps: Sequence[PlannedStage]) -> Iterator[str]:
-    """Yield one line per stage that says whether it is run, checked or kept."""
+    """Yield one line per stage that says whether it is run, checked or reused."""
     return map(str, steps)

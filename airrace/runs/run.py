@@ -42,14 +42,14 @@ from airrace.views.plain_text import one_line
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunState:
-    """A race that is flown stage by stage: what was asked for, and the stages that are finished.
+    """A race that is solved stage by stage: what was asked for, and the stages that are finished.
 
     It is a value: what continues or changes it returns another one.
 
     Attributes:
         inputs: course, aircraft, air and settings, with the documents that they come from.
         checkpoint: what a file holds of the run.
-        path: its file, which is renewed after every stage; None for a run that is kept in memory alone.
+        path: its file, which is renewed after every stage; None for a run that is held in memory alone.
         sign: signs whatever file it is written into; None for files without a signature.
     """
 
@@ -225,7 +225,7 @@ def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
 
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:
-    """Return the inputs as runs and flown logs store them."""
+    """Return the inputs as runs and flight logs store them."""
     return StoredInputs(
         track=_stored(inputs.track),
         aircraft=_stored(inputs.aircraft),
@@ -322,7 +322,7 @@ def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[s
 
     Args:
         inputs: of the run.
-        results: its stages as they may be told, in order.
+        results: its stages as they may be reported, in order.
     """
     stages = [stage_object(result) for result in results]
     for result, stage in zip(reversed(results), reversed(stages), strict=True):

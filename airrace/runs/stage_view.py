@@ -283,7 +283,7 @@ class StageView:
 
     @property
     def message(self) -> str:
-        """A sentence on what users should know, such as the limit that cannot be kept; often empty."""
+        """A sentence on what users should know, such as the limit that cannot be met; often empty."""
         return self.result.remarks
 
     @property
@@ -337,7 +337,7 @@ class StageView:
 
         Raises:
             UsageError: the stage found no flight.
-            CheckpointError: what follows from its histories has no bounds, so nobody can have flown it.
+            CheckpointError: what follows from its histories has no bounds, so no aircraft can fly it.
         """
         if not self.result.is_flight:
             raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
@@ -407,7 +407,7 @@ class StageView:
     def sensitivities(self, by: str | None = None) -> Sensitivities:
         """Return the sensitivity of the race time to every number of the inputs, in seconds per unit (shadow prices).
 
-        Nothing is solved again. The dearest numbers come first.
+        Nothing is solved again. The costliest numbers come first.
 
         Args:
             by: only the numbers of `track`, `aircraft`, `rules` or `environment`.
@@ -481,7 +481,7 @@ def is_certified(results: Sequence[StageResult]) -> bool:
 
 
 def downgrade_stale(result: StageResult, stale: str) -> StageResult:
-    """Return a stage as it may be told: one that no longer stands is not certified, and says why.
+    """Return a stage as it may be reported: one that no longer stands is not certified, and says why.
 
     Args:
         result: as stored.

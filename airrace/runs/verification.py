@@ -30,7 +30,7 @@ ROUNDED = 1e-6
 less. Meshes are stored as times, so the fractions of their phases come back rounded; measured: 3e-8."""
 INTEGRATED = 1e-3
 """The largest difference between two measurements of one flight, as a fraction of the value. An integrator may choose
-another step on another machine; on one machine the largest difference was 3e-8."""
+another step on another computer; on one computer the largest difference was 3e-8."""
 NOTHING = 1e-6
 """The share of an item's limit below which a value is nothing but rounding."""
 SOLVED_AGAIN = 2e-2
@@ -39,7 +39,7 @@ SOLVED_AGAIN = 2e-2
 Optima that are found from different starts, all within the solver's tolerance, differ by what an interior point method
 leaves of its barrier. Measured: 7e-7 s on a course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
 """
-TOLD = 4
+CLAUSES_MAX = 4
 """The number of discrepancies that a sentence tells one by one."""
 
 
@@ -63,9 +63,9 @@ def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
 
 
 def in_one_sentence(clauses: Sequence[str]) -> str:
-    """Return clauses as one; of many only the first are told."""
-    told, more = "; ".join(clauses[:TOLD]), len(clauses) - TOLD
-    return f"{told}; and {more} more" if more > 0 else told
+    """Return clauses as one; of many only the first are listed."""
+    first, more = "; ".join(clauses[:CLAUSES_MAX]), len(clauses) - CLAUSES_MAX
+    return f"{first}; and {more} more" if more > 0 else first
 
 
 def _flight(stored: StageResult, again: StageResult) -> Iterator[str]:
@@ -109,8 +109,8 @@ def _numbers(stored: StageResult, again: StageResult) -> Iterator[str]:
     largest = float(np.abs(measured).max(initial=1.0))
     yield from _series("simple bounds, multiplier", pressure, measured, ROUNDED * largest)
     for name in ("defect", "drift"):
-        told, found = getattr(stored.mesh, name), getattr(again.mesh, name)
-        yield from _series(f"mesh, {name}", told, found, INTEGRATED * float(np.abs(found).max(initial=0.0)))
+        before, found = getattr(stored.mesh, name), getattr(again.mesh, name)
+        yield from _series(f"mesh, {name}", before, found, INTEGRATED * float(np.abs(found).max(initial=0.0)))
 
 
 def _series(what: str, stored: Array, again: Array, tolerance: float) -> Iterator[str]:
@@ -142,8 +142,8 @@ def _item(mine: Item, its: Item) -> Iterator[str]:
         yield _two(f"certificate, limit of {its.name}", mine.limit, its.limit)
     elsewhere = mine.where != its.where and (its.value > nothing or its.limit == 0.0)
     if mine.unit != its.unit or elsewhere:
-        told, found = (" ".join((one.unit, one.where)).strip() or "nothing" for one in (mine, its))
-        yield f"certificate, unit and place of {its.name}: {told} is stored, {found} was measured"
+        before, found = (" ".join((one.unit, one.where)).strip() or "nothing" for one in (mine, its))
+        yield f"certificate, unit and place of {its.name}: {before} is stored, {found} was measured"
 
 
 def _two(name: str, stored: float, measured: float) -> str:
@@ -243,7 +243,7 @@ def _routes(explored: SearchReport) -> Iterator[str]:
     best = explored.routes[0].race_time
     differences = [route.race_time - route.difference - best for route in explored.routes]
     if not all(abs(one) <= SUM_ROUNDED * max(1.0, best) for one in differences):
-        yield "the routes that were tried differ from the best by other times than are told"
+        yield "the routes that were tried differ from the best by other times than are stored"
     later = [route.difference for route in explored.routes[1:]]
     if any(after < before for before, after in itertools.pairwise(later)):
         yield "the routes that were tried are out of order"

@@ -196,7 +196,7 @@ class LagrangianSensitivity:
     def _gather_bounds(self, layout: Layout, places: list[Place], nu: Array, weak: Array) -> None:
         """Gather the multipliers of the bounds of states and controls.
 
-        Those of the durations come from the plan, which is kept.
+        Those of the durations come from the plan, which is fixed.
         """
         for node, component in np.argwhere(nu[layout.state_index] != 0.0).tolist():
             at = layout.state_index[node, component]
@@ -296,7 +296,7 @@ def sensitivities(
     """Return the sensitivity to every number that `--set` reaches, from the stored multipliers.
 
     Nothing is solved again. It is the derivative of the stage's objective (race time and regularisation, whose weights
-    are kept) on the stored mesh, along the stored route. Sensitivities are sorted by what a usual step costs, the
+    are fixed) on the stored mesh, along the stored route. Sensitivities are sorted by what a usual step costs, the
     largest first. A number that cannot be changed alone without changing the problem's structure is left out.
 
     Args:

@@ -1,4 +1,4 @@
-"""The course: its elements in the order in which they are flown, the rules between them, and what it keeps clear of."""
+"""The course: its elements in their order, the rules between them, and what it keeps clear of."""
 
 import math
 from enum import Enum
@@ -16,7 +16,7 @@ class SafetyLine:
     Attributes:
         start, end: two points of it; they give it a direction.
         keep_right: whether the flight stays to the right of it (as seen along its direction), else to the left.
-        margin: distance to be kept from it, m.
+        margin: required distance from it, m.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Turning(Enum):
 
 @record
 class Roll:
-    """A roll on a line: flown on the leg that ends with the passage that carries it.
+    """A roll on a line: on the leg that ends with the passage that carries it.
 
     Attributes:
         angle: least angle of the roll, rad.
@@ -101,7 +101,7 @@ class Passage:
         lap: counts from 1.
         speed: allowed kinematic speed, m/s (the start's speed limit).
         safety_lines: lines not to be crossed on the leg that ends here.
-        roll: a roll to be flown on the leg that ends here; None for none.
+        roll: a roll on the leg that ends here; None for none.
     """
 
     name: str
@@ -153,8 +153,8 @@ class Course:
     """A race: at least two passages, the first is the start, the last the finish.
 
     Attributes:
-        crowd: where people are; their distance is kept all along the flight.
-        airspace: corners of the convex area within which the race is flown, in order; empty where it has no bounds.
+        crowd: where people are; their distance applies all along the flight.
+        airspace: corners of the convex area of the race, in order; empty where it has no bounds.
         start_state, finish_state: how the aircraft flies when the clock starts and when it stops.
     """
 

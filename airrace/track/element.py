@@ -18,7 +18,7 @@ from airrace.track.polygons import Point
 
 
 class Direction(Enum):
-    """A direction in which a gate is flown; `PLANNED` is the one that makes the shorter race."""
+    """A direction in which a gate is passed; `PLANNED` is the one that makes the shorter race."""
 
     FORWARD = "forward"
     REVERSE = "reverse"
@@ -114,8 +114,8 @@ class Drawing:
 class Element(ABC):
     """A thing to be passed; `name` is unique on the course.
 
-    `stands`: whether it stands at a place and a height, rather than being an attitude that is flown somewhere.
-    `directed`: whether it can be flown forward or in reverse.
+    `stands`: whether it stands at a place and a height, rather than being an attitude at a free place.
+    `directed`: whether it can be passed forward or in reverse.
     """
 
     name: str
@@ -188,7 +188,7 @@ class Element(ABC):
 
     @property
     def two_edged(self) -> bool:
-        """Whether the prescribed bank may be flown to either side."""
+        """Whether the prescribed bank may be to either side."""
         return False
 
     @property
@@ -202,7 +202,7 @@ class Element(ABC):
         return False
 
     def course(self, direction: Direction) -> float | None:
-        """Return the course along its axis when flown in a direction; None if it is free or still to be planned."""
+        """Return the course along its axis when passed in a direction; None if it is free or still to be planned."""
         if not self.directed or self.axis is None or direction is Direction.PLANNED:
             return None
         return self.axis + (math.pi if direction is Direction.REVERSE else 0.0)
@@ -214,7 +214,7 @@ class Element(ABC):
         """Return the ways in which it may be crossed.
 
         Args:
-            direction: which way it is flown.
+            direction: which way it is passed.
             reference: a heading from which free courses are counted.
             rolling: whether a roll ends here.
         """
@@ -244,7 +244,7 @@ class Element(ABC):
     def parameters(self) -> Sequence[Parameter[Any]]:
         """Return the numbers of its passing that may be relaxed, by their keys in the entry; an element is the model.
 
-        Where a course cannot be flown, they are tried one by one (`airrace.procedure.infeasibility`).
+        Where a course is infeasible, they are tried one by one (`airrace.procedure.infeasibility`).
         """
         return ()
 

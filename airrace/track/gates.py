@@ -113,16 +113,16 @@ GATE_COURSES = 6
 
 @record
 class Gate(Tolerant):
-    """Two pylons, flown between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
+    """Two pylons, passed between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
 
     Attributes:
         name: unique on the course.
         north, east: centre, m.
         height: nominal height of the passing (exact with `Passing.POINT`), m.
-        heading: direction of the axis when flown forward, rad.
+        heading: direction of the axis in forward direction, rad.
         width: distance between the pylons, m.
         bank: prescribed kinematic bank angle, rad (+pi/2: right wing down).
-        either_bank: a knife-edge gate that may be flown on either wing.
+        either_bank: a knife-edge gate that allows either wing down.
     """
 
     name: str
@@ -155,7 +155,7 @@ class Gate(Tolerant):
         return self.either_bank
 
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
-        """Return courses around the axis, flown forward, in reverse or either way."""
+        """Return courses around the axis, forward, in reverse or either way."""
         forward = [self.heading] if direction is not Direction.REVERSE else []
         reverse = [self.heading + math.pi] if direction is not Direction.FORWARD else []
         return [

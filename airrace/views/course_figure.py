@@ -105,7 +105,7 @@ def _joint(lines: Iterable[Array]) -> Array:
 
 
 def _draw_elements(axes: Axes, map_: MapModel, frame: Box) -> None:
-    """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places.
+    """Draw to scale gates, with an arrow for every course; then pylons and mere places.
 
     Elements that look alike share an entry of the legend.
     """

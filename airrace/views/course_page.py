@@ -40,7 +40,7 @@ class CourseRow:
 
 
 def rows(race: Race) -> list[CourseRow]:
-    """Return one row per passage, in the order flown."""
+    """Return one row per passage, in race order."""
     passages = race.course.passages
     lines: list[tuple[float, float] | None] = [None]  # length and direction of the straight line to each passage
     for a, b in pairwise(passage.element.place for passage in passages):

@@ -78,7 +78,7 @@ def _race_time(flight: Flight) -> str:
 
 
 def _draw_plan(axes: Axes, flight: Flight) -> tuple[MapModel, Any]:
-    """Draw the map with the line flown in the place of the planned tracks; return both."""
+    """Draw the map with the flight path in the place of the planned tracks; return both."""
     map_ = map_model(flight.race).with_track(np.stack([flight["x"], flight["y"]], axis=1))
     draw_map(axes, map_, frame_of(map_))
     return map_, _draw_coloured(axes, flight["y"], flight["x"], flight, width=2.4)
@@ -129,7 +129,7 @@ def _draw_strip(axes: Axes, flight: Flight, strip: Histories) -> None:
 
 
 def _draw_limits_and_passings(axes: Axes, flight: Flight, name: str, factor: float) -> None:
-    """Draw the bounds that applied, where the flight comes near enough to them that they are worth the room."""
+    """Draw the bounds that applied, where the flight comes near enough to them that they matter."""
     bounds, values = flight.limit(name), flight[name]
     room = 0.6 * max(float(np.ptp(values)), 1e-9)
     for bound in (bounds.lower, bounds.upper):
@@ -179,7 +179,7 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
         axes.set_ylabel(label)
         for flight, places, colour in flights:
             for leg, (first, last) in zip(legs_of(flight), pairwise(places.tolist()), strict=True):
-                if leg.flown:
+                if leg.is_complete:
                     distance = way(flight, leg)
                     values = _without_jumps(name, factor * flight.values(name)[leg.rows])
                     across = first + (last - first) * distance / distance[-1]
@@ -217,7 +217,7 @@ GRID_LINES = 4
 def kneeboard_figure(flight: Flight) -> Figure:
     """Return a page, A5, upright, with the map and what to fly at every gate.
 
-    Gates are numbered as they are flown; the map's labels are these numbers.
+    Gates are numbered in race order; the map's labels are these numbers.
     """
     wind, limit = flight.air.wind, flight.limit("n_z")
     air = "still air" if wind is None else f"wind {math.degrees(wind.origin) % 360:.0f}° {wind.speed / KNOT:.0f} kt"

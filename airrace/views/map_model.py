@@ -67,7 +67,7 @@ class Mark:
 
 @record
 class Way:
-    """A track: north and east, shape (n, 2), m; flown or `planned`, or else straight from place to place."""
+    """A track: north and east, shape (n, 2), m; of a flight or `planned`, or else straight from place to place."""
 
     lap: int
     line: Array
@@ -98,8 +98,8 @@ class MapModel:
 
     Attributes:
         race: course, aircraft and air.
-        marks: the elements that have a place, in the order first flown.
-        ways: the tracks, in the order flown.
+        marks: the elements that have a place, in the order of their first passings.
+        ways: the tracks, in race order.
         lines: the safety lines.
         airspace: its border, closed, shape (n, 2), m; None where it has none.
         south, north, west, east: the frame to show, m.
@@ -132,7 +132,7 @@ class MapModel:
         return None if wind is None or wind.speed == 0.0 else wind
 
     def with_track(self, line: Array) -> "MapModel":
-        """Return the map with a flown track, shape (n, 2), m, in the place of the planned ones, within its frame."""
+        """Return the map with a flight track, shape (n, 2), m, in the place of the planned ones, within its frame."""
         (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
         return replace(
             self,

@@ -115,8 +115,8 @@ def secure() -> None:
 
     A descriptor that the shell has closed (`>&-`) is taken by something that only looks like it, so that no file that
     is opened later gets its number and, with it, what is printed: stdout refuses to be written, stdin is empty and
-    stderr loses what it is told. A name that the encoding of stdout lacks is printed with backslashes. What stderr
-    refuses is lost.
+    stderr loses what is written to it. A name that the encoding of stdout lacks is printed with backslashes. What
+    stderr refuses is lost.
     """
     for descriptor, flags in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         if not _is_open(descriptor):

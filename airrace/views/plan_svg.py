@@ -112,7 +112,7 @@ def _colour_by_speed(sheet: _Sheet, places: Array, speed: Array) -> list[str]:
 
 
 def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
-    """Return the elements: what is flown through as a stroke long enough to be seen, and all else as a dot."""
+    """Return the elements: gates as a stroke long enough to be seen, and all else as a dot."""
     parts: list[str] = []
     for mark in map_.marks:
         x, y = sheet.at(mark.north, mark.east)

@@ -19,7 +19,7 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
 
     Args:
         title: the title of the run.
-        stages: all stages of the run in their order, those that are kept as well.
+        stages: all stages of the run in their order, reused ones as well.
         quiet: whether nothing is shown at all.
     """
     if quiet:

@@ -20,7 +20,7 @@ GUIDES = {
     "aircraft": "[Adding an aircraft](../how_to/aircraft.md) tells where the numbers come from.",
     "settings": "[Settings](../settings.md) has the defaults, and says what they are for.",
     "batch": "[Many courses at once](../batches.md) explains batches by examples.",
-    "log": "[Flown logs](../flown_logs.md) explains mappings by examples.",
+    "log": "[Flight logs](../flown_logs.md) explains mappings by examples.",
 }
 
 

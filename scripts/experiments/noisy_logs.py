@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 import airrace
+from airrace.api import Run
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.procedure.results_api import sampler
-from airrace.results import Crossing, Flight
-from airrace.api import Run
+from airrace.results import Flight, TimedCrossing
 from airrace.trajectory import Array
 
 LEAD = 4.0
@@ -78,7 +78,7 @@ def errors(flown: LogFlight, known: Flight) -> Iterator[Mapping[str, float]]:
             yield {name: off[name] / scale for name, scale in zip(QUANTITIES, scales, strict=True)}
 
 
-def _off(seen: Crossing, true: Crossing) -> Mapping[str, float]:
+def _off(seen: TimedCrossing, true: TimedCrossing) -> Mapping[str, float]:
     chi = true.value("chi")
     north, east = (seen.value(name) - true.value(name) for name in ("x", "y"))
     return {
@@ -90,7 +90,7 @@ def _off(seen: Crossing, true: Crossing) -> Mapping[str, float]:
     }
 
 
-def _turned(seen: Crossing, true: Crossing, name: str) -> float:
+def _turned(seen: TimedCrossing, true: TimedCrossing, name: str) -> float:
     return math.remainder(seen.value(name) - true.value(name), math.tau)
 
 

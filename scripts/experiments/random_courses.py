@@ -99,7 +99,7 @@ class Passing:
 
 @dataclass(frozen=True)
 class Piece:
-    """Elements as they stand, by name, and their passings in the order flown."""
+    """Elements as they stand, by name, and their passings in race order."""
 
     gates: dict[str, dict[str, object]]
     passings: tuple[Passing, ...]
@@ -139,7 +139,7 @@ def place(position: tuple[float, float]) -> dict[str, object]:
 
 
 def walk(rng: random.Random, style: Style) -> Piece:
-    """All elements; start and lap in the order flown."""
+    """All elements; start and lap in race order."""
     wanted = rng.randint(4, 24)
     high_turn = chance(rng, 0.25) and wanted > 4
     start = _gate(rng, "start", "level", (0.0, 0.0), rng.uniform(0.0, 360.0), style)

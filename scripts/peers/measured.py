@@ -1,4 +1,4 @@
-"""What a tool answers, and how exact that is: its controls flown again by an integrator that is no tool's own."""
+"""What a tool answers, and how exact that is: its controls integrated again by an integrator that is no tool's own."""
 
 from dataclasses import dataclass
 

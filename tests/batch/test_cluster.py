@@ -20,7 +20,7 @@ from waiting import PATIENCE, alive, wait_until, wait_until_gone
 
 from airrace.batch import cluster as cluster_module
 from airrace.batch.cluster import AttemptReply, ClusterExecutor, Connection, DamagedPayload, Payload, receive_checkpoint
-from airrace.batch.supervision import Attempt, AttemptResult, FailureKind, StageFinished, Started, supervise
+from airrace.batch.supervision import AttemptResult, FailureKind, JobAttempt, StageFinished, Started, supervise
 from airrace.errors import ClusterError
 
 pytest.importorskip("distributed")
@@ -56,7 +56,7 @@ def test_checkpoints_travel_both_ways(cluster: Cluster, tmp_path: Path, log: Log
 def test_a_flight_is_told_in_order_and_where_it_is(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     path = tmp_path / "oval.h5"
     with executor_of(cluster, log) as executor:
-        executor.submit(Attempt(job(), 1, path, None))
+        executor.submit(JobAttempt(job(), 1, path, None))
         events = heard(executor, endings)
     assert [type(event).__name__ for event in events] == ["Started", "StageStarted", "StageFinished", "Ended"]
     assert isinstance(events[0], Started)
@@ -69,7 +69,7 @@ def test_a_stage_that_is_not_the_last_comes_back_while_the_job_is_under_way(
 ) -> None:
     path = tmp_path / "oval.h5"
     with executor_of(cluster, log) as executor:
-        executor.submit(Attempt(job(overrides=("notes=stage-then-hang",), until="six-dof"), 1, path, None))
+        executor.submit(JobAttempt(job(overrides=("notes=stage-then-hang",), until="six-dof"), 1, path, None))
         events = heard(executor, lambda events: any(isinstance(event, StageFinished) for event in events))
         assert not endings(events)
         assert path.read_bytes() == CHECKPOINT
@@ -87,7 +87,7 @@ def test_jobs_that_are_stopped_say_so_and_leave_no_process(cluster: Cluster, tmp
     with executor_of(cluster, log) as executor:
         await_slots(executor, 3)
         for name in ("a", "b", "c", "queued"):
-            executor.submit(Attempt(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(JobAttempt(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
         events = heard(executor, lambda events: sum(isinstance(event, Started) for event in events) == 3)
         wait_until(lambda: len(log.lines) == 3)
         executor.stop()
@@ -136,7 +136,7 @@ def test_a_checkpoint_that_was_damaged_on_its_way_is_a_failed_attempt_and_not_wr
     done = AttemptResult(0, "", 1.0, run={"race_time_s": 10.0, "stages": []})
     stage = StageFinished("oval", "point-mass", "solved", 10.0, True)
     stages, ending = receive_checkpoint(
-        Attempt(job(), 1, path, None), AttemptReply(done, (stage,), Payload(b"flawn", "0" * 64))
+        JobAttempt(job(), 1, path, None), AttemptReply(done, (stage,), Payload(b"flawn", "0" * 64))
     )
     assert (stages, ending.code, ending.fault, ending.run) == ((), 8, FailureKind.LOST, None)
     assert ending.message.startswith("its checkpoint came back damaged on its way (sha256 ")
@@ -225,7 +225,7 @@ GONE = re.compile(r"its worker( 127\.0\.0\.1:\d+)? is gone")
 
 def test_nothing_flies_on_when_the_executor_is_left(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     with executor_of(cluster, log) as executor:
-        executor.submit(Attempt(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
+        executor.submit(JobAttempt(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
         wait_until(lambda: log.lines)
     wait_until_gone(*log.processes())
 
@@ -291,7 +291,7 @@ def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, lo
         workers = {worker.pid: worker for worker in (cluster.worker(), cluster.worker())}
         with executor_of(cluster, log) as executor:
             await_slots(executor, 2)
-            executor.submit(Attempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
+            executor.submit(JobAttempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             wait_until(lambda: log.lines)
             workers[log.workers("oval")[0]].kill()
             time.sleep(3.0)  # nobody looks after it, so dask moves it to the other worker
@@ -306,7 +306,7 @@ def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path
         worker = cluster.worker()
         with executor_of(cluster, log) as executor:
             await_slots(executor, 1)
-            executor.submit(Attempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
+            executor.submit(JobAttempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             events = heard(executor, lambda events: log.lines and events)
             worker.kill()
             ended = endings([*events, *heard(executor, endings)])

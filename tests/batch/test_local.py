@@ -17,7 +17,7 @@ from airrace.batch import supervision
 from airrace.batch.local import JOB_COMMAND, LocalExecutor
 from airrace.batch.planning import BatchPlan, JobResult
 from airrace.batch.record import Choice, read_record
-from airrace.batch.supervision import Attempt, AttemptResult, Ended, Event, FailureKind, Started, supervise
+from airrace.batch.supervision import AttemptResult, Ended, Event, FailureKind, JobAttempt, Started, supervise
 from airrace.errors import StorageError
 from airrace.process import start_apart
 from airrace.runs.command_result import ExitCode
@@ -27,7 +27,7 @@ linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="fi
 
 def fly(folder: Path, notes: str, timeout: float | None = None) -> AttemptResult:
     """One attempt at a job that behaves in a certain way."""
-    order = Attempt(job(overrides=(f"notes={notes}",)), 1, folder / "oval.h5", timeout)
+    order = JobAttempt(job(overrides=(f"notes={notes}",)), 1, folder / "oval.h5", timeout)
     with LocalExecutor(STAND_IN, 1) as executor:
         executor.submit(order)
         return wait_for_end(executor)
@@ -68,7 +68,7 @@ def test_a_process_that_does_not_listen_is_killed_with_its_family(tmp_path: Path
 
 def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
     with LocalExecutor(["/nowhere/python"], 1) as executor:
-        executor.submit(Attempt(job(), 1, tmp_path / "oval.h5", None))
+        executor.submit(JobAttempt(job(), 1, tmp_path / "oval.h5", None))
         ended = wait_for_end(executor)
     assert (ended.code, ended.fault) == (8, FailureKind.CRASHED)
     assert "could not be started" in ended.message
@@ -78,7 +78,7 @@ def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
 def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> None:
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
-            executor.submit(Attempt(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(JobAttempt(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
         family = [int(text_of(tmp_path / f"{name}.child")) for name in ("a", "b")]
         family += [int(text_of(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
     wait_until_gone(*family)
@@ -98,7 +98,7 @@ def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None
 def test_jobs_that_are_stopped_say_so(tmp_path: Path) -> None:
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
-            executor.submit(Attempt(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(JobAttempt(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
             text_of(tmp_path / f"{name}.starts")
         executor.stop()
         endings = {event.name: event.ending for event in executor.events(0.0) if isinstance(event, Ended)}
@@ -158,7 +158,7 @@ def test_three_hundred_jobs_of_which_some_are_killed_are_all_accounted_for_and_n
     class Killing(LocalExecutor):
         begun = 0
 
-        def submit(self, order: Attempt) -> None:
+        def submit(self, order: JobAttempt) -> None:
             super().submit(order)
             self.begun += 1
             sizes.append(resident())
@@ -196,12 +196,12 @@ class Scripted:
     def __init__(self, script: dict[str, list[AttemptResult]], slots: int = 2) -> None:
         self.script = script
         self.slots = slots
-        self.orders: list[Attempt] = []
+        self.orders: list[JobAttempt] = []
         self.most = 0
         self._pending: list[Event] = []
         self._running: list[str] = []
 
-    def submit(self, order: Attempt) -> None:
+    def submit(self, order: JobAttempt) -> None:
         self.orders.append(order)
         self._running.append(order.job.name)
         self.most = max(self.most, len(self._running))

@@ -419,7 +419,7 @@ def test_a_finished_job_is_kept_also_if_it_found_no_certified_flight(code: int, 
         ({"settings": Document("settings.yaml", "some")}, "the settings changed"),
         ({"overrides": ("rules.n_z_max=9",)}, "--set or --sweep changed"),
         ({"until": "six-dof"}, "the last stage was point-mass and is six-dof"),
-        ({"versions": "airrace 9.9"}, "it was flown with other versions (airrace 0.1.0; now airrace 9.9)"),
+        ({"versions": "airrace 9.9"}, "it was solved with other versions (airrace 0.1.0; now airrace 9.9)"),
     ],
 )
 def test_whatever_affects_the_result_is_noticed_and_named(

@@ -120,5 +120,5 @@ def test_the_page_on_versions_tells_the_numbers_that_are_read() -> None:
     models = [*(model() for model in LANGUAGES.values()), PresetEntry]
     languages = {tag for model in models for tag in get_args(model.model_fields["schema_"].annotation)}
     assert set(re.findall(r"`schema: (airrace/\w+/\d+)`", page)) == languages
-    numbers = re.findall(r"^\| (?:\[checkpoints|flown logs|the user block).*?\| (\d+) \|", page, re.MULTILINE)
+    numbers = re.findall(r"^\| (?:\[checkpoints|flight logs|the user block).*?\| (\d+) \|", page, re.MULTILINE)
     assert [int(number) for number in numbers] == [SCHEMA, LOG_SCHEMA, store.VERSION]

@@ -183,7 +183,7 @@ def test_the_page_of_a_language_has_every_key_with_its_meaning(site: Path, langu
 def test_values_of_a_language_are_described_in_words(site: Path) -> None:
     text = text_of(site / "reference" / "track.html")
     assert "bank right or left or either either the wing that points down" in text
-    assert "laps whole number from 1 to 100 how often the lap is flown; once by default" in text
+    assert "laps whole number from 1 to 100 the number of laps; 1 by default" in text
     assert "n_z_max number above 1 and at most 25" in text
     assert "A bare text stands for a mapping with this text as its gate." in text
     assert "each_lap list of: list of: passing reference, at most 10000, at most 100" in text

@@ -17,9 +17,9 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import (
     LoadFactorPath,
     drag_coefficient,
-    lever_rate,
     lift_curve,
     power_ratio,
+    throttle_rate,
     thrust,
     wind_airflow,
 )
@@ -129,7 +129,7 @@ def test_published_top_speed_balances_thrust_and_drag(edge540: Aircraft) -> None
 
 def test_lever_covers_two_thirds_of_a_step_in_its_time_constant(edge540: Aircraft) -> None:
     numbers = aircraft_parameters(edge540)
-    flight = solve_ivp(lambda _, d: lever_rate(d, 1.0, numbers), (0.0, numbers.tau_T), [0.0], rtol=1e-10, atol=1e-12)
+    flight = solve_ivp(lambda _, d: throttle_rate(d, 1.0, numbers), (0.0, numbers.tau_T), [0.0], rtol=1e-10, atol=1e-12)
     assert flight.y[0, -1] == pytest.approx(0.632120559, abs=1e-7)
 
 
@@ -232,7 +232,7 @@ def test_ailerons_and_rudder_that_do_the_same_are_a_fault(edge540: Aircraft) -> 
     same = changed(edge540, "yaw", C_nxi=edge540.roll.C_lxi * edge540.yaw.C_nzeta / edge540.roll.C_lzeta)
     ((group, key, message),) = faults(same)
     assert (group, key) == ("yaw", "C_nzeta")
-    assert message.startswith("ailerons and rudder cannot be told apart")
+    assert message.startswith("ailerons and rudder cannot be distinguished")
 
 
 def test_an_elevator_whose_lift_eats_the_wings_is_a_fault(edge540: Aircraft) -> None:

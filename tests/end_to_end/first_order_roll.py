@@ -38,7 +38,7 @@ class RollingControl(Vector[T]):
     n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
     n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
     p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate", rate_of="p_cmd")
-    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded throttle")
 
 
 def rolling(

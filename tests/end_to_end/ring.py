@@ -1,4 +1,4 @@
-"""A kind of gate in one file: a ring, flown through in any attitude.
+"""A kind of gate in one file: a ring, passed through in any attitude.
 
 The aircraft may lie in the ring however it likes, so its whole half span counts everywhere around it: that span beyond
 the distance of its centre from the ring's axis must not come nearer to the ring than the clearance.
@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.environment.elementary import sqrt
-from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
+from airrace.inputs.kinds.kind import CompositeElement, ElementPart, GateDefaultsEntry, KindEntry, register
 from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
 from airrace.parameters import Parameter, attribute_parameter
 from airrace.quantities import Interval, Quantity
@@ -110,8 +110,8 @@ class Ring(Standing):
 @register
 class RingEntry(PlacedEntry, KindEntry):
     what: ClassVar[str] = "a ring"
-    type: Literal["ring"] = Field(description="a ring, flown through in any attitude")
-    heading_deg: Azimuth = Field(description="its axis when flown forward")
+    type: Literal["ring"] = Field(description="a ring, passed through in any attitude")
+    heading_deg: Azimuth = Field(description="its axis in forward direction")
     height_m: Height = Field(description="the height of its centre above the origin")
     diameter_m: Annotated[float, Gt(0), Le(100)] = Field(default=16.0, description="the diameter of its opening")
     clearance_m: Annotated[float, Ge(0), Le(20)] = Field(default=0.5, description="least distance of a wing tip")
@@ -120,4 +120,4 @@ class RingEntry(PlacedEntry, KindEntry):
         place = places.point(self, ("gates", name))
         heading = math.radians(self.heading_deg)
         ring = Ring(name, place.north, place.east, self.height_m, heading, self.diameter_m, self.clearance_m)
-        return CompositeElement(name, (Part(ring),))
+        return CompositeElement(name, (ElementPart(ring),))

@@ -108,7 +108,7 @@ def test_half_a_mode_or_too_little_damping_is_refused(given: str, column: int, m
     ("old", "new", "message"),
     [
         ("C_meta: -1.0", "C_meta: -0.03", "pitch.C_meta: no elevator power: trimming a greater angle of attack costs"),
-        ("C_nxi: 0.01", "C_nxi: 2.0", "yaw.C_nzeta: ailerons and rudder cannot be told apart"),
+        ("C_nxi: 0.01", "C_nxi: 2.0", "yaw.C_nzeta: ailerons and rudder cannot be distinguished"),
         ("C_Yzeta: 0.21", "C_Yzeta: 0.6", "side_force.C_Ybeta: a trimmed sideslip makes no side force"),
     ],
 )

@@ -328,7 +328,7 @@ def test_pylons_that_are_none_are_refused() -> None:
     (half,) = refused("level, pylons: [{north_m: 600, east_m: 80}, {north_m: 600}]")
     assert half.startswith("gates.b.pylons.1.east_m: missing")
     (neither,) = refused("level, north_m: 600, east_m: 80")
-    assert neither.endswith("its axis when flown forward; or its two `pylons`")
+    assert neither.endswith("its axis in forward direction; or its two `pylons`")
     assert refused("level, pylons: [{north_m: 600, east_m: 80}]")
 
 

@@ -143,7 +143,7 @@ def mutated(text: str, choose: random.Random) -> str:
 
 REFUSED = r"""
     heading_deg: 90\n =>
-> 7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis when flown forward; or its two
+> 7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis in forward direction; or its two
 > `pylons`
 heading_deg: 90\n => heading_deg: 90\n    heigth_m: 20\n
 > 12:5: gates.g0.heigth_m: unknown key `heigth_m`; did you mean `height_m`?
@@ -205,7 +205,7 @@ heading_deg: 90 => heading_deg: 90\n    clearance_m: 7
 heading_deg: 90 => heading_deg: 90\n    crossing_max_deg: 90
 > 12:23: gates.g0.crossing_max_deg: must be above 0 and at most 85, not 90
   n_z_max: 10 =>   n_z_max: 10\n  ceiling_m: 12
-> 8:3: gates.g0.height_m: lies at 15 to 25 m, outside of the flown heights of 10 to 12 m (rules: floor, ceiling)
+> 8:3: gates.g0.height_m: lies at 15 to 25 m, outside of the race's heights of 10 to 12 m (rules: floor, ceiling)
 inverted: true, height_min_m: 100 =>
 > 14:3: gates.top: a manoeuvre needs at least one condition: climb_deg, bank_deg, inverted, heading_deg, ...
 inverted: true, => inverted: true, climb_deg: 90,

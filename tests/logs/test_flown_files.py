@@ -1,4 +1,4 @@
-"""A flown log is stored, read back with distrust, and taken by every command that takes flights."""
+"""A flight log is stored, read back with distrust, and taken by every command that takes flights."""
 
 import json
 import math
@@ -135,10 +135,10 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("verify", "log.h5"), 7, "this is a flown log, not a run"),
-        (("resume", "log.h5"), 7, "this is a flown log, not a run"),
-        (("sensitivity", "log.h5"), 7, "this is a flown log, not a run"),
-        (("show", "log.h5", "--stage", "six-dof"), 2, "a flown log has no stages"),
+        (("verify", "log.h5"), 7, "this is a flight log, not a run"),
+        (("resume", "log.h5"), 7, "this is a flight log, not a run"),
+        (("sensitivity", "log.h5"), 7, "this is a flight log, not a run"),
+        (("show", "log.h5", "--stage", "six-dof"), 2, "a flight log has no stages"),
         (("compare", "log.csv", "log.csv"), 2, "no course is at hand for the log"),
     ],
 )
@@ -215,7 +215,7 @@ def test_damaged_files_and_other_schemas_members_names_and_courses_are_refused(
     (tmp_path / "damaged.h5").write_bytes(content)
     with pytest.raises(CheckpointError, match="its checksum does not match"):
         read_stored(tmp_path / "damaged.h5")
-    with pytest.raises(CheckpointError, match="this is a flown log"):
+    with pytest.raises(CheckpointError, match="this is a flight log"):
         read_checkpoint(folder / "log.h5")
 
 

@@ -200,7 +200,7 @@ def test_a_crowd_too_near_to_a_leg_is_remarked_on(shape: CrowdShape) -> None:
     for distance, expected in ((79.0, []), (90.0, [("b", RemarkKind.CROWD)])):
         flown = with_crowd(Crowd("stands", shape, tuple(corners), distance, slant=False))
         assert kinds(flown) == expected
-    assert "within 80 m of `stands`; 90 m are to be kept" in only(flown).text
+    assert "within 80 m of `stands`; 90 m are required" in only(flown).text
 
 
 def test_a_slant_distance_counts_the_height() -> None:
@@ -281,12 +281,12 @@ def test_exchanged_latitudes_and_longitudes_are_remarked_on(path: Path) -> None:
 
 def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
     ends = level("a", 0.0, 0.0, 0.0), level("b", 800.0, 0.0, 0.0)
-    for side, asked in ((90.0, 0), (270.0, 1)):  # 40 m west of the line: east of it nothing has to be flown round
+    for side, asked in ((90.0, 0), (270.0, 1)):  # 40 m west of the line: east of it no detour is needed round
         flown = of([ends[0], pylon("p", 400.0, 40.0, side), ends[1]])
         texts = [remark.text for remark in reviewed(flown) if "pass_side_deg" in remark.text]
         assert len(texts) == asked
     assert texts == [
-        "nothing has to be flown round `p`: the straight line from `a` to `b` passes it 40 m away on the side that is "
+        "no detour is needed round `p`: the straight line from `a` to `b` passes it 40 m away on the side that is "
         "asked for; is its `pass_side_deg` reversed?"
     ]
 

@@ -15,7 +15,7 @@ from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
-from airrace.results import Basis, Crossing, Flight, History, Source
+from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.derivation import complete_histories
 from airrace.trajectory import Array
 
@@ -69,9 +69,9 @@ def circling(
     given = {name: History(Quantity(name, unit), values, Basis.SOLVED) for (name, unit), values in columns.items()}
     histories = complete_histories(race, given)
     count = len(race.course.passages)
-    crossings: list[Crossing] = []
+    crossings: list[TimedCrossing] = []
     for number, passage in enumerate(race.course.passages):
         row = round(number * (len(time) - 1) / (count - 1))
         values = {name: float(one.values[row]) for name, one in histories.items()}
-        crossings.append(Crossing(passage, float(time[row]), values))
+        crossings.append(TimedCrossing(passage, float(time[row]), values))
     return Flight(race, Source(label), time, histories, tuple(crossings))

@@ -13,7 +13,7 @@ from example_flights import circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.results import Crossing
+from airrace.results import TimedCrossing
 from airrace.results.comparison import compare_flights
 from airrace.views.drawing import Figure, save_figure
 from airrace.views.flight_figures import (
@@ -76,7 +76,7 @@ def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., Fig
 
 def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:
     flight = circling(rovinj())
-    lost = Crossing(flight.crossings[3].passage, math.nan, {})
+    lost = TimedCrossing(flight.crossings[3].passage, math.nan, {})
     flight = replace(flight, crossings=(*flight.crossings[:3], lost, *flight.crossings[4:]))
     told = [text.get_text() for axes in kneeboard_figure(flight).axes for text in axes.texts]
     assert told.count("-") >= 6

@@ -27,7 +27,7 @@ from airrace.report.flight_page import flight_page, legs_section
 from airrace.results import Basis, Flight, laps_of, legs_of
 from airrace.results.clearances import PYLON_HEIGHT, Clearance, distances, least, near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
-from airrace.results.flight import Crossing, Source
+from airrace.results.flight import Source, TimedCrossing
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.json_objects import comparison_object, legs_object
 from airrace.track.course import Crowd, CrowdShape, SafetyLine
@@ -295,7 +295,7 @@ def optima() -> Comparison:
 
 def without_passing(flight: Flight, number: int) -> Flight:
     """A flight that misses a gate."""
-    lost = Crossing(flight.crossings[number].passage, float("nan"), {})
+    lost = TimedCrossing(flight.crossings[number].passage, float("nan"), {})
     return replace(flight, crossings=(*flight.crossings[:number], lost, *flight.crossings[number + 1 :]))
 
 

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from airrace.inputs.kinds.kind import (
     CompositeElement,
+    ElementPart,
     GateDefaultsEntry,
     GatePassingEntry,
     KindEntry,
-    Part,
     PassingEntry,
     Reach,
     passing_numbers,
@@ -42,16 +42,16 @@ BANKS = {"level": LEVEL, "left": KNIFE_EDGE_LEFT, "right": KNIFE_EDGE_RIGHT, "ei
 
 
 class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
-    """The keys of everything that is flown between two pylons.
+    """The keys of everything that is passed between two pylons.
 
     It stands where it says, or where its two pylons do: the centre between them, their distance, and the direction
     across, with the first of them to the left.
     """
 
     pylons: Annotated[list[PlaceEntry], Field(min_length=2, max_length=2)] | None = optional(
-        "its two pylons, the left one first as flown forward, instead of position, `heading_deg` and `width_m`"
+        "its two pylons, the left one first in forward direction, instead of position, `heading_deg` and `width_m`"
     )
-    heading_deg: Azimuth | None = optional("its axis when flown forward")
+    heading_deg: Azimuth | None = optional("its axis in forward direction")
 
     def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
         numbers = passing_numbers(self, defaults)
@@ -93,7 +93,7 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
         centre = places.point(self, path)
         if self.heading_deg is not None:
             return centre
-        message = f"missing; {self.what} needs `heading_deg`: its axis when flown forward; or its two `pylons`"
+        message = f"missing; {self.what} needs `heading_deg`: its axis in forward direction; or its two `pylons`"
         places.reporter.key((*path, "heading_deg"), message)
         return NOWHERE
 
@@ -114,20 +114,20 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
 @register
 class LevelGateEntry(TwoPylonEntry):
     what: ClassVar[str] = "a level gate"
-    type: Literal["level"] = Field(description="two pylons, flown between with the wings level")
+    type: Literal["level"] = Field(description="two pylons, passed between with the wings level")
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
-        return CompositeElement(name, (Part(self.gate(name, defaults, places, "level")),))
+        return CompositeElement(name, (ElementPart(self.gate(name, defaults, places, "level")),))
 
 
 @register
 class KnifeEdgeGateEntry(TwoPylonEntry):
     what: ClassVar[str] = "a knife-edge gate"
-    type: Literal["knife-edge"] = Field(description="two pylons, flown between with a right angle of bank")
+    type: Literal["knife-edge"] = Field(description="two pylons, passed between with a right angle of bank")
     bank: KnifeEdgeName = Field(default="either", description="the wing that points down")
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
-        return CompositeElement(name, (Part(self.gate(name, defaults, places, self.bank)),))
+        return CompositeElement(name, (ElementPart(self.gate(name, defaults, places, self.bank)),))
 
 
 @register
@@ -136,7 +136,7 @@ class QuadEntry(TwoPylonEntry):
 
     what: ClassVar[str] = "a quad"
     type: Literal["quad"] = Field(description="two crossed gates, passed twice from perpendicular directions")
-    heading_deg: Azimuth | None = optional("the direction of the first passing when flown forward")
+    heading_deg: Azimuth | None = optional("the direction of the first passing in forward direction")
     then: KnifeEdgeName = Field(
         description="the second passing's direction: a quarter turn to this side of the first one's"
     )
@@ -156,7 +156,7 @@ class QuadEntry(TwoPylonEntry):
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return two crossed gates.
 
-        The second one's heading is counted from the first one's, so that both turn when the quad is flown in reverse.
+        The second one's heading is counted from the first one's, so that both turn when the quad is passed in reverse.
         """
         first = self.gate(name, defaults, places, self.bank)
         axis_deg = math.degrees(first.heading) if self.heading_deg is None else self.heading_deg
@@ -169,8 +169,8 @@ class QuadEntry(TwoPylonEntry):
         )
         either = self.then == "either"
         parts = (
-            Part(dataclasses.replace(first, name=f"{name}/1")),
-            Part(second, direction=Direction.PLANNED if either else None),
+            ElementPart(dataclasses.replace(first, name=f"{name}/1")),
+            ElementPart(second, direction=Direction.PLANNED if either else None),
         )
         return CompositeElement(name, parts, free_directions=either)
 
@@ -204,7 +204,7 @@ class PylonEntry(PassingEntry, PlacedEntry, KindEntry):
                 ("gates", name, "reach_m"),
                 f"a reach of {pylon.reach:g} m lies within the clearance of {pylon.tolerances.clearance:g} m",
             )
-        return CompositeElement(name, (Part(pylon),))
+        return CompositeElement(name, (ElementPart(pylon),))
 
 
 def _tolerances(numbers: Mapping[str, float]) -> Tolerances:

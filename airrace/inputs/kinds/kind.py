@@ -22,12 +22,12 @@ Reach = Annotated[float, Gt(0), Le(5000)]
 
 
 @record
-class Part:
+class ElementPart:
     """A passage of a composite element.
 
     Attributes:
         direction: None where the course says it.
-        roll: flown on the leg that ends here.
+        roll: on the leg that ends here.
     """
 
     element: Element
@@ -37,13 +37,13 @@ class Part:
 
 @record
 class CompositeElement:
-    """An entry of `gates` by its name, as the passages it is flown as: mostly one; a quad or a vertical roll has two.
+    """An entry of `gates` by its name, as its passages: mostly one; a quad or a vertical roll has two.
 
     With `free_directions` each passing may be planned for itself.
     """
 
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[ElementPart, ...]
     free_directions: bool = True
 
     @property
@@ -125,12 +125,12 @@ def passing_numbers(entry: PassingEntry, defaults: GateDefaultsEntry) -> dict[st
 class KindEntry(Schema):
     """An entry of `gates`. A kind of element is one class derived from this, with its keys and a `type` of its own:
 
-    type: Literal["ring"] = Field(description="a ring, flown through in any attitude")
+    type: Literal["ring"] = Field(description="a ring, passed through in any attitude")
     """
 
     @abstractmethod
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
-        """Return what an entry of this kind is flown as; what makes no sense goes to the reporter of `places`.
+        """Return the passages of an entry of this kind; what makes no sense goes to the reporter of `places`.
 
         Args:
             name: the key of the entry in `gates`.

@@ -1,4 +1,4 @@
-"""Manoeuvres in the track language, flown at a free position: attitudes, high turns, vertical rolls."""
+"""Manoeuvres in the track language, at a free position: attitudes, high turns, vertical rolls."""
 
 import dataclasses
 import math
@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.gates import KnifeEdgeName
-from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
+from airrace.inputs.kinds.kind import CompositeElement, ElementPart, GateDefaultsEntry, KindEntry, register
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import Azimuth, ClimbAngle, Coordinate, Height, PlacedEntry, Places, radians_or_none
 from airrace.inputs.schema import optional
@@ -66,7 +66,7 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
             for key in ("bank_deg", "inverted", "heading_deg"):
                 if reporter.find((*path, key)) is not None:
                     reporter.value((*path, key), "has no meaning on a vertical line; leave it out")
-        return CompositeElement(name, (Part(manoeuvre),))
+        return CompositeElement(name, (ElementPart(manoeuvre),))
 
 
 @register
@@ -80,7 +80,7 @@ class HighTurnEntry(KindEntry):
         """Return a height to be reached between two gates."""
         bounds = Interval.between(self.height_min_m, self.height_max_m)
         height = _range("height", None, bounds, ("gates", name), places.reporter)
-        return CompositeElement(name, (Part(Manoeuvre(name=name, height=height, kind="high-turn")),))
+        return CompositeElement(name, (ElementPart(Manoeuvre(name=name, height=height, kind="high-turn")),))
 
 
 @register
@@ -88,7 +88,7 @@ class VerticalRollEntry(KindEntry):
     """A roll on a steep line; one mention of it is two passages: the roll's begin and its end."""
 
     what: ClassVar[str] = "a vertical roll"
-    type: Literal["vertical-roll"] = Field(description="a roll flown on a steep line")
+    type: Literal["vertical-roll"] = Field(description="a roll on a steep line")
     roll_deg: Annotated[float, Ge(45), Le(1080)] = Field(description="least angle of the roll")
     climb_deg: ClimbAngle = Field(default=90.0, description="climb angle of the line; negative for a roll downward")
     climb_tolerance_deg: Annotated[float, Ge(0.5), Le(30)] = Field(
@@ -125,7 +125,7 @@ class VerticalRollEntry(KindEntry):
             )
         if downward and self.height_gain_m is not None:
             reporter.value(("gates", name, "height_gain_m"), "a roll downward gains no height; leave it out")
-        return CompositeElement(name, (Part(begin), Part(end, roll=roll)))
+        return CompositeElement(name, (ElementPart(begin), ElementPart(end, roll=roll)))
 
 
 def _over_ground(entry: ManoeuvreEntry, path: KeyPath, places: Places) -> tuple[Interval, Interval]:

@@ -17,7 +17,7 @@ class SolverOptions:
         iterations_max: number of iterations after which a solve has failed.
         barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
             that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
-        exact: whether bounds are kept as they are, which fatrop relaxes by 1e-8.
+        exact: whether bounds hold as they are, which fatrop relaxes by 1e-8.
         algorithm: `predictor-corrector` for a start near the optimum with known multipliers; fatrop's line search is
             asked where these steps fail.
     """

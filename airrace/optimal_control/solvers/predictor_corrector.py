@@ -35,7 +35,7 @@ class Parameters:
         equality_weight: of the penalty on equalities; what is left of them the next step sees to.
         corrections_max, step_gain, least_gain, long_enough: of Gondzio's corrections: how many, by how much one tries
             to lengthen the step, the least that it has to win, and the step from which on there is none.
-        spread: products of slack and multiplier are kept within this factor of the barrier parameter.
+        spread: products of slack and multiplier stay within this factor of the barrier parameter.
         boundary_fraction: part of the way to where the first slack vanishes.
     """
 
@@ -77,7 +77,7 @@ class _OneSidedBounds:
 
 
 @record
-class _Point:
+class _PrimalDualPoint:
     """The unknowns w (n_w,), multipliers y of the gaps (n_y,) and e of equalities, slacks s of the sides and their
     multipliers z; or the changes of all these in a step."""
 
@@ -87,9 +87,9 @@ class _Point:
     s: Array
     z: Array
 
-    def advance(self, step: "_Point", primal: float, dual: float) -> "_Point":
+    def advance(self, step: "_PrimalDualPoint", primal: float, dual: float) -> "_PrimalDualPoint":
         """Return the point after parts of a step."""
-        return _Point(
+        return _PrimalDualPoint(
             self.w + primal * step.w,
             self.y + primal * step.y,
             self.e + primal * step.e,
@@ -134,10 +134,10 @@ class PredictorCorrector:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        return _Run(self._functions, self._system, bounds, options).solve(guess, multipliers)
+        return _Iteration(self._functions, self._system, bounds, options).solve(guess, multipliers)
 
 
-class _Run:
+class _Iteration:
     def __init__(self, functions: Evaluation, system: StageSystem, bounds: Bounds, options: SolverOptions) -> None:
         layout = functions.assembly.layout
         self._functions, self._system, self._options = functions, system, options
@@ -186,7 +186,7 @@ class _Run:
             derivative_seconds=self._functions.seconds,
         )
 
-    def _factorise(self, point: _Point) -> bool:
+    def _factorise(self, point: _PrimalDualPoint) -> bool:
         """Factorise, with as much added to the diagonal as makes the step lead to a minimum."""
         weights = self._weights(point.z / point.s)
         for added in PARAMETERS.diagonal:
@@ -195,7 +195,7 @@ class _Run:
                 return True
         return False
 
-    def _first(self, guess: Array, multipliers: Array) -> _Point:
+    def _first(self, guess: Array, multipliers: Array) -> _PrimalDualPoint:
         """Return the first point: slack times multiplier is the barrier parameter, the larger of both is trusted.
 
         The multipliers of equalities are those that balance the others best (least squares).
@@ -206,7 +206,7 @@ class _Run:
         slacks = sides.signs * (self._values(guess)[sides.places] - sides.bounds)
         known = np.concatenate([multipliers[self._rows], multipliers[len(functions.g) :]])
         z = np.maximum(-sides.changes(known), 0.0)
-        point = _Point(guess, np.zeros(len(self._gaps)), np.zeros(len(self._equal)), slacks, z)
+        point = _PrimalDualPoint(guess, np.zeros(len(self._gaps)), np.zeros(len(self._equal)), slacks, z)
         functions.lam_f = 1.0
         functions.lam_g[:] = self._multipliers(point)
         functions.slope()
@@ -217,9 +217,9 @@ class _Run:
         self._system.clear()
         at_rest = np.sqrt(self._barrier)
         z = np.where(z >= slacks, np.maximum(z, at_rest), self._barrier / np.maximum(slacks, at_rest))
-        return _Point(guess, y, e, np.maximum(slacks, self._barrier / z), z)
+        return _PrimalDualPoint(guess, y, e, np.maximum(slacks, self._barrier / z), z)
 
-    def _residuals(self, point: _Point) -> _Residuals | None:
+    def _residuals(self, point: _PrimalDualPoint) -> _Residuals | None:
         """Evaluate the program at a point; None where its numbers are none."""
         functions, sides = self._functions, self._sides
         functions.w[:] = point.w
@@ -235,7 +235,7 @@ class _Run:
         )
         return found if finite and np.isfinite(functions.f) and np.isfinite(found.stationarity).all() else None
 
-    def _errors(self, point: _Point, residuals: _Residuals) -> tuple[float, float]:
+    def _errors(self, point: _PrimalDualPoint, residuals: _Residuals) -> tuple[float, float]:
         """Return the largest KKT error, as `kkt_error` measures it, and the primal one."""
         size = max(MULTIPLIER_SCALE, *(float(np.abs(one).mean()) for one in (point.y, point.z) if len(one)))
         primal = max(_largest(residuals.gaps), _largest(residuals.equalities), _largest(residuals.slacks))
@@ -243,8 +243,8 @@ class _Run:
         dual = max(_largest(residuals.stationarity), products) * MULTIPLIER_SCALE / size
         return max(primal, dual, _largest(point.products) * MULTIPLIER_SCALE / size), primal
 
-    def _next(self, point: _Point, residuals: _Residuals) -> _Point | None:
-        """Return the next point; None where the step is not to be believed."""
+    def _next(self, point: _PrimalDualPoint, residuals: _Residuals) -> _PrimalDualPoint | None:
+        """Return the next point; None where the step is not to be trusted."""
         average = float(point.products.mean())
         predicted = self._step(point, residuals, -point.products)
         primal, dual = _step_lengths(point, predicted, 1.0)
@@ -258,7 +258,9 @@ class _Run:
             return None
         return point.advance(step, primal, dual)
 
-    def _correct(self, point: _Point, step: _Point, barrier: float) -> tuple[_Point, float, float]:
+    def _correct(
+        self, point: _PrimalDualPoint, step: _PrimalDualPoint, barrier: float
+    ) -> tuple[_PrimalDualPoint, float, float]:
         """Return the step with Gondzio's corrections, which lengthen it, and its lengths."""
         gain, spread = PARAMETERS.step_gain, PARAMETERS.spread
         reach = max(PARAMETERS.boundary_fraction, 1.0 - barrier)
@@ -277,14 +279,14 @@ class _Run:
             step, (primal, dual) = candidate, longer
         return step, primal, dual
 
-    def _step(self, point: _Point, residuals: _Residuals, products: Array) -> _Point:
+    def _step(self, point: _PrimalDualPoint, residuals: _Residuals, products: Array) -> _PrimalDualPoint:
         """Return the step after which the linear conditions hold, and slack times multiplier changes so."""
         sides = self._sides
         z = (products - point.z * residuals.slacks) / point.s
         pull = self._system.transpose_multiply(sides.sum(sides.signs * z))
         w, y, e, changes = self._solve_system(pull - residuals.stationarity, -residuals.gaps, -residuals.equalities)
         moved = sides.changes(changes)
-        return _Point(w, y, e, moved + residuals.slacks, z - point.z / point.s * moved)
+        return _PrimalDualPoint(w, y, e, moved + residuals.slacks, z - point.z / point.s * moved)
 
     def _solve_system(self, stationarity: Array, gaps: Array, equalities: Array) -> tuple[Array, Array, Array, Array]:
         """Return the changes of unknowns, of the multipliers of gaps and of equalities, and of (rows, unknowns)."""
@@ -309,13 +311,13 @@ class _Run:
     def _values(self, w: Array) -> Array:
         return np.concatenate([self._functions.g[self._rows], w])
 
-    def _of_values(self, point: _Point) -> Array:
+    def _of_values(self, point: _PrimalDualPoint) -> Array:
         """Return the multipliers of (rows, unknowns), positive where an upper bound is pressed on."""
         multipliers = -self._sides.sum(self._sides.signs * point.z)
         multipliers[self._equal] += point.e
         return multipliers
 
-    def _multipliers(self, point: _Point) -> Array:
+    def _multipliers(self, point: _PrimalDualPoint) -> Array:
         """Return the multipliers of the constraints."""
         multipliers = np.zeros(len(self._functions.g))
         multipliers[self._gaps] = point.y
@@ -323,7 +325,7 @@ class _Run:
         return multipliers
 
 
-def _step_lengths(point: _Point, step: _Point, reach: float) -> tuple[float, float]:
+def _step_lengths(point: _PrimalDualPoint, step: _PrimalDualPoint, reach: float) -> tuple[float, float]:
     """Return how far slacks and multipliers can go, at most the whole step and a part of the way to zero."""
     ratios = (float((change / value).min(initial=0.0)) for value, change in ((point.s, step.s), (point.z, step.z)))
     primal, dual = (1.0 if ratio >= -reach else -reach / ratio for ratio in ratios)

@@ -228,7 +228,7 @@ class ConflictSearch:
                 yield Repair(parameter, relaxed)
 
     def _needs_nothing(self, race: Race, relaxed: Relaxed) -> bool:
-        """Tell whether a race needs no relaxation after all; the race as it is given is then flown."""
+        """Tell whether a race needs no relaxation after all; the race as it is given is then solved."""
         if relaxed.is_needed:
             return False
         if race is self.race and self.flight is None:

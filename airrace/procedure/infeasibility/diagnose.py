@@ -1,7 +1,7 @@
 """The diagnosis of a race for which no flight was found: its conflicts, and changes that resolve them.
 
-It is asked for once all starts of a stage have failed, with all solvers. Every suggestion is flown on the whole race
-before it is reported; a race that turns out to have a flight after all is flown.
+It is asked for once all starts of a stage have failed, with all solvers. Every suggestion is solved on the whole race
+before it is reported; a race that turns out to have a flight after all is solved.
 """
 
 import dataclasses
@@ -45,7 +45,7 @@ def diagnose_infeasibility(
 
     Args:
         result: of the stage, without a flight.
-        race: what was to be flown.
+        race: the infeasible one.
         flight: the race as it was planned, in the equations of the stage.
         session: solves.
         routes: the race with all limits relaxed, where that was asked for before.

@@ -44,7 +44,7 @@ class ElasticSettings:
 
     Attributes:
         weight: of a usual step of every parameter.
-        original_weight: factor on the weights of race time and controls. A step is then worth 10,000 s, so that no
+        original_weight: factor on the weights of race time and controls. A step then costs 10,000 s, so that no
             limit is relaxed for the sake of time: with 1, Rovinj with 1.2 g was relaxed to 1.4 g, which saves 40 s.
         single_iterations_max: iterations in which one limit alone must help. Those that helped on eight courses spoilt
             by one limit each took 17 to 161; those that did not took 116 to 300 to fail.
@@ -76,7 +76,7 @@ class Relaxed:
         along: those of path quantities node by node, by name; each of shape (N + 1,).
         costates: what the relaxation would be more with one unit more of each state, shape (n_x, N).
         places: the attribution of each phase or boundary, by its name. The start is none of them: where only a faster
-            one would do, what cannot be flown comes later.
+            one would do, what is infeasible comes later.
     """
 
     solver: "ElasticSolver"

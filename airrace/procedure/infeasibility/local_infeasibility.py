@@ -1,4 +1,4 @@
-"""The legs around a phase as a problem of their own: whether they can be flown, and without which limit.
+"""The legs around a phase as a problem of their own: whether they are feasible, and without which limit.
 
 The window begins in any way that the gate before it allows, and nothing follows it. If it is infeasible, so is the
 whole race.
@@ -78,7 +78,7 @@ def find_local_infeasibility(
 
 
 def diagnose_window(session: SolverSession, problem: Problem, end: Iterate, guess: Iterate, worst: str) -> str | None:
-    """Return which limit stands in the way, and where; None if the legs around the place can be flown as they are.
+    """Return which limit stands in the way, and where; None if the legs around the place are feasible as they are.
 
     Args:
         session: solves.

@@ -41,7 +41,7 @@ class CoarseSettings:
         quantum: in multiples of which intervals are counted, so that phases of like length share a solver.
         tolerance: of the solver (1).
         stall_seconds: longest time for an iteration, s; it takes a thousandth of that.
-        iterations_max: of a solve. Those that converge take 30 to 60; one that fails is not worth more.
+        iterations_max: of a solve. Those that converge take 30 to 60; one that fails is not allowed more.
         baseline_iterations_max: of the start without a search, which must not be lost by it. All solves of a point
             mass without a search, the mesh check among them, took 69 to 203 iterations on most of 14 generated
             courses, 367 on one and 638 and 939 on two.
@@ -91,7 +91,7 @@ class CoarseSolution:
     """A rough optimum.
 
     Attributes:
-        flight: with the plan that it was flown from.
+        flight: with the plan that it started from.
         problem: on its mesh.
         iterate: the flight.
         multipliers: of the constraints, shape (n_g,).

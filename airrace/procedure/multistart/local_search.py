@@ -22,7 +22,7 @@ from airrace.track.course import Course
 from airrace.trajectory import Array
 
 SAVED_MIN = 0.02
-"""The time that a move has to save in its window, flown by the point mass, before all is flown again, s.
+"""The time that a move has to save in its window, solved by the point mass, before all is solved again, s.
 
 Windows whose ends are fixed save up to 0.01 s where nothing but the mesh differs.
 """
@@ -56,7 +56,7 @@ def find_faster_route(
         return ""
     generator = MoveGenerator(base, course, QUICK.planning_radius.scale(pace), PLAN_PENALTY_MAX)
     phases = set(range(len(base.problem.phases)))
-    # What is faster at a place in one lap is so in the others, too, as far as they are flown alike.
+    # What is faster at a place in one lap is so in the others, too, as far as their routes are the same.
     moves = list(generator.moves(phases, shapes=False, segments=generator.distinct_segments()))
     found = pool.work(moves, lambda service, move: evaluate(service, move, InitialBarrier.PIECES))
     best = max((one for one in found if one is not None), key=lambda one: one.saved, default=None)
@@ -69,18 +69,18 @@ def find_faster_route(
 
 def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:
     """Return the states and controls of the point mass that flies as an optimum does."""
-    flown, system = optimum.trajectory, source.model.system
-    control = np.hstack([flown.control, flown.control[:, -1:]])
+    trajectory, system = optimum.trajectory, source.model.system
+    control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
     load = LoadFactors[Array].split(
-        at_points(load_factors(system), flown.state, control, source.model.parameter_values)
+        at_points(load_factors(system), trajectory.state, control, source.model.parameter_values)
     )
-    known = {one.name: row for one, row in zip(flown.states, flown.state, strict=True)}
+    known = {one.name: row for one, row in zip(trajectory.states, trajectory.state, strict=True)}
     known |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
-    controls = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
+    controls = {one.name: row for one, row in zip(trajectory.controls, trajectory.control, strict=True)}
     own = point_mass.model.system
     state = np.array([known[one.name] for one in own.states], dtype=np.float64)
-    steps = np.diff(flown.time)
+    steps = np.diff(trajectory.time)
     rates = {one.name: np.diff(row) / steps for one, row in zip(own.states, state, strict=True)}
     controls |= {one.name: rates[one.rate_of] for one in own.controls if one.rate_of}
     rows = [np.clip(controls[one.name], one.lower, one.upper) for one in own.controls]
-    return Iterate(flown.durations, state, np.array(rows, dtype=np.float64))
+    return Iterate(trajectory.durations, state, np.array(rows, dtype=np.float64))

@@ -79,20 +79,20 @@ class MoveGenerator:
         Args:
             changed: numbers of the phases.
             shapes: whether other shapes of the same turn are proposed, too.
-            segments: that are flown otherwise; None for all.
+            segments: whose route changes; None for all.
         """
         for segment in self.segments if segments is None else segments:
             if changed.isdisjoint(range(*self._window(segment, segment))):
                 continue
-            flown = shape_of(self._base, segment)
-            yield from self._opposite_turn(segment, flown)
+            shape = shape_of(self._base, segment)
+            yield from self._opposite_turn(segment, shape)
             if segment.number == 0:
                 yield from self._other_crossing(segment, segment.first)
             yield from self._other_crossing(segment, segment.last)
             yield from self._other_sides(segment)
             yield from self._other_course(segment)
             if shapes:
-                yield from self._other_shapes(segment, flown)
+                yield from self._other_shapes(segment, shape)
 
     def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
         """Return the route of another flight through neighbouring segments."""
@@ -106,21 +106,21 @@ class MoveGenerator:
         """Yield a faster move for the other laps: wherever the same passages follow one another."""
         inside = {segment.number: one for one, segment in move.inside(self.segments)}
 
-        def is_flown(number: int, later: int = 0) -> bool:
+        def is_same_route(number: int, later: int = 0) -> bool:
             return same_route(move.as_solution, inside[number], self._base, self.segments[number + later])
 
-        changed = {number for number in inside if not is_flown(number)}
+        changed = {number for number in inside if not is_same_route(number)}
         for later in range(1 - len(self.segments), len(self.segments)):
             within = [self.segments[number] for number in inside if 0 <= number + later < len(self.segments)]
             alike = [one for one in within if self._same_place(one, self.segments[one.number + later])]
             for group in neighbours(alike) if later else ():
                 numbers = changed.intersection(one.number for one in group)
                 places = range(min(numbers, default=0), max(numbers, default=-1) + 1)
-                if not all(is_flown(number, later) for number in places):
+                if not all(is_same_route(number, later) for number in places):
                     yield self._translate(move, places, later, f"{kind} in another lap")
 
     def distinct_segments(self) -> list[Segment]:
-        """Return the segments; of those that are the same place in several laps, flown alike, the first."""
+        """Return the segments; of those that are the same place in several laps by the same route, the first."""
         found: list[Segment] = []
         for segment in self.segments:
             known = (one for one in found if self._same_place(one, segment))
@@ -153,12 +153,12 @@ class MoveGenerator:
         }
         return self._move(*places, plan(self._course, self._pace, self._decisions.as_planned(planned)), pieces, kind)
 
-    def _opposite_turn(self, segment: Segment, flown: SegmentShape) -> Iterator[Move]:
+    def _opposite_turn(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
         """Yield the turn to the other side; where its ends are free to be crossed otherwise, they are."""
-        if abs(flown.turn) < SETTINGS.turn_min or not self._is_level(segment):
+        if abs(shape.turn) < SETTINGS.turn_min or not self._is_level(segment):
             return
         free = self._release(segment.first, segment.last)
-        turns = {**free.turns, segment.last: -1 if flown.turn > 0.0 else 1}
+        turns = {**free.turns, segment.last: -1 if shape.turn > 0.0 else 1}
         yield from self._planned_move(segment, dataclasses.replace(free, turns=turns), "other hand")
 
     def _other_crossing(self, segment: Segment, index: int) -> Iterator[Move]:
@@ -210,9 +210,9 @@ class MoveGenerator:
             chosen = dataclasses.replace(free, ways={**free.ways, segment.last: ways})
             yield from self._planned_move(segment, chosen, "other course")
 
-    def _other_shapes(self, segment: Segment, flown: SegmentShape) -> Iterator[Move]:
+    def _other_shapes(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
         """Yield a segment flat instead of high, and a long turn slanted or over the top instead of flat."""
-        is_long, is_high = abs(flown.turn) >= SETTINGS.long_turn, flown.rise > SETTINGS.high
+        is_long, is_high = abs(shape.turn) >= SETTINGS.long_turn, shape.rise > SETTINGS.high
         if not (is_long or is_high) or not self._is_level(segment):
             return
         phases = range(segment.first, segment.last)

@@ -2,7 +2,7 @@
 
 The joint problem has many local optima: a turn flat or over the top, to the left or to the right, a pylon rounded one
 way or the other, a reversal before or behind its gate. Several plans are solved coarsely, the best of them is changed
-segment by segment where another route is proposed, and what is faster is flown as a whole again.
+segment by segment where another route is proposed, and what is faster is solved as a whole again.
 """
 
 import math
@@ -63,7 +63,7 @@ class FoundRoutes:
     """The outcome of a search.
 
     Attributes:
-        starts: flights to be refined and checked, the best first; empty if nothing could be flown.
+        starts: flights to be refined and checked, the best first; empty if no start converged.
         report: returns what was tried, in words, compared with the start of that number.
     """
 
@@ -176,10 +176,10 @@ def _needless_loops(
         if len(known) < len(paths):
             continue
         turn, length = sum(path.turning for path in known), sum(path.length for path in known)
-        flown = shape_of(best, segment)
+        shape = shape_of(best, segment)
         longest = SETTINGS.needless_length * length + SETTINGS.spare_length
-        if abs(flown.turn) > turn + SETTINGS.needless_turn or flown.length > longest:
+        if abs(shape.turn) > turn + SETTINGS.needless_turn or shape.length > longest:
             yield (
-                f"{segment_name(course, segment)}: turns {abs(math.degrees(flown.turn)):.0f} degrees on "
-                f"{flown.length:.0f} m, where the gates ask for {math.degrees(turn):.0f} degrees on {length:.0f} m"
+                f"{segment_name(course, segment)}: turns {abs(math.degrees(shape.turn)):.0f} degrees on "
+                f"{shape.length:.0f} m, where the gates ask for {math.degrees(turn):.0f} degrees on {length:.0f} m"
             )

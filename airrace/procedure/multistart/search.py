@@ -1,4 +1,4 @@
-"""The search for the fastest route: several starts, then one segment after another flown otherwise.
+"""The search for the fastest route: several starts, then one segment after another on other routes.
 
 What is claimed of the result is only that it is the best of what was tried. The order of everything is that of the
 course and of the starts, and all jobs are independent of one another, so the result does not depend on the number of
@@ -29,7 +29,7 @@ from airrace.records import record
 from airrace.track.course import Course
 
 SAVED_MIN = 0.003
-"""The time that a move has to save in its window to be flown jointly, s."""
+"""The time that a move has to save in its window to be solved jointly, s."""
 TABU_LOSS = 2.0
 """The loss in its window beyond which a move is not tried again around a better flight, s; likewise one that failed.
 
@@ -58,13 +58,13 @@ class SearchBudget:
     """The amount of a search.
 
     Attributes:
-        radii: of the plans that are flown as a whole, besides the race's own plan.
-        mirrored_ties: of how many of these plans the one is flown, too, that decides ties the other way, if there are
+        radii: of the plans that are solved as a whole, besides the race's own plan.
+        mirrored_ties: of how many of these plans the one is solved, too, that decides ties the other way, if there are
             any.
         planning_radius: at which moves are planned.
         plan_penalty_max: s, by which the plan of a move may take longer than that of the flight.
         iterations: how often the best flight is improved, at most.
-        alternatives: how many moves that overlap better ones are flown jointly as well, each for itself.
+        alternatives: how many moves that overlap better ones are solved jointly as well, each for itself.
         elite: how many flights are compared on the mesh on which the winner's mesh check begins.
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
     """
@@ -115,7 +115,7 @@ class SearchResult:
     Attributes:
         flights: solved jointly, by race time.
         moves: evaluated in a window of the best flight of their time, in the order in which they were tried; without
-            those that were then flown jointly as well.
+            those that were then solved jointly as well.
         failed: how many flights that were to be solved jointly led nowhere.
     """
 
@@ -192,7 +192,7 @@ class Search:
 
         Args:
             base: the flight.
-            changed: phases that are flown otherwise than when moves were tried last; the others need no new trial.
+            changed: phases whose route differs from when moves were tried last; the others need no new trial.
             first: whether the routes of the other starts are to be tried as well.
         """
         generator = MoveGenerator(base, self._course, self._budget.planning_radius.scale(self._pace))
@@ -234,7 +234,7 @@ class Search:
     def _combine(self, base: CoarseSolution, moves: Sequence[EvaluatedMove]) -> CoarseSolution | None:
         """Fly all moves that do not overlap jointly, and some alone, and return the fastest flight that gains time.
 
-        The best move is flown alone because moves may not go together.
+        The best move is solved alone because moves may not go together.
         """
         together: list[EvaluatedMove] = []
         for one in moves:

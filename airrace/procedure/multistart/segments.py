@@ -70,7 +70,7 @@ class SegmentShape:
         steepest: largest magnitude of its climb angle, rad.
         height: largest height, m.
         rise: of that above the higher end, m.
-        gain: height of its end above its beginning, m.
+        gain: height of its end above its start, m.
         overhead: whether the aircraft is upside down at the top.
         length: of its track over ground, m.
     """

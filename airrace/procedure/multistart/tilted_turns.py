@@ -19,10 +19,10 @@ SHORTEST_CHORD = 30.0
 
 
 def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
-    """Return a level turn in pieces, tilted by an angle (rad), flown at its own speed.
+    """Return a level turn in pieces, tilted by an angle (rad), at its own speed.
 
     The deviation from the line between the ends is raised; attitude, load factor and roll rate are those with which the
-    path is flown without sideslip.
+    path is free of sideslip.
     """
     rows = PointMassState.names()
     seconds = [float(piece.durations[0]) for piece in pieces]

@@ -1,4 +1,4 @@
-"""The moves of a search: a few legs of a flight flown on another route, while the rest stays as it is.
+"""The moves of a search: a few legs of a flight on another route, while the rest stays as it is.
 
 A window around them begins and ends in the states of the flight around it; only the speed at its end is free, weighted
 by its costate. So a move is evaluated in tenths of a second, and what is faster fits into the flight.
@@ -46,7 +46,7 @@ class Move:
         base: the flight.
         flight: with the plan of the other route.
         pieces: a guess, one piece per phase of the window.
-        segment: that is flown otherwise.
+        segment: whose route changes.
         kind: what is different.
         plan_penalty: by how much its plan takes longer than the flight's own, s.
     """

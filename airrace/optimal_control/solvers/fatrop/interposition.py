@@ -1,7 +1,7 @@
 """Symbol interposition: fatrop gets memory and products of small matrices from the native library, not from blasfeo.
 
 fatrop sets up several times what a solve needs. In the arena (`arena.c`) what it never writes takes no memory, and what
-a solve has used is kept for the next one: of 16 laps of `sixteen_phases` the solver process takes 293 MB instead of
+a solve has used is reused for the next one: of 16 laps of `sixteen_phases` the solver process takes 293 MB instead of
 465 MB. The blasfeo that casadi brings along is built for any processor, and fatrop spends half of its own time in three
 of its functions; those for vector registers (`products.c`) have the same bits and save a twentieth of a ladder or more.
 
@@ -29,8 +29,8 @@ logger = logging.getLogger(__name__)
 
 LARGE = 2**28
 """The memory in all from which pages of zeros are given back to the system, bytes."""
-KEPT = 2**28
-"""The memory that is kept for the next solve, bytes."""
+RETAINED_BYTES = 2**28
+"""The memory that is retained for the next solve, bytes."""
 PRODUCTS = {"gemm_nt": "kernel_dgemm_nt_4x4_lib4", "gemv_n": "kernel_dgemv_n_4_lib4", "gemv_t": "kernel_dgemv_t_4_lib4"}
 """The native library's names of the products, and blasfeo's."""
 
@@ -66,7 +66,7 @@ def install() -> bool:
         if not same_bits(products, [own[name] for name in PRODUCTS.values()]):
             logger.info("this blasfeo computes otherwise, and keeps its functions")
             return False
-        begin_arena(loaded, LARGE, KEPT)
+        begin_arena(loaded, LARGE, RETAINED_BYTES)
         loaded.products_begin(ctypes.byref(native.evaluator))
         ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
     except (OSError, AttributeError) as error:  # AttributeError: another blasfeo
@@ -75,7 +75,7 @@ def install() -> bool:
     return True
 
 
-def begin_arena(native: ctypes.CDLL, large: int, kept: int) -> None:
+def begin_arena(native: ctypes.CDLL, large: int, retained: int) -> None:
     """Tell the native library blasfeo's functions and the limits of its memory, bytes.
 
     Raises:
@@ -85,7 +85,7 @@ def begin_arena(native: ctypes.CDLL, large: int, kept: int) -> None:
     own = load_lazily()
     addresses = [ctypes.cast(own[name], ctypes.c_void_p).value for name in _ASKED]
     native.arena_begin.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_size_t)
-    native.arena_begin((ctypes.c_void_p * len(addresses))(*addresses), large, kept)
+    native.arena_begin((ctypes.c_void_p * len(addresses))(*addresses), large, retained)
 
 
 def use_of(native: ctypes.CDLL) -> Use:

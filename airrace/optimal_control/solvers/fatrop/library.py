@@ -47,7 +47,7 @@ class Stats(Structure):
 
 
 class BlasfeoVector(Structure):
-    """The beginning of the struct `blasfeo_dvec`."""
+    """The first members of the struct `blasfeo_dvec`."""
 
     _fields_ = (("mem", c_void_p), ("pa", c_void_p))
 

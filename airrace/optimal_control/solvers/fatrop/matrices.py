@@ -95,7 +95,7 @@ class MatrixFamily:
         return result
 
     def offsets(self, stages: Indices, rows: Indices, columns: Indices) -> Indices:
-        """Return where entries lie in doubles after the beginning of their matrices; all shapes are (n,)."""
+        """Return where entries lie in doubles after the start of their matrices; all shapes are (n,)."""
         result = np.empty(len(stages), dtype=np.int64)
         for (m, n), here in self._by_shape(stages):
             result[here] = entry_offsets(m, n)[columns[here] * m + rows[here]]

@@ -73,8 +73,8 @@ class FatropSolver:
 
     Args:
         functions: of the program.
-        options: of fatrop, by its names; integers and floats are told apart.
-        exact: whether bounds are kept that fatrop relaxes, see `undo_relaxation`.
+        options: of fatrop, by its names; integers and floats are distinguished.
+        exact: whether bounds hold that fatrop relaxes, see `undo_relaxation`.
 
     Raises:
         SolverCrash: the library is missing.
@@ -112,10 +112,10 @@ class FatropSolver:
                 "lam_max": WARM_START.largest_costate,
             }
         rows = Rows(self._stages, bounds, start, exact=self._exact)
-        return _Run(self._stages, rows, self._functions, guess, options).solve()
+        return _FatropCall(self._stages, rows, self._functions, guess, options).solve()
 
 
-class _Run:
+class _FatropCall:
     """One solve: the callbacks, and the memory that they share with fatrop."""
 
     def __init__(
@@ -181,7 +181,7 @@ class _Run:
         )
 
     def _require_dimensions(self) -> None:
-        """Compare the dimensions that fatrop has read with those that it was told.
+        """Compare the dimensions that fatrop has read with those that it was given.
 
         Raises:
             SolverCrash: they differ.
@@ -201,7 +201,7 @@ class _Run:
         getattr(fatrop(), f"fatrop_ocp_c_set_option_{kind}")(self._solver, name.encode(), value)
 
     def _stop(self) -> None:
-        """Let fatrop end after this iteration: it knows no other way to be told."""
+        """Let fatrop end after this iteration: it knows no other request."""
         self._stopped = True
         if self._solver:
             self._set_option("max_iter", 0)

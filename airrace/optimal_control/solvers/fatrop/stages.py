@@ -27,7 +27,7 @@ from airrace.trajectory import Array
 LEAST_FACTOR = 1e-2
 """The smallest factor of a side (1).
 
-The solver's tolerance holds for a side times its factor. With 1e-3 the limits of Rovinj in 5 kt of wind were kept
+The solver's tolerance holds for a side times its factor. With 1e-3 the limits of Rovinj in 5 kt of wind were satisfied
 within 1e-5 and the solve took 17 iterations, with 1e-2 within 5e-7 in as many, and with 0.1 it took 21; 25 without
 factors.
 """
@@ -79,7 +79,7 @@ class ScaledInequalities:
 def scale_by_multipliers(rows: Indices, lower: Array, upper: Array, start: PrimalDualPoint) -> ScaledInequalities:
     """Scale inequalities so that their known multipliers become 1.
 
-    fatrop begins with multipliers of 1 for all bounds, whatever it is told, and finds those of the dynamics from them
+    fatrop begins with multipliers of 1 for all bounds, whatever it is given, and finds those of the dynamics from them
     by least squares. Where a multiplier z is known, the side `z (v - lower) >= 0` has 1. With the slack of that side
     pushed off its limit by the barrier parameter mu, slack times multiplier is mu from the first iteration on, as on
     the way to the optimum. A row that presses on one of its limits becomes two rows, for the far side has another

@@ -10,7 +10,7 @@ from airrace import interrupts
 
 
 def _nothing() -> None:
-    """Do nothing: nobody has to be told at once."""
+    """Do nothing: nobody has to hear of it at once."""
 
 
 @contextmanager

@@ -34,7 +34,7 @@ class SolveRequest:
 
 @record
 class PreloadRequest:
-    """A system that will be flown, whose kernels can be made ready. It has no answer."""
+    """A system of a coming problem, whose kernels can be made ready. It has no answer."""
 
     system: System
     scheme: RungeKutta
@@ -76,7 +76,7 @@ class _Definition:
 
 
 KNOWN_MAX = 32
-"""The number of shared objects that are kept pickled, each some 0.1 MB; a race through all stages has a dozen."""
+"""The number of shared objects that stay pickled, each some 0.1 MB; a race through all stages has a dozen."""
 _known: dict[int, tuple[Shared, _Definition]] = {}  # by id, which the reference keeps valid
 _pickling = threading.Lock()
 

@@ -58,7 +58,7 @@ class SolverService:
         threads: threads that evaluate derivatives.
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
         deadline: the time, by `time.monotonic`, after which nothing is solved any more.
-        on_notice: told what the process does besides solving.
+        on_notice: called with what the process does besides solving.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class SolverService:
         self.stop()
 
     def preload(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process make the kernels of a system ready that will be flown.
+        """Let the process make the kernels of the system of a coming problem ready.
 
         Queued while a solve is running: the worker does not read its input then, and a full pipe would deadlock.
         """
@@ -149,7 +149,7 @@ class SolverService:
             finally:
                 self._solving = False
             self._deliver()
-        except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
+        except BaseException:  # an interrupt, or an error of the listener, leaves the process in mid-solve: it is of no
             self.stop()  # more use
             raise
         return solution

@@ -36,7 +36,7 @@ from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.system import System
 
 PREPARED_INTERVALS = 600
-"""The number of intervals of all problems together that are kept ready for the next request.
+"""The number of intervals of all problems together that stay ready for the next request.
 
 A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
 (six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
