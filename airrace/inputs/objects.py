@@ -24,7 +24,7 @@ from airrace.records import record
 from airrace.track.course import Course
 from airrace.track.element import Element
 
-OBJECTS_SCHEMA = "airrace/objects/1"
+OBJECTS_SCHEMA = "airrace/objects/2"
 BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
 """The text with which such a document begins."""
 
