@@ -15,6 +15,7 @@ from airrace.control.outer_loop import Commands, clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors_of_motion
 from airrace.environment.elementary import maximum
+from airrace.errors import UsageError
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
 from airrace.records import record
@@ -89,6 +90,9 @@ class Plant:
         """Return `delta_T_cmd` for the commanded load factor along the velocity.
 
         It is the inverse of the equation of n_x, followed by the inverse of the throttle's lag.
+
+        Raises:
+            UsageError: the command does not move `delta_T` at once, as behind a second lag.
         """
         x, command = self.x, self.commands
         effect = maximum(jacobian(self.load.n_x, x["delta_T"]), LEAST_AXIAL_EFFECT)
@@ -96,7 +100,13 @@ class Plant:
         rate = command.delta_T_dot + THROTTLE * (wanted - x["delta_T"])
         throttle = ca.SX.sym("delta_T_cmd")
         followed = self.motion(x, {"delta_T_cmd": throttle})[0]["delta_T"]
-        return clip((rate - self.rates["delta_T"]) / jacobian(followed, throttle), 0.0, 1.0)
+        slope = jacobian(followed, throttle)
+        if slope.is_zero():
+            raise UsageError(
+                f"{self.system.name}: the rate of delta_T does not depend on delta_T_cmd, so no throttle gives a "
+                "wanted thrust; let delta_T follow the command with one lag"
+            )
+        return clip((rate - self.rates["delta_T"]) / slope, 0.0, 1.0)
 
     def following(self, wanted: Named) -> Named:
         """Return the controls that make states follow their wanted values.
