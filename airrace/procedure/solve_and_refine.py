@@ -125,7 +125,7 @@ class RefinementState:
     """
 
     draft: MeshProposal
-    barrier: float
+    barrier: InitialBarrier
     solvers: tuple[str, ...]
     following: "Callable[[Refined], RefinementState | None]"
     multipliers: Multipliers | None = None
@@ -224,7 +224,7 @@ def solve_certified(session: SolverSession, start: Start, solver: str) -> StageR
 def certified_state(
     session: SolverSession,
     draft: MeshProposal,
-    barrier: float,
+    barrier: InitialBarrier,
     solvers: tuple[str, ...],
     multipliers: Multipliers | None,
     *,

@@ -199,7 +199,7 @@ class SolverSession:
         guess: Iterate,
         purpose: str,
         *,
-        barrier: float,
+        barrier: InitialBarrier,
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
         rough: float = 0.0,
@@ -223,9 +223,9 @@ class SolverSession:
         """
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        near = multipliers is not None and barrier in InitialBarrier.NEAR_OPTIMUM
+        near = multipliers is not None and barrier.near_optimum
         algorithm = "predictor-corrector" if near else "line-search"
-        options = SolverOptions(max(chosen.tolerance, rough), most, barrier, algorithm=algorithm)
+        options = SolverOptions(max(chosen.tolerance, rough), most, barrier.value, algorithm=algorithm)
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers or self.solvers, options, multipliers):
             found = self.attempt(problem, guess, purpose, solver, allowed, known)

@@ -1,5 +1,7 @@
 """A start of the joint problem, and the initial barrier parameter by its quality."""
 
+from enum import Enum
+
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance
@@ -7,7 +9,7 @@ from airrace.procedure.stage_problem import StageProblem
 from airrace.records import record
 
 
-class InitialBarrier:
+class InitialBarrier(Enum):
     """The first value of the barrier parameter, by the quality of the start.
 
     When those of another stage and of a coarser mesh fell from 1e-2 to 1e-4 and from 1e-3 to 1e-6, all stages together
@@ -30,8 +32,11 @@ class InitialBarrier:
     of 31 in one case, and 47 instead of 43 in another."""
     COARSER_MESH = 1e-6
     """An optimum on a coarser mesh."""
-    NEAR_OPTIMUM = (OTHER_MESH, COARSER_MESH)
-    """Where predictor-corrector steps lead to the optimum; from another stage they fail or take as long as fatrop."""
+
+    @property
+    def near_optimum(self) -> bool:
+        """Whether predictor-corrector steps lead on; from another stage they fail or take as long as fatrop."""
+        return self in (InitialBarrier.OTHER_MESH, InitialBarrier.COARSER_MESH)
 
 
 @record
@@ -45,6 +50,6 @@ class Start:
     flight: StageProblem
     problem: Problem
     guess: Iterate
-    barrier: float
+    barrier: InitialBarrier
     provenance: StageProvenance = NO_PROVENANCE
     multipliers: Multipliers | None = None

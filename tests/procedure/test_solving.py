@@ -107,7 +107,7 @@ def small() -> tuple[Problem, Iterate]:
 def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[str], solvers: list[str]) -> None:
     used = session(*verdicts)
     problem, made = small()
-    solution = used.solve(problem, made, "all phases", barrier=0.1)
+    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert solution is not None
     assert solution.success
     assert [one.solver for one in used.attempts] == solvers
@@ -118,7 +118,7 @@ def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[st
 def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
     used = session("nearly", "solved")
     problem, made = small()
-    solution = used.solve(problem, made, "all phases", barrier=0.1)
+    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert solution is not None
     assert solution.success
     (attempt,) = used.attempts
@@ -130,7 +130,7 @@ def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
 def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passing: bool) -> None:
     used = session("inexact")
     problem, made = small()
-    solution = used.solve(problem, made, "all phases", barrier=0.1, passing=passing)
+    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD, passing=passing)
     assert solution is not None
     assert solution.success
     assert [one.purpose for one in used.attempts] == ["all phases", "all phases, closer"][: 1 if passing else 2]
@@ -138,14 +138,14 @@ def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passin
 
 def test_last_answer_is_returned_where_nobody_succeeds_and_none_where_no_solver_comes_back() -> None:
     problem, made = small()
-    solution = session("stuck", "infeasible").solve(problem, made, "all phases", barrier=0.1)
+    solution = session("stuck", "infeasible").solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert solution is not None
     assert (solution.solver, solution.status) == ("ipopt", "infeasible")
-    alone = session("stuck", STALLED).solve(problem, made, "all phases", barrier=0.1)
+    alone = session("stuck", STALLED).solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert alone is not None
     assert alone.solver == "fatrop"
     used = session(STALLED)
-    assert used.solve(problem, made, "all phases", barrier=0.1) is None
+    assert used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD) is None
     assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
 
 
@@ -154,7 +154,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     layout = Layout(problem)
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
     used = session("infeasible", "solved")
-    solution = used.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    solution = used.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
     assert solution is not None
     assert solution.success
     assert isinstance(used.service, Canned)
@@ -162,7 +162,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert [options.iterations_max for _, options, _ in asked(used)] == [KNOWN_ITERATIONS_MAX, 500]
     assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]  # before the fallback is asked
     failing = session("infeasible")
-    failing.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    failing.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
     assert isinstance(failing.service, Canned)
     assert [solver for solver, _, _ in asked(failing)] == ["fatrop", "fatrop", "ipopt"]
     assert failing.service.known == [known, None, None]  # a solver that begins without multipliers is asked once
@@ -179,10 +179,10 @@ def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
 
     with told.search_in_background(search) as beside:
         assert searching.wait(10.0)
-        told.solve(problem, start, "joint", barrier=0.1)
+        told.solve(problem, start, "joint", barrier=InitialBarrier.COLD)
         going_on.set()
         assert beside.result() == "found"
-        told.solve(problem, start, "joint", barrier=0.1)
+        told.solve(problem, start, "joint", barrier=InitialBarrier.COLD)
     assert isinstance(told.service, Canned)
     assert told.service.threads == [1, 2]
 
@@ -192,15 +192,16 @@ def test_settings_reach_the_solver() -> None:
     chosen = dataclasses.replace(Settings().solver, tolerance=1e-5, iterations_max=7, primary="ipopt")
     used.settings = dataclasses.replace(Settings(), solver=chosen)
     problem, made = small()
-    used.solve(problem, made, "all phases", barrier=0.3)
+    used.solve(problem, made, "all phases", barrier=InitialBarrier.COARSE)
     # The fallback is the primary solver here: it is asked once.
-    assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", SolverOptions(1e-5, 7, 0.3))]
+    expected = SolverOptions(1e-5, 7, InitialBarrier.COARSE.value)
+    assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", expected)]
 
 
 def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
     used = session("stuck", "solved")
     problem, made = small()
-    used.solve(problem, made, "all phases", barrier=0.1)
+    used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     timings = used.timings()
     assert (timings.solve, timings.derivatives) == (1.0, 0.5)
     used.reset_log()
@@ -285,9 +286,11 @@ def test_a_race_may_take_more_the_longer_it_is_and_the_finer_its_mesh() -> None:
 def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
     problem, made = small()
     used = limited(1e9, "solved", "stuck", "infeasible")
-    used.solve(problem, made, "all phases", barrier=0.1)
+    used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert used.budget.spent == 0
-    used.solve(problem, made, "all phases", barrier=0.1)  # by fatrop, then by IPOPT, whose iterations count twice
+    used.solve(
+        problem, made, "all phases", barrier=InitialBarrier.COLD
+    )  # by fatrop, then by IPOPT, whose iterations count twice
     assert used.budget.spent == 3 * problem.intervals + 2 * 3 * problem.intervals
     used.reset_log()
     assert used.budget.spent == 0
@@ -296,9 +299,9 @@ def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
 def test_a_solver_may_take_what_is_left_and_none_is_asked_after_that() -> None:
     problem, made = small()
     used = limited(4.5 * problem.intervals, "stuck")
-    solution = used.solve(problem, made, "all phases", barrier=0.1)
+    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert [(name, options.iterations_max) for name, options, _ in asked(used)] == [("fatrop", 5), ("ipopt", 1)]
-    again = used.solve(problem, made, "all phases", barrier=0.1)
+    again = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert solution is not None
     assert again is not None
     assert (solution.status, again.status, again.success) == ("stuck", Ending.BUDGET_EXHAUSTED.value, False)

@@ -15,6 +15,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
+from airrace.procedure.start import InitialBarrier
 from airrace.sensitivity.lagrangian import sensitivities
 from airrace.sensitivity.sensitivity import Activity
 
@@ -138,7 +139,8 @@ def test_solving_again_finds_the_sensitivity(key: str) -> None:
         session = SolverSession(service, settings, Silent())
         for value in (one.value - change, one.value + change):
             problem = varied.problem(variation.race(key, value))
-            solution = session.solve(problem, iterate_of(result.trajectory), "again", barrier=1e-6, solvers=("ipopt",))
+            guess, barrier = iterate_of(result.trajectory), InitialBarrier.COARSER_MESH
+            solution = session.solve(problem, guess, "again", barrier=barrier, solvers=("ipopt",))
             assert solution is not None
             assert solution.success
             objectives.append(solution.objective)

@@ -25,6 +25,8 @@ class Parameters:
     Attributes:
         iterations_max: after which steps are given up. Of 61 solves on refined meshes of the shipped courses 60 led to
             an optimum, after 8 at most; fatrop took 8 to 23.
+        nearly_optimal: the error from which on steps go on as long as each lessens it; `iterations_max` does not end
+            them then, only that of the options.
         largest_step: the largest believable change of a scaled unknown.
         first_barrier: least first value of the barrier parameter: with less, slacks are so small that more steps are
             cut short.
@@ -40,6 +42,7 @@ class Parameters:
     """
 
     iterations_max: int = 15
+    nearly_optimal: float = 1e-5
     largest_step: float = 1e3
     first_barrier: float = 1e-5
     last_barrier: float = 0.1
@@ -153,9 +156,9 @@ class _Iteration:
     def solve(self, guess: Array, multipliers: Array) -> SolverResult:
         if len(self._sides.places) == 0:  # there is no barrier
             return self._result(guess, np.zeros(len(self._functions.g)), Ending.NO_STEP, 0)
-        iterations_max = min(self._options.iterations_max, PARAMETERS.iterations_max)
-        point, iteration, ending = self._first(guess, multipliers), 0, Ending.NO_STEP
-        for iteration in range(iterations_max + 1):
+        usual = min(self._options.iterations_max, PARAMETERS.iterations_max)
+        point, iteration, ending, before = self._first(guess, multipliers), 0, Ending.NO_STEP, np.inf
+        for iteration in range(self._options.iterations_max + 1):
             residuals = self._residuals(point)
             if residuals is None:
                 ending = Ending.NOT_FINITE
@@ -165,9 +168,11 @@ class _Iteration:
             if error <= self._options.tolerance:
                 w = self._restore_fixed(point.w)
                 return self._result(w, self._multipliers(point), Ending.OPTIMAL, iteration)
-            if iteration == iterations_max:
+            leads_on = error < min(before, PARAMETERS.nearly_optimal)
+            if iteration == self._options.iterations_max or (iteration >= usual and not leads_on):
                 ending = Ending.ITERATION_LIMIT
                 break
+            before = error
             following = self._next(point, residuals) if self._factorise(point) else None
             if following is None:
                 break

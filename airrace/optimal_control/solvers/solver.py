@@ -6,6 +6,7 @@ A solve that fails is a value: `Solution.success` is False, `ending` says why, `
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ from airrace.optimal_control.optimality import KktError, kkt_error
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
-from airrace.optimal_control.solvers.fatrop.solver import FatropSolver
+from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
@@ -127,7 +128,10 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
 class Fatrop(Solver):
     """The Riccati-structured interior point method fatrop (Vanroye et al.).
 
-    Near an optimum with known multipliers predictor-corrector steps come first, with the native library.
+    Near an optimum with known multipliers predictor-corrector steps come first, with the native library. Where fatrop
+    creeps (`fatrop/creeping.py`) they go on from its iterate and multipliers, and so does IPOPT where they fail. They
+    go on as well where a solve that began with known multipliers has no iterations left. Whoever goes on has as many
+    iterations as fatrop.
     """
 
     begins_with_multipliers = True
@@ -136,18 +140,44 @@ class Fatrop(Solver):
         require_known_interface()
         self._fatrop = FatropSolver(functions, fatrop_options(options), exact=options.exact)
         self._options = options
-        near = options.algorithm == "predictor-corrector" and riccati.available(functions.assembly)
-        self._near = PredictorCorrector(functions) if near else None
+        self._functions = functions
+        self._begins_near = options.algorithm == "predictor-corrector"
+
+    @cached_property
+    def _near(self) -> PredictorCorrector | None:
+        return PredictorCorrector(self._functions) if riccati.available(self._functions.assembly) else None
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
         known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
-        if known is None or self._near is None:
-            return self._fatrop.solve(guess, bounds, p, known)
-        found = self._near.solve(guess, bounds, p, known, self._options)
-        if found.success:
-            return found
+        spent = 0
+        if known is not None and self._begins_near and self._near is not None:
+            found = self._near.solve(guess, bounds, p, known, self._options)
+            if found.success:
+                return found
+            spent = found.iterations
         result = self._fatrop.solve(guess, bounds, p, known)
-        return replace(result, iterations=result.iterations + found.iterations)
+        if result.ending is Ending.CREEPING or (known is not None and result.ending is Ending.ITERATION_LIMIT):
+            handed = self._hand_over(result, bounds, p)
+            return replace(handed, iterations=spent + handed.iterations)
+        return replace(result, iterations=spent + result.iterations)
+
+    def _hand_over(self, reached: FatropResult, bounds: Bounds, p: Array) -> SolverResult:
+        """Go on from where fatrop creeps or ends: with predictor-corrector steps, and where it creeps with IPOPT.
+
+        Where nothing leads on, the result is that of the last one that was asked.
+        """
+        options = replace(self._options, barrier=reached.barrier)
+        known = Multipliers(reached.lam_g, reached.lam_w)
+        results: list[SolverResult] = [reached]
+        if self._near is not None:
+            both = np.concatenate([known.constraints, known.bounds])
+            results.append(self._near.solve(reached.w, bounds, p, both, options))
+        if not results[-1].success and reached.ending is Ending.CREEPING:
+            ipopt = Ipopt(self._functions, options, resumes=True)
+            results.append(ipopt.solve(reached.w, bounds, p, known))
+        found = results[-1] if results[-1].success or reached.ending is Ending.CREEPING else reached
+        handed = "" if found is reached else f", handed over by fatrop after {reached.iterations} iterations"
+        return replace(found, iterations=sum(one.iterations for one in results), status=found.status + handed)
 
 
 IPOPT_ENDINGS = {
@@ -162,18 +192,33 @@ IPOPT_ENDINGS = {
 }
 
 
+RESUMING: Mapping[str, float | str] = {
+    "warm_start_init_point": "yes",
+    **dict.fromkeys(("warm_start_bound_push", "warm_start_slack_bound_push"), 1e-9),
+    **dict.fromkeys(("warm_start_bound_frac", "warm_start_slack_bound_frac"), 1e-9),
+    "warm_start_mult_bound_push": 1e-9,
+}
+"""The settings with which IPOPT begins with the iterate of another interior point method, slacks and multipliers."""
+
+
 class Ipopt(Solver):
     """The solver IPOPT with MUMPS on the same program, which it evaluates through `ipopt_functions.py`.
 
     On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass, and
     fatrop 37 to 47 us.
+
+    Args:
+        resumes: whether it goes on from multipliers and slacks as they are given.
     """
 
     effort = 2
 
-    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
+    def __init__(self, functions: Evaluation, options: SolverOptions, *, resumes: bool = False) -> None:
         self._program = ProgramFunctions(functions)
-        own = {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier, "sb": "yes"}
+        own: dict[str, float | str] = {"tol": options.tolerance, "max_iter": options.iterations_max, "sb": "yes"}
+        own["mu_init"] = options.barrier
+        if resumes:
+            own |= RESUMING
         cache = self._program.derivatives
         self._settings = {"print_time": False, "calc_lam_p": False, "cache": cache, "ipopt": own}
         self._nlpsols: dict[bytes, ca.Function] = {}

@@ -82,7 +82,7 @@ class InitialGuess:
     flight: StageProblem
     mesh: Sequence[tuple[float, ...]]
     guess: Iterate
-    barrier: float
+    barrier: InitialBarrier
     is_baseline: bool = False
 
 
@@ -120,7 +120,7 @@ class CoarseSolution:
         return costates(Layout(self.problem), self.multipliers)
 
 
-def planned_guess(flight: StageProblem, plan: Plan, barrier: float) -> InitialGuess:
+def planned_guess(flight: StageProblem, plan: Plan, barrier: InitialBarrier) -> InitialGuess:
     """Return a flight straight from a plan; one that is planned to be slow has no more intervals for that."""
     share = plan.cruise.V / flight.plan.cruise.V
     mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]
@@ -170,7 +170,7 @@ def try_solve(
     service: SolverService,
     problem: Problem,
     iterate: Iterate,
-    barrier: float,
+    barrier: InitialBarrier,
     iterations: int = SETTINGS.iterations_max,
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
@@ -180,7 +180,7 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier)
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value)
     stall = SETTINGS.stall_seconds
     try:
         return service.solve(problem, iterate, solver="fatrop", options=options, threads=1, stall_seconds=stall)

@@ -87,7 +87,7 @@ class EvaluatedMove:
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def evaluate(service: SolverService, move: Move, barrier: float = InitialBarrier.COLD) -> EvaluatedMove | None:
+def evaluate(service: SolverService, move: Move, barrier: InitialBarrier = InitialBarrier.COLD) -> EvaluatedMove | None:
     """Return the fastest flight through a window near its guess; None if there is none within the budget.
 
     Args:

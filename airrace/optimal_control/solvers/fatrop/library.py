@@ -110,19 +110,23 @@ class Output:
     """The stream that fatrop prints to; fatrop has one per process, so it lives as long as the process.
 
     What Python raises while printing cannot pass through fatrop; it waits in `error`. While `muted`, nothing is
-    printed; fatrop's own option for that would hold for all solves that follow.
+    printed; fatrop's own option for that would hold for all solves that follow. A `listener` is told what is printed.
     """
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
         self.muted = False
+        self.listener: Callable[[str], None] | None = None
         self.callback = _WRITE(self._write)
 
     def _write(self, address: int, count: int) -> None:
         if self.muted:
             return
         try:
-            sys.stdout.write(ctypes.string_at(address, count).decode(errors="replace"))
+            text = ctypes.string_at(address, count).decode(errors="replace")
+            sys.stdout.write(text)
+            if self.listener is not None:
+                self.listener(text)
         except BaseException as error:
             self.error = error
 

@@ -12,6 +12,7 @@ import numpy as np
 from airrace.errors import SolverCrash
 from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
+from airrace.optimal_control.solvers.fatrop.creeping import CreepingDetector
 from airrace.optimal_control.solvers.fatrop.library import OUTPUT, Callback, doubles_at, fatrop, interface
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, memory_of
 from airrace.optimal_control.solvers.fatrop.stages import PrimalDualPoint, Rows, Stages
@@ -59,11 +60,13 @@ class FatropResult(SolverResult):
 
     Attributes:
         lam_w: multipliers of the simple bounds, shape (n_w,).
+        barrier: last value of the barrier parameter.
         hessians: number of Hessians that it asked for, those of a restoration of feasibility included.
         reported_iterations: number of iterations that it reports.
     """
 
     lam_w: Array
+    barrier: float
     hessians: int
     reported_iterations: int
 
@@ -132,11 +135,12 @@ class _FatropCall:
         self._values = np.empty(stages.constraints + stages.unknowns)
         self._solver = 0
         self._stopped = False
+        self._detector = CreepingDetector()
 
     def solve(self) -> FatropResult:
         """Create fatrop's solver, run it and destroy it."""
         library, problem = fatrop(), interface(self._callbacks())
-        OUTPUT.error = None
+        OUTPUT.error, OUTPUT.listener = None, self._watch
         with defer_signals(self._stop):
             self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
             try:
@@ -152,6 +156,7 @@ class _FatropCall:
                 dual = library.fatrop_ocp_c_get_dual(self._solver).contents.pa
                 multipliers = self._multipliers(doubles_at(dual, len(self._rows.items)))
             finally:
+                OUTPUT.listener = None
                 library.fatrop_ocp_c_destroy(self._solver)
                 self._solver = 0
         if error := self._error or OUTPUT.error:
@@ -161,15 +166,18 @@ class _FatropCall:
         if not 0 <= reason < len(ENDINGS):
             raise SolverCrash(f"the reason of its end is read as {reason}")
         ending = Ending.EXCEPTION if flag < 0 else ENDINGS[reason]
+        if ending is Ending.ITERATION_LIMIT and self._detector.creeping:
+            ending = Ending.CREEPING
         if self._restoring > RESTORATION_MAX:
             ending = Ending.RESTORATION_LIMIT
         if self._not_finite:
             ending = Ending.NOT_FINITE
-        own_words = ending in (Ending.NOT_FINITE, Ending.EXCEPTION)
+        own_words = ending in (Ending.CREEPING, Ending.NOT_FINITE, Ending.EXCEPTION)
         return FatropResult(
             w=w,
             lam_g=multipliers[: self._stages.constraints],
             lam_w=multipliers[self._stages.constraints :],
+            barrier=self._detector.barrier,
             objective=self._functions.f,
             ending=ending,
             status=ending.value if own_words else f"{reason}: {ending.value}",
@@ -205,6 +213,12 @@ class _FatropCall:
         self._stopped = True
         if self._solver:
             self._set_option("max_iter", 0)
+
+    def _watch(self, text: str) -> None:
+        """Read what fatrop prints, and stop it where it creeps."""
+        self._detector.read(text)
+        if self._detector.creeping and not self._stopped:
+            self._stop()
 
     # what fatrop asks for; pointers are addresses, see the header
 
