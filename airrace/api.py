@@ -496,7 +496,7 @@ class Run(RunState):
                 where the format needs one, or a library that it needs is not installed.
             StorageError: the system refused.
         """
-        write_flights(format_name, [self.flight(stage)], Path(path), rate=rate, origin=origin, start=start)
+        write_flights(format_name, lambda: [self.flight(stage)], Path(path), rate=rate, origin=origin, start=start)
         return Path(path)
 
     def report(

@@ -317,7 +317,9 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
             path = output or output_of(form.name, names)
             ensure_room(path, as_json=as_json)
             ensure_free(path, force=force, sources=names)
-            write_flights(form.name, open_flights(names, stage=stage), path, rate=rate, origin=origin, start=start)
+            write_flights(
+                form.name, lambda: open_flights(names, stage=stage), path, rate=rate, origin=origin, start=start
+            )
             answer_with_files(answer, [path], quiet=quiet, format=form.name, flights=names)
 
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -107,7 +107,7 @@ EXPORT_RATES = 1e-3, 1e4
 
 def write_flights(
     format_name: str,
-    flights: Sequence[Flight],
+    open_them: Callable[[], Sequence[Flight]],
     path: Path,
     *,
     rate: float | None = None,
@@ -118,7 +118,7 @@ def write_flights(
 
     Args:
         format_name: one of `airrace.export.formats.formats()`.
-        flights: at least one.
+        open_them: opens the flights, at least one, once the other arguments are known to make sense.
         path: the file, which is replaced as a whole.
         rate: samples per second; None for what suits the format.
         origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
@@ -136,6 +136,7 @@ def write_flights(
     low, high = EXPORT_RATES
     if rate is not None and not low <= rate <= high:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
+    flights = open_them()
     if chosen.globe or where is not None:
         flights = [on_globe(flight, where) for flight in flights]
     hertz = chosen.rate_hz if rate is None else rate
