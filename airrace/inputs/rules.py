@@ -16,7 +16,7 @@ from airrace.inputs.places import Height
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import Interval
-from airrace.track.course import Rules
+from airrace.track.course import ClearanceRule, Rules
 
 FOLDER = resources.files("airrace.inputs") / "presets"
 
@@ -41,6 +41,11 @@ class LimitsEntry(Schema):
     floor_m: Height = Field(default=10.0, description="least height above the origin")
     ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = optional("largest height above the origin")
     start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = optional("largest speed over ground at the start")
+    clearance: Literal["flight", "crossing"] = Field(
+        default="crossing",
+        description="whether the wing keeps clear of all pylons all along the `flight`, or of those of a gate at its "
+        "`crossing` alone; measured in either case",
+    )
     crowd_distance_m: Distance | None = optional("least distance from every crowd that does not say its own")
 
 
@@ -154,6 +159,7 @@ def build_rules(entry: LimitsEntry, preset: str | None, reporter: Reporter) -> R
         p=given.get("roll_rate_max_deg_s", math.inf),
         beta_A=given.get("sideslip_max_deg", math.inf),
         height=Interval.between(entry.floor_m, entry.ceiling_m),
+        clearance=ClearanceRule(entry.clearance),
     )
     if rules.alpha_A.empty:
         reporter.value(("rules", "alpha_min_deg"), f"must not exceed `alpha_max_deg`, {entry.alpha_max_deg:g}")

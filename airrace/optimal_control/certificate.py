@@ -3,6 +3,8 @@
 A result is certified only if every item holds and one of them compares it with the optimum on a coarser mesh.
 """
 
+import math
+
 from airrace.records import record
 
 RACE_TIME_CHANGE = "race_time_change"
@@ -16,7 +18,7 @@ class Item:
     Attributes:
         name: stable identifier, e.g. `kkt_error`.
         value: what was measured, in `unit`.
-        limit: largest value that still holds.
+        limit: largest value that still holds; infinite for what is only measured.
         unit: unit of both.
         where: where the worst value was found, for people ("phase 3 g4, C_L"); empty if nowhere in particular.
     """
@@ -54,6 +56,11 @@ class Certificate:
     def certified(self) -> bool:
         """Whether all that was measured holds, and nothing was left out."""
         return self.holds and self.compares_meshes
+
+    @property
+    def undecided(self) -> tuple[Item, ...]:
+        """The items that are only measured, and are not zero."""
+        return tuple(item for item in self.items if math.isinf(item.limit) and item.value > 0.0)
 
     @property
     def failed(self) -> tuple[Item, ...]:

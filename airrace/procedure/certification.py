@@ -75,6 +75,7 @@ def certify(
     status: str,
     kkt_error: float,
     coarser_race_time: float | None,
+    clearance: Item | None = None,
 ) -> Certificate:
     """Return the certificate of an optimum.
 
@@ -84,11 +85,13 @@ def certify(
         kkt_error: of the conditions of optimality, scaled.
         coarser_race_time: of the optimum on a mesh of at most half the intervals everywhere, s; NaN if none was found,
             which never holds; None if none was looked for, which leaves the item out.
+        clearance: the item on the wing's distance from pylons; None leaves it out.
     """
     kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
     replayed, *between = evidence.check.items
     items = (
         *(claim, kkt, replayed, _missed_gates(problem, iterate, limits), *between),
+        *(() if clearance is None else (clearance,)),
         _hamiltonian(problem, iterate, evidence.drift, limits),
         *_race_time_change(iterate, coarser_race_time, limits),
         *variations(problem, iterate, limits),

@@ -30,6 +30,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, gate_splits, mesh_of, trajectory_of
 from airrace.procedure.start import InitialBarrier
+from airrace.procedure.wing_clearance import clearance_item
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
@@ -169,6 +170,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         status="",
         kkt_error=error.largest,
         coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
+        clearance=clearance_item(flight, problem, iterate, evidence.replay, settings.certificate),
     )
     trajectory = trajectory_of(problem, iterate)
     return Measured(

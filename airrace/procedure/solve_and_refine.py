@@ -40,6 +40,7 @@ from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.wing_clearance import clearance_item
 from airrace.records import record
 
 
@@ -170,6 +171,13 @@ class Refined:
             status=f"{solution.solver}: {solution.status}",
             kkt_error=solution.kkt.largest,
             coarser_race_time=without if coarser is None else coarser.race_time,
+            clearance=clearance_item(
+                self.flight,
+                optimum.problem,
+                optimum.iterate,
+                optimum.evidence.replay,
+                self.session.settings.certificate,
+            ),
         )
 
     def carry(self, draft: MeshProposal) -> Multipliers:

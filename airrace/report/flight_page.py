@@ -59,7 +59,9 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     map_ = map_model(first.race)
     track = np.stack([first["x"], first["y"]], axis=1)
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
-    verdict, good = escape_html(first.source.verdict or "recorded"), "bad" if first.source.doubtful else "good"
+    misses = len(near_misses(first))
+    verdict = escape_html(first.source.verdict or "recorded") + (f", {misses} pylons too near" if misses else "")
+    good = "bad" if first.source.doubtful or misses else "good"
     return _template().substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "

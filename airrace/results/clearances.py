@@ -1,8 +1,8 @@
 """Clearances of a flight from pylons, crowds, lines and borders, and near misses of pylons.
 
-A pylon is an upright of `PYLON_HEIGHT`; the distance is that of the wing, from tip to tip, seen from above, and above
-its top the height is counted as well. All other distances are those of the aircraft's centre, as the rules measure it.
-Where a flight knows no height, the slant distance from people is that over ground, and pylons are left out.
+The distance from a pylon is that of the wing, from tip to tip, from a vertical line up to the pylon's height. All other
+distances are those of the aircraft's centre, as the rules measure it. Where a flight knows no height, the slant
+distance from people is that over ground, and pylons are left out.
 
 The rules measure the distance of the wing tips from the pylons of a gate at the instant of its passing, along the line
 between the pylons. The wing of an aircraft that crosses this line askew reaches it some hundredths of a second before
@@ -16,20 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.planning.wing_clearance import UNASKED, Pylon, Wing, closest_in_steps, pylons_of, wing_distance
 from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import BODY_ATTITUDE, Flight, TimedCrossing
 from airrace.results.legs import Leg, legs_of, passings_around
 from airrace.track.gates import Passing, Tolerant
-from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
-PYLON_HEIGHT = 25.0
-"""The height of the air-filled pylons of the races from 2014 to 2019, m."""
 TOLERANCE = 0.1
 """The length by which a clearance is missed before it is reported, m: nobody beside the course could see less."""
-UNASKED = 0.5
-"""The clearance that counts for elements whose passing asks for none, m: that of the rules of 2014 to 2019."""
 BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
 
@@ -159,41 +155,41 @@ def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance 
 def pylons(flight: Flight) -> Iterator[Distance]:
     """Yield the distance of the wing from the pylons of every element, in the order of first passings; none where the
     flight knows its height nowhere.
+
+    A value is the least from half a step before its time to half a step after it.
     """
-    elements = {one.element.name: one.element for one in flight.course.passages}
-    posts = {name: element.drawing().posts for name, element in elements.items()}
-    if not any(posts.values()) or not np.isfinite(flight["height"]).any():
+    standing = pylons_of(flight.course)
+    if not standing or len(flight.time) < 2 or not np.isfinite(flight["height"]).any():
         return
-    left, right = _wing_tips(flight)
-    over = np.maximum(np.minimum(left[2], right[2]) - PYLON_HEIGHT, 0.0)
-    for name, element in elements.items():
+    wing = _wing(flight)
+    for element in {one.element.name: one.element for one in flight.course.passages}.values():
         required = 0.0
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = element.tolerances.clearance
-        if posts[name]:
-            away = np.minimum.reduce([_from_wing(left, right, post) for post in posts[name]])
-            yield Distance("pylon", name, required, np.hypot(away, over))
+        own = [one for one in standing if one.name == element.name]
+        if own:
+            yield Distance("pylon", element.name, required, np.minimum.reduce([_least_about(wing, one) for one in own]))
 
 
-def _wing_tips(flight: Flight) -> tuple[Array, Array]:
-    """Return north, east and height of the left and of the right wing tip, each of shape (3, n), m; without an attitude
-    those of the centre."""
+def _wing(flight: Flight) -> Wing:
+    """Return the way of the wing; without an attitude that of the centre."""
     centre = np.stack([flight["x"], flight["y"], flight["height"]])
-    if not flight.has(*BODY_ATTITUDE):
-        return centre, centre
-    wing = path_axes([flight[name] for name in BODY_ATTITUDE])[:, 1] * np.array([[1.0], [1.0], [-1.0]])
-    half = 0.5 * flight.aircraft.airframe.b * wing
-    return centre - half, centre + half
+    half = np.zeros_like(centre)
+    if flight.has(*BODY_ATTITUDE):
+        right = path_axes([flight[name] for name in BODY_ATTITUDE])[:, 1] * np.array([[1.0], [1.0], [-1.0]])
+        half = 0.5 * flight.aircraft.airframe.b * right
+    return Wing(flight.time, centre, half)
 
 
-def _from_wing(left: Array, right: Array, post: Point) -> Array:
-    """Return the distance of an upright from the wing, seen from above, m, shape (n,)."""
-    place = np.array([[post.north], [post.east]])
-    along = right[:2] - left[:2]
-    squared = np.sum(along**2, axis=0)
-    share = np.sum((place - left[:2]) * along, axis=0) / np.where(squared > 0.0, squared, 1.0)
-    foot = left[:2] + np.clip(share, 0.0, 1.0) * along
-    return np.hypot(*(place - foot))
+def _least_about(wing: Wing, pylon: Pylon) -> Array:
+    """Return the least distance from a pylon from half a step before to half a step after every time, m, shape (n,)."""
+    least = wing_distance(pylon, wing.centre, wing.half)
+    distance, time = closest_in_steps(wing, pylon)
+    early = time - wing.time[:-1] <= wing.time[1:] - time
+    known = np.isfinite(least)
+    least[:-1] = np.where(known[:-1] & early, np.fmin(least[:-1], distance), least[:-1])
+    least[1:] = np.where(known[1:] & ~early, np.fmin(least[1:], distance), least[1:])
+    return least
 
 
 @record

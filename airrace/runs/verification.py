@@ -135,10 +135,11 @@ def _certificate(stored: Certificate, again: Certificate) -> Iterator[str]:
 
 
 def _item(mine: Item, its: Item) -> Iterator[str]:
-    nothing = (SOLVED_AGAIN if its.name == RACE_TIME_CHANGE else NOTHING) * its.limit
+    share = SOLVED_AGAIN if its.name == RACE_TIME_CHANGE else NOTHING
+    nothing = share * (its.limit if math.isfinite(its.limit) else 1.0)
     if not abs(mine.value - its.value) <= nothing + INTEGRATED * abs(its.value):
         yield _two(f"certificate, {its.name}", mine.value, its.value)
-    if not abs(mine.limit - its.limit) <= ROUNDED * abs(its.limit):
+    if not math.isclose(mine.limit, its.limit, rel_tol=ROUNDED):
         yield _two(f"certificate, limit of {its.name}", mine.limit, its.limit)
     elsewhere = mine.where != its.where and (its.value > nothing or its.limit == 0.0)
     if mine.unit != its.unit or elsewhere:

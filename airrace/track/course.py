@@ -113,6 +113,16 @@ class Passage:
     roll: Roll | None = None
 
 
+class ClearanceRule(Enum):
+    """The time at which the wing keeps clear of pylons.
+
+    `FLIGHT`: at any time, of every pylon of the course. `CROSSING`: at the instant of a passing, of its own pylons.
+    """
+
+    FLIGHT = "flight"
+    CROSSING = "crossing"
+
+
 @record
 class Rules:
     """The limits that hold along the whole flight.
@@ -124,6 +134,7 @@ class Rules:
         p: largest magnitude of the roll rate, rad/s; the aircraft's own limit holds besides.
         beta_A: largest magnitude of the sideslip, rad; the aircraft's own limit holds besides.
         height: floor and ceiling above the track's origin, m.
+        clearance: when the wing keeps clear of pylons.
     """
 
     n_z: Interval
@@ -132,6 +143,7 @@ class Rules:
     p: float = math.inf
     beta_A: float = math.inf
     height: Interval = Interval(lower=0.0)
+    clearance: ClearanceRule = ClearanceRule.CROSSING
 
 
 @record

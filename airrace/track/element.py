@@ -16,6 +16,9 @@ from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.track.polygons import Point
 
+PYLON_HEIGHT = 25.0
+"""The height of the air-filled pylons of the races from 2014 to 2019, m."""
+
 
 class Direction(Enum):
     """A direction in which a gate is passed; `PLANNED` is the one that makes the shorter race."""
@@ -99,6 +102,7 @@ class Drawing:
     Attributes:
         legend: what the legend of a picture calls elements like this one.
         posts: what stands there.
+        post_height: the height of their tops above the origin, m.
         across: the ends of a stroke across the way through it, for a picture too small for anything else.
         window: the ends of the stretch that the aircraft flies through.
         reach: the ends of the stretch beside it that the aircraft flies through.
@@ -106,6 +110,7 @@ class Drawing:
 
     legend: str
     posts: tuple[Point, ...] = ()
+    post_height: float = PYLON_HEIGHT
     across: tuple[Point, Point] | None = None
     window: tuple[Point, Point] | None = None
     reach: tuple[Point, Point] | None = None

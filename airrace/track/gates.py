@@ -10,7 +10,7 @@ import numpy as np
 from airrace.parameters import SINE, TANGENT, Parameter, attribute_parameter
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.track.element import Crossing, Direction, Drawing, Element, Frame, Standing, climb_condition
+from airrace.track.element import PYLON_HEIGHT, Crossing, Direction, Drawing, Element, Frame, Standing, climb_condition
 from airrace.trajectory import Array
 
 POSITIVE = Interval(lower=0.0)
@@ -123,6 +123,7 @@ class Gate(Tolerant):
         width: distance between the pylons, m.
         bank: prescribed kinematic bank angle, rad (+pi/2: right wing down).
         either_bank: a knife-edge gate that allows either wing down.
+        pylon_height: the height of the pylons' tops above the origin, m.
     """
 
     name: str
@@ -135,6 +136,7 @@ class Gate(Tolerant):
     tolerances: Tolerances
     bank: float = 0.0
     either_bank: bool = False
+    pylon_height: float = PYLON_HEIGHT
 
     directed = True
 
@@ -208,6 +210,7 @@ class Gate(Tolerant):
         return Drawing(
             legend="gate, and the courses through it",
             posts=ends,
+            post_height=self.pylon_height,
             across=ends,
             window=(self.beside(-open_half, right), self.beside(open_half, right)),
         )
@@ -245,6 +248,7 @@ class Pylon(Tolerant):
     Attributes:
         side: azimuth from the pylon to the side on which it is passed, rad.
         reach: farthest distance from the pylon at which the passing counts, m.
+        pylon_height: the height of its top above the origin, m.
     """
 
     name: str
@@ -255,6 +259,7 @@ class Pylon(Tolerant):
     reach: float
     passing: Passing
     tolerances: Tolerances
+    pylon_height: float = PYLON_HEIGHT
 
     @property
     def type_name(self) -> str:
@@ -313,6 +318,7 @@ class Pylon(Tolerant):
         return Drawing(
             legend="pylon, and its window",
             posts=(self.beside(0.0, self.side),),
+            post_height=self.pylon_height,
             reach=(self.beside(self.tolerances.clearance, self.side), self.beside(self.reach, self.side)),
         )
 

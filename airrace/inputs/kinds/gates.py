@@ -78,6 +78,7 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
             either_bank=bank == "either",
             passing=Passing(self.passing or defaults.passing),
             tolerances=_tolerances(numbers),
+            pylon_height=numbers["pylon_height_m"],
         )
         _check_passing(gate, places.reporter)
         clearance = numbers["clearance_m"]
@@ -197,6 +198,7 @@ class PylonEntry(PassingEntry, PlacedEntry, KindEntry):
             reach=numbers["reach_m"],
             passing=Passing(self.passing or defaults.passing),
             tolerances=_tolerances(numbers),
+            pylon_height=numbers["pylon_height_m"],
         )
         _check_passing(pylon, reporter)
         if pylon.reach <= pylon.tolerances.clearance:

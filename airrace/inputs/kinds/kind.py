@@ -12,7 +12,7 @@ from airrace.inputs.places import ClimbAngle, Height, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.records import record
 from airrace.track.course import Direction, Roll
-from airrace.track.element import Element
+from airrace.track.element import PYLON_HEIGHT, Element
 from airrace.track.polygons import Point
 
 HEIGHT_BAND_M = 5.0
@@ -67,6 +67,9 @@ class PassingEntry(Schema):
         "`point`: passed exactly here; `window`: anywhere within the tolerances"
     )
     clearance_m: Annotated[float, Ge(0), Le(50)] | None = optional("least distance of the wing tips from a pylon")
+    pylon_height_m: Annotated[float, Gt(0), Le(500)] | None = optional(
+        "height of its pylons above the origin, up to which the wing keeps clear of them"
+    )
     height_min_m: Height | None = optional("least legal height of a `window` passing")
     height_max_m: Height | None = optional("largest legal height of a `window` passing")
     climb_min_deg: ClimbAngle | None = optional("least climb angle at the passing, negative in descent")
@@ -99,6 +102,7 @@ LANGUAGE_DEFAULTS = GateDefaultsEntry(
     height_m=20.0,
     passing="window",
     clearance_m=0.5,
+    pylon_height_m=PYLON_HEIGHT,
     climb_min_deg=-45.0,
     climb_max_deg=45.0,
     crossing_max_deg=60.0,

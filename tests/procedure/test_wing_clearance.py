@@ -1,0 +1,139 @@
+"""The distance of a wing from pylons: laws of the geometry, pylons of courses, the item of the certificate."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from races import PLAN, SHIPPED, SMALL, optimum
+
+from airrace.inputs import load_inputs
+from airrace.planning.race import Race
+from airrace.planning.wing_clearance import (
+    UNASKED,
+    Pylon,
+    Wing,
+    closest_approaches,
+    closest_in_steps,
+    pylons_of,
+    wing_distance,
+)
+from airrace.procedure.run import recertify
+from airrace.track.course import ClearanceRule
+from airrace.track.gates import Passing
+from airrace.trajectory import Array
+
+POST = Pylon("g", 3.0, -2.0, 25.0, UNASKED)
+
+
+def wings(seed: int) -> tuple[Array, Array]:
+    """Wings of 8 m about the top of a pylon, in any attitude."""
+    random = np.random.default_rng(seed)
+    half = random.normal(size=(3, 200))
+    top = np.array([[3.0], [-2.0], [25.0]])
+    return top + random.uniform(-8.0, 8.0, (3, 200)), 4.0 * half / np.linalg.norm(half, axis=0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_distance_is_the_least_of_all_points_of_the_wing_from_all_points_of_the_pylon(seed: int) -> None:
+    centre, half = wings(seed)
+    point = centre[:, :, None] + half[:, :, None] * np.linspace(-1.0, 1.0, 20001)
+    above = np.maximum(point[2] - POST.height, 0.0)
+    by_hand = np.sqrt((point[0] - POST.north) ** 2 + (point[1] - POST.east) ** 2 + above**2).min(axis=1)
+    found = wing_distance(POST, centre, half)
+    np.testing.assert_allclose(found, by_hand, atol=5e-4)
+    assert (found <= by_hand + 1e-12).all()
+
+
+def test_the_distance_does_not_know_left_from_right_nor_north_from_east() -> None:
+    centre, half = wings(9)
+    np.testing.assert_allclose(wing_distance(POST, centre, -half), wing_distance(POST, centre, half), atol=1e-12)
+    turned = dataclasses.replace(POST, north=-POST.east, east=POST.north)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(wing_distance(turned, turn @ centre, turn @ half), wing_distance(POST, centre, half))
+
+
+def test_a_wing_on_edge_and_a_wing_without_span_are_points_seen_from_above() -> None:
+    centre = np.array([[3.0], [4.0], [10.0]])
+    for half in (np.array([[0.0], [0.0], [4.0]]), np.zeros((3, 1))):
+        assert wing_distance(POST, centre, half) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.013])
+@pytest.mark.parametrize("roll_rate", [0.0, 3.0, 7.0])
+def test_the_least_distance_of_a_rolling_wing_in_a_turn_is_found_between_samples(step: float, roll_rate: float) -> None:
+    """A circle of 80 m at 90 m/s; samples lie up to 1.8 m apart, and the wing is thin."""
+
+    def way(time: Array) -> tuple[Array, Array]:
+        turned, bank = 90.0 / 80.0 * time, 0.3 + roll_rate * time
+        centre = np.stack([80.0 * np.sin(turned), 80.0 * (1.0 - np.cos(turned)), 15.0 + 2.0 * time])
+        right = np.stack([-np.sin(turned) * np.cos(bank), np.cos(turned) * np.cos(bank), -np.sin(bank)])
+        return centre, 4.0 * right
+
+    fine, time = np.arange(-0.3, 0.3, 1e-5), np.arange(-0.3, 0.3, step)
+    for beside in (0.0, 0.3, 4.2, 5.0):
+        post = Pylon("g", 1.7, beside, 25.0, UNASKED)
+        truth = wing_distance(post, *way(fine))
+        distance, when = closest_in_steps(Wing(time, *way(time)), post)
+        assert distance.min() == pytest.approx(truth.min(), abs=2e-3)
+        if truth.min() > 0.01:  # else it is hit for a while
+            assert when[distance.argmin()] == pytest.approx(fine[truth.argmin()], abs=2e-3)
+
+
+def test_approaches_are_those_of_every_leg() -> None:
+    time = np.linspace(0.0, 4.0, 201)
+    centre = np.stack([100.0 * np.abs(time - 2.0) - 50.0, np.where(time < 2.0, 6.0, 5.0), np.full(201, 15.0)])
+    half = np.stack([np.zeros(201), np.full(201, 4.0), np.zeros(201)])
+    found = list(closest_approaches(Wing(time, centre, half), [Pylon("g", 0.0, 0.0, 25.0, 1.5)], [0, 100, 200]))
+    assert [one.leg for one in found] == [0, 1]
+    assert [one.distance for one in found] == pytest.approx([2.0, 1.0], abs=1e-6)
+    assert [one.time for one in found] == pytest.approx([1.5, 2.5], abs=1e-3)
+    assert [one.shortfall for one in found] == pytest.approx([-0.5, 0.5], abs=1e-6)
+
+
+def test_pylons_ask_for_what_their_passing_asks_but_never_for_less_than_half_a_metre() -> None:
+    course = SHIPPED["rovinj_2014"].course
+    asked = {one.name: one.required for one in pylons_of(course)}
+    for element in {one.element for one in course.passages}:
+        assert asked[element.name] == max(UNASKED, element.tolerances.clearance)
+    exact = tuple(
+        dataclasses.replace(one, element=dataclasses.replace(one.element, passing=Passing.POINT))
+        for one in course.passages
+    )
+    assert {one.required for one in pylons_of(dataclasses.replace(course, passages=exact))} == {UNASKED}
+
+
+def test_keys_tell_the_height_of_pylons_and_when_the_wing_keeps_clear_of_them() -> None:
+    course = load_inputs("rovinj_2014").race.course
+    assert course.rules.clearance is ClearanceRule.CROSSING
+    assert {one.height for one in pylons_of(course)} == {25.0}
+    overrides = ["gate_defaults.pylon_height_m=18", "gates.g3.pylon_height_m=12", "rules.clearance=flight"]
+    course = load_inputs("rovinj_2014", overrides=overrides).race.course
+    assert {one.name: one.height for one in pylons_of(course)} == {f"g{i}": 12.0 if i == 3 else 18.0 for i in range(8)}
+    assert course.rules.clearance is ClearanceRule.FLIGHT
+
+
+def with_pylons(rule: ClearanceRule, width: float) -> Race:
+    """The small race with gates of some width."""
+    course = SMALL.course
+    passages = tuple(
+        dataclasses.replace(one, element=dataclasses.replace(one.element, width=width))
+        if hasattr(one.element, "width")
+        else one
+        for one in course.passages
+    )
+    rules = dataclasses.replace(course.rules, clearance=rule)
+    return dataclasses.replace(SMALL, course=dataclasses.replace(course, passages=passages, rules=rules))
+
+
+def test_a_flight_that_touches_a_pylon_is_certified_by_the_rule_crossing_alone() -> None:
+    """A flight between pylons 13 m apart would hit those of a gate of one metre, and none of a wide gate."""
+    result = optimum(SMALL, PLAN)
+    for rule in ClearanceRule:
+        items = {
+            width: {one.name: one for one in recertify(with_pylons(rule, width), PLAN, result).items}["clearance"]
+            for width in (40.0, 1.0)
+        }
+        assert items[40.0].value < 0.05  # of the 3.5 m from its single pylon, which no gate's width changes
+        assert 0.0 < items[1.0].value <= UNASKED
+        assert items[1.0].holds is (rule is ClearanceRule.CROSSING)
+        assert "pylon of" in items[1.0].where
