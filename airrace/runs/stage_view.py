@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+    from airrace.optimal_control.second_order import SecondOrder
+
 
 @dataclass(frozen=True, repr=False)
 class Splits(Sequence[GateSplit]):
@@ -317,6 +319,17 @@ class StageView:
         """The multipliers of all limits along the path and at passages, s per unit; errors as of `costates`."""
         problem, _ = self._discretised
         return multipliers(problem, self.result)
+
+    def second_order(self) -> "SecondOrder":
+        """Judge whether the optimum is a minimum, by the curvature of its Lagrangian; errors as of `costates`.
+
+        Examples:
+            >>> run["point-mass"].second_order().curvature.value != "indefinite"
+            True
+        """
+        from airrace.optimal_control.second_order import second_order  # takes kernels, which no reader of runs needs
+
+        return second_order(*self._discretised, self.result.constraint_multipliers)
 
     def to_casadi(self) -> CasadiNlp:
         """Return the discretised problem as a nonlinear program of CasADi that begins at this optimum; errors as of

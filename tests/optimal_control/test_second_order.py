@@ -1,0 +1,284 @@
+"""Conditions of second order: the recursion against dense eigenvalues, and saddles at which solvers claim success."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+from small_problems import PROBLEMS, random_point
+
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
+from airrace.optimal_control.kernels import casadi_kernels
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
+from airrace.optimal_control.second_order import (
+    THRESHOLD,
+    Curvature,
+    ReducedQuadratic,
+    SecondOrder,
+    StageQuadratic,
+    second_order,
+    stage_quadratic,
+)
+from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.stage_matrices import StageMatrices
+from airrace.quantities import Interval, Quantity
+from airrace.system import System
+
+exactly = Interval.exactly
+
+
+def random_form(random: np.random.Generator, intervals: int, m: int, u: int) -> StageQuadratic:
+    """Any quadratic form, with up to three rows and with unknowns that are held at some stages."""
+    sizes = [m + u] * intervals + [m]
+    hessian = [block + block.T for block in (random.normal(size=(n, n)) for n in sizes)]
+    dynamics = [random.normal(size=(m, n)) / np.sqrt(n) for n in sizes[:-1]]
+    rows = [random.normal(size=(random.integers(0, 4) * (random.random() < 0.3), n)) for n in sizes]
+    held = [random.random(n) < 0.15 for n in sizes]
+    return StageQuadratic(hessian, dynamics, rows, held, random.uniform(0.1, 2.0, len(sizes)))
+
+
+def dense(form: StageQuadratic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The whole Hessian, all that is kept, and the weights of the norm."""
+    sizes = [len(block) for block in form.hessian]
+    begins, m = np.cumsum([0, *sizes]), len(form.dynamics[0])
+    kept = []
+    for k, F in enumerate(form.dynamics):
+        gap = np.zeros((m, begins[-1]))
+        gap[:, begins[k] : begins[k + 1]] = F
+        gap[:, begins[k + 1] : begins[k + 1] + m] -= np.eye(m)
+        kept.append(gap)
+    for k, (rows, held) in enumerate(zip(form.rows, form.held, strict=True)):
+        own = np.zeros((len(rows) + held.sum(), begins[-1]))
+        own[:, begins[k] : begins[k + 1]] = np.concatenate([rows, np.eye(sizes[k])[held]])
+        kept.append(own)
+    return scipy.linalg.block_diag(*form.hessian), np.concatenate(kept), np.repeat(form.weights, sizes)
+
+
+def curvatures(H: np.ndarray, kept: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """All curvatures along directions that keep everything, in rising order."""
+    Z = scipy.linalg.null_space(kept, rcond=1e-9)
+    return scipy.linalg.eigh(Z.T @ H @ Z, Z.T @ (weights[:, None] * Z), eigvals_only=True)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None:
+    """With it planted at zero, the recursion finds all directions above a little less, and one below a little more."""
+    random = np.random.default_rng(seed)
+    form = random_form(random, *random.integers([1, 1, 0], [9, 6, 4]))
+    H, kept, weights = dense(form)
+    found = curvatures(H, kept, weights)
+    if len(found) == 0:  # nothing can move
+        assert ReducedQuadratic(form).direction_below(1e9) is None
+        return
+    hessian = [block - found[0] * w * np.eye(len(block)) for block, w in zip(form.hessian, form.weights, strict=True)]
+    planted = replace(form, hessian=hessian)
+    margin = 1e-6 * max(1.0, np.abs(found).max())
+    reduced = ReducedQuadratic(planted)
+    assert reduced.direction_below(-margin) is None
+    direction = reduced.direction_below(margin)
+    assert direction is not None
+    assert planted.curvature(direction) <= 1.001 * margin
+    whole = np.concatenate(direction)
+    assert np.abs(kept @ whole).max() < 1e-9 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_negative_curvature_is_found_in_whichever_stage_it_hides(seed: int) -> None:
+    """A definite form with a dent in a direction that all rows allow, of which no single stage knows."""
+    random = np.random.default_rng(seed)
+    form = random_form(random, 6, 3, 2)
+    hessian = [block @ block.T + np.eye(len(block)) for block in form.hessian]
+    form = replace(form, hessian=hessian)
+    assert ReducedQuadratic(form).direction_below(0.0) is None
+    H, kept, weights = dense(form)
+    least = curvatures(H, kept, weights)[0]
+    shifted = replace(
+        form,
+        hessian=[h - 1.01 * least * w * np.eye(len(h)) for h, w in zip(hessian, form.weights, strict=True)],
+    )
+    direction = ReducedQuadratic(shifted).direction_below(0.0)
+    assert direction is not None
+    assert shifted.curvature(direction) < 0.0
+
+
+def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
+    """Four integrators: of the first one's end all but the last four controls decide; what is left is free."""
+    m, intervals = 4, 7
+    F = np.hstack([np.eye(m) + np.diag(np.ones(m - 1), 1), np.eye(m)[:, -1:]])
+    sizes = [m + 1] * intervals + [m]
+    rows = [np.zeros((0, n)) for n in sizes]
+    rows[-1] = np.eye(m)[:1]
+    held = [np.zeros(n, dtype=bool) for n in sizes]
+    held[0][:m] = True  # from rest
+    hessian = [np.diag([0.0] * m + [1.0] * (n - m)) for n in sizes]
+    form = StageQuadratic(hessian, [F] * intervals, rows, held, np.ones(len(sizes)))
+    (least, *_), reduced = curvatures(*dense(form)), ReducedQuadratic(form)
+    assert reduced.direction_below(0.999 * least) is None
+    assert reduced.direction_below(1.001 * least) is not None
+
+
+@pytest.mark.parametrize("name", sorted(PROBLEMS))
+def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
+    """With some rows and bounds kept, against the sparse matrices of the whole program."""
+    problem = PROBLEMS[name]
+    layout = Layout(problem)
+    functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
+    w, lam_g = random_point(layout, 3)
+    functions.at(w, layout.parameter_values())
+    functions.lam_g[:] = lam_g
+    matrices = StageMatrices(functions.assembly)
+    assert matrices.write(functions.jacobian_sources(), functions.hessian_sources())
+    random = np.random.default_rng(4)
+    kept = random.random(len(layout.row_index) + layout.unknowns) < 0.1
+    form = stage_quadratic(matrices, kept, np.full(layout.intervals + 1, 0.3))
+    functions.linearise()
+    functions.curve()
+    H, J = (
+        scipy.sparse.coo_matrix((values, (one.rows, one.columns)), shape=one.shape).toarray()
+        for values, one in (
+            (functions.hessian, functions.assembly.hessian),
+            (functions.jacobian, functions.assembly.jacobian),
+        )
+    )
+    of_rows, held = np.split(kept, [len(layout.row_index)])
+    places = np.concatenate([layout.gap_index.ravel(), layout.row_index[of_rows]])
+    whole = np.concatenate([J[places], np.eye(layout.unknowns)[held]])
+    found = curvatures(H, whole, np.full(layout.unknowns, 0.3))
+    reduced = ReducedQuadratic(form)
+    margin = 1e-6 * np.abs(found).max()
+    assert reduced.direction_below(found[0] - margin) is None
+    assert reduced.direction_below(found[0] + margin) is not None
+
+
+def swing(stiffness: float, intervals: int = 20, lean: float = 0.0, low: float = -3.0) -> Problem:
+    """Least `integral of u^2 / 2 - stiffness (1 - cos y) + lean y` for y' = u from y = 0 to y = 0 in 1 s.
+
+    To stay at y = 0 is stationary without a lean. By Jacobi's condition it is a minimum where the stiffness is below
+    pi^2, and a saddle above.
+    """
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
+    cost = 0.5 * u**2 - stiffness * (1.0 - ca.cos(x[0])) + lean * x[0]
+    states = Quantity("y", "rad", lower=low, upper=3.0), Quantity("cost", "1")
+    rates = ca.Function("rates", [x, u, p], [ca.vertcat(u, cost)])
+    system = System(f"swing {stiffness} {lean} {low}", states, (Quantity("u", "rad/s"),), (), rates)
+    start = Boundary("start", {"y": exactly(0.0), "cost": exactly(0.0)})
+    phases = (Phase("swing", uniform(intervals), exactly(1.0), Boundary("end", {"y": exactly(0.0)})),)
+    return Problem(system, (), start, phases, Objective(time=0.0, terminal={"cost": 1.0}))
+
+
+def solved(problem: Problem, solver: str, middle: float) -> Solution:
+    """The point that a solver finds from a guess that bulges so far."""
+    guess = interpolate(problem, [1.0], [[0.0, 0.0], [0.0, 0.0]], [0.0])
+    guess.state[0] = middle * np.sin(np.pi * np.linspace(0.0, 1.0, problem.intervals + 1))
+    solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
+    assert solution.success, solution.status
+    return solution
+
+
+def judged(problem: Problem, solution: Solution) -> SecondOrder:
+    return second_order(problem, solution.iterate, solution.multipliers.constraints)
+
+
+SADDLE, MINIMUM = 1.25 * np.pi**2, 0.8 * np.pi**2
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+def test_a_saddle_at_which_a_solver_claims_success_is_indefinite(solver: str) -> None:
+    problem = swing(SADDLE)
+    solution = solved(problem, solver, 0.0)
+    assert np.abs(solution.iterate.state[0]).max() < 1e-6  # it stayed
+    verdict = judged(problem, solution)
+    assert verdict.curvature is Curvature.INDEFINITE
+    assert verdict.least < -THRESHOLD
+    assert verdict.where.startswith("swing, ")
+    y = verdict.direction[Layout(problem).state_index[:, 0]]
+    assert y[[0, -1]] == pytest.approx(0.0, abs=1e-9)  # it keeps the ends
+
+
+@pytest.mark.parametrize("intervals", [20, 40, 80])
+def test_the_same_point_is_a_minimum_before_the_conjugate_point_on_every_mesh(intervals: int) -> None:
+    problem = swing(MINIMUM, intervals)
+    verdict = judged(problem, solved(problem, "fatrop", 0.0))
+    assert verdict.curvature is Curvature.POSITIVE
+    assert np.isnan(verdict.least)
+    assert not verdict.direction.any()
+
+
+def test_a_step_along_the_direction_leads_to_less_and_to_a_minimum() -> None:
+    problem = swing(SADDLE)
+    saddle = solved(problem, "ipopt", 0.0)
+    best = solved(problem, "ipopt", 0.5)
+    assert best.objective < saddle.objective - 0.01
+    assert judged(problem, best).curvature is Curvature.POSITIVE
+
+
+@pytest.mark.parametrize(("lean", "expected"), [(1.0, Curvature.POSITIVE), (0.0, Curvature.SINGULAR)])
+def test_a_limit_that_presses_holds_the_direction(lean: float, expected: Curvature) -> None:
+    """To y >= 0 a lean presses every y; without one the limit is touched but idle: nobody knows what it holds."""
+    stationary = solved(swing(SADDLE), "ipopt", 0.0)
+    verdict = judged(swing(SADDLE, lean=lean, low=0.0), stationary)
+    assert verdict.curvature is expected
+    assert (verdict.weakly_active > 0) == (lean == 0.0)
+
+
+def test_a_shift_that_costs_nothing_is_singular() -> None:
+    """Nothing asks where y begins: all y but its changes are free."""
+    free = swing(0.0)
+    start = replace(free.start, bounds={"cost": exactly(0.0)})
+    problem = replace(free, start=start, phases=(replace(free.phases[0], end=Boundary("end")),))
+    verdict = judged(problem, solved(problem, "ipopt", 0.0))
+    assert verdict.curvature is Curvature.SINGULAR
+    assert abs(verdict.least) < THRESHOLD
+    y = verdict.direction[Layout(problem).state_index[:, 0]]
+    assert y == pytest.approx(np.ones(len(y)), abs=1e-2)
+
+
+def corridor(change: float) -> Problem:
+    """Least time from x = -1 to x = 1 along a corridor y = 0 in which one is faster by a change than far beside it."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
+    speed = 1.0 + change * ca.exp(-2.0 * x[1] ** 2)
+    rates = ca.Function("rates", [x, u, p], [speed * ca.vertcat(ca.cos(u), ca.sin(u))])
+    states, heading = (
+        (Quantity("x", "m"), Quantity("y", "m", lower=-2.0, upper=2.0)),
+        Quantity("chi", "rad", 1.0, -1.5, 1.5),
+    )
+    system = System(f"corridor {change}", states, (heading,), (), rates)
+    start, half, end = (
+        Boundary(name, {"x": exactly(place), **at})
+        for name, place, at in (
+            ("start", -1.0, {"y": exactly(0.0)}),
+            ("half", 0.0, {}),
+            ("end", 1.0, {"y": exactly(0.0)}),
+        )
+    )
+    phases = tuple(Phase(one.name, uniform(8), Interval(0.1, 9.0), one) for one in (half, end))
+    return Problem(system, (), start, phases)
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize(("change", "expected"), [(-0.5, Curvature.INDEFINITE), (0.5, Curvature.POSITIVE)])
+def test_straight_through_a_slow_corridor_is_a_saddle_of_time(solver: str, change: float, expected: Curvature) -> None:
+    """In two phases of free duration, across whose end the direction goes on."""
+    problem = corridor(change)
+    duration = 1.0 / (1.0 + change)
+    guess = interpolate(problem, [duration] * 2, [[-1.0, 0.0, 1.0], [0.0] * 3], [0.0])
+    solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
+    assert solution.success
+    assert solution.objective == pytest.approx(2.0 * duration, rel=1e-6)
+    assert judged(problem, solution).curvature is expected
+
+
+@pytest.mark.parametrize("factor", [1.0, 10.0])
+def test_verdict_is_told_with_its_threshold(factor: float) -> None:
+    """The threshold is relaxed with the multipliers, as the KKT error is."""
+    problem = swing(MINIMUM)
+    weighed = replace(problem, objective=replace(problem.objective, terminal={"cost": 1e3 * factor}))
+    verdict = judged(weighed, solved(weighed, "ipopt", 0.0))
+    assert verdict.threshold >= THRESHOLD
+    assert str(verdict) == f"positive, above {verdict.threshold:.1e}"
