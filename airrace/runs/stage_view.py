@@ -13,9 +13,7 @@ from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.extras import extra
 from airrace.inputs import Inputs
-from airrace.optimal_control.casadi_nlp import CasadiNlp, to_casadi
 from airrace.optimal_control.certificate import Certificate
-from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure import results_api
@@ -23,7 +21,6 @@ from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
-from airrace.results.duals import ConstraintMultipliers, NamedArray, costates, discretise, hamiltonian, multipliers
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
@@ -39,7 +36,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+    from airrace.optimal_control.casadi_nlp import CasadiNlp
+    from airrace.optimal_control.problem import Iterate, Problem
     from airrace.optimal_control.second_order import SecondOrder
+    from airrace.results.duals import ConstraintMultipliers, NamedArray
 
 
 @dataclass(frozen=True, repr=False)
@@ -299,24 +299,30 @@ class StageView:
         return Splits(self.result.splits if self.result.is_flight else ())
 
     @property
-    def costates(self) -> NamedArray:
+    def costates(self) -> "NamedArray":
         """The costates at the ends of the intervals, s per unit of each state; see `airrace.results.duals` for signs.
 
         Raises:
             NotCertified: the stage is no optimum.
         """
+        from airrace.results.duals import costates  # takes the problem, which no reader of runs needs
+
         problem, _ = self._discretised
         return costates(problem, self.result)
 
     @property
-    def hamiltonian(self) -> NamedArray:
+    def hamiltonian(self) -> "NamedArray":
         """The Hamiltonian at the ends of the intervals, -1 along an optimum; errors as of `costates`."""
+        from airrace.results.duals import hamiltonian  # takes the problem, which no reader of runs needs
+
         problem, iterate = self._discretised
         return hamiltonian(problem, iterate, self.result)
 
     @property
-    def multipliers(self) -> ConstraintMultipliers:
+    def multipliers(self) -> "ConstraintMultipliers":
         """The multipliers of all limits along the path and at passages, s per unit; errors as of `costates`."""
+        from airrace.results.duals import multipliers  # takes the problem, which no reader of runs needs
+
         problem, _ = self._discretised
         return multipliers(problem, self.result)
 
@@ -331,15 +337,19 @@ class StageView:
 
         return second_order(*self._discretised, self.result.constraint_multipliers)
 
-    def to_casadi(self) -> CasadiNlp:
+    def to_casadi(self) -> "CasadiNlp":
         """Return the discretised problem as a nonlinear program of CasADi that begins at this optimum; errors as of
         `costates`."""
+        from airrace.optimal_control.casadi_nlp import to_casadi  # takes kernels, likewise
+
         return to_casadi(*self._discretised)
 
     @property
-    def _discretised(self) -> tuple[Problem, Iterate]:
+    def _discretised(self) -> "tuple[Problem, Iterate]":
         if self.result.certificate is None:
             raise NotCertified(f"{self.name} is no optimum: it has no multipliers")
+        from airrace.results.duals import discretise
+
         return discretise(self.inputs.race, self.inputs.settings, self.result)
 
     def flight(self, label: str | None = None) -> Flight:
