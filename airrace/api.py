@@ -21,6 +21,7 @@ from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
 from airrace.results.comparison import Comparison
+from airrace.runs.brief import Brief
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
 from airrace.runs.execute import execute
 from airrace.runs.flight_sources import report_page, write_flights
@@ -41,6 +42,7 @@ from airrace.runs.verification import Verification, verify_run
 from airrace.track.course import Course
 from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching
+from airrace.views.units import units_named
 
 TrackGiven = str | Path | Course | Race
 """A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
@@ -426,6 +428,10 @@ class Run(RunState):
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
         return self.stage(stage).sensitivities(by)
 
+    def brief(self, stage: str | Stage | None = None) -> Brief:
+        """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""
+        return self.stage(stage).cues()
+
     def compare(self, other: RunState) -> Comparison:
         """Hold another run of the same passings against this one, as `airrace compare` does, at the highest stage that
         holds in both.
@@ -443,7 +449,9 @@ class Run(RunState):
             raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
         return comparison
 
-    def plot(self, path: str | Path, stage: str | Stage | None = None, *, kneeboard: bool = False) -> Path:
+    def plot(
+        self, path: str | Path, stage: str | Stage | None = None, *, kneeboard: bool = False, units: str = "kt-m"
+    ) -> Path:
         """Draw a flight into a file, as `airrace plot` does: plan and profile by load factor, histories with limits.
 
         A file that exists is replaced as a whole.
@@ -451,19 +459,22 @@ class Run(RunState):
         Args:
             path: the drawing, `.png`, `.svg` or `.pdf`.
             stage: which stage; None for the last one.
-            kneeboard: whether it is one page to hold in the hand: map and table of the gates.
+            kneeboard: whether it is one page to hold in the hand: map, table of the gates, and cues.
+            units: of the kneeboard: `kt-m`, `kt-ft` or `kmh-m`.
 
         Returns:
             The path.
 
         Raises:
-            UsageError: matplotlib is not installed, or there is no such stage, or it found no flight.
+            UsageError: matplotlib is not installed, there are no such units, or no such stage, or it found no flight.
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
-        from airrace.views.flight_figures import flight_figure, kneeboard_figure
+        from airrace.views.flight_figures import flight_figure
+        from airrace.views.kneeboard import kneeboard_figure
 
-        save_figure((kneeboard_figure if kneeboard else flight_figure)(self.flight(stage)), Path(path))
+        chosen, flight = units_named(units), self.flight(stage)
+        save_figure(kneeboard_figure(flight, chosen) if kneeboard else flight_figure(flight), Path(path))
         return Path(path)
 
     def export(

@@ -1,7 +1,8 @@
-"""Commands around flights, of runs and of flight logs: `import`, `compare`, `plot`, `report` and `export`."""
+"""Commands around flights, of runs and of flight logs: `import`, `brief`, `compare`, `plot`, `report` and `export`."""
 
 import sys
 from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
 
@@ -93,6 +94,47 @@ def import_log(
         answer_with_files(answer, [path], quiet=quiet)
 
 
+class UnitsName(StrEnum):
+    """Units of speed and length for people; those of `airrace.views.units`."""
+
+    KT_M = "kt-m"
+    KT_FT = "kt-ft"
+    KMH_M = "kmh-m"
+
+
+UnitsOption = Annotated[
+    UnitsName, typer.Option("--units", help="Units for people: knots or km/h, metres or feet; never of --json, --csv.")
+]
+
+
+def brief(
+    name: Annotated[
+        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
+    ],
+    stage: StageOfFlights = None,
+    units: UnitsOption = UnitsName.KT_M,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print comma-separated values, one row per action.")] = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
+    """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.cli.tables import PAGE, render, takes_unicode
+        from airrace.errors import UsageError
+        from airrace.runs.brief import Brief
+        from airrace.runs.flight_sources import open_flight
+        from airrace.views.units import units_named
+
+        if as_json and as_csv:
+            raise UsageError("--json and --csv exclude each other")
+        told = Brief.of(open_flight(name, stage=stage))
+        answer.fields.update(told.as_object())
+        if as_csv:
+            answer.texts.append(told.to_csv())
+        elif not as_json:
+            answer.texts.append(render(told.table(units_named(units), unicode=takes_unicode()), columns=PAGE))
+
+
 def compare(
     names: FlightNames,
     stage: StageOfFlights = None,
@@ -142,8 +184,9 @@ def plot(
         ),
     ] = None,
     kneeboard: Annotated[
-        bool, typer.Option("--kneeboard", help="One page to hold in the hand: map and table of the gates.")
+        bool, typer.Option("--kneeboard", help="One page to hold in the hand: map, table of the gates, and cues.")
     ] = False,
+    units: UnitsOption = UnitsName.KT_M,
     stage: StageOfFlights = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -161,9 +204,11 @@ def plot(
         ensure_drawable(path)
         ensure_free(path, force=force, sources=[name])
         flight = open_flight(name, stage=stage)
-        from airrace.views.flight_figures import flight_figure, kneeboard_figure
+        from airrace.views.flight_figures import flight_figure
+        from airrace.views.kneeboard import kneeboard_figure
+        from airrace.views.units import units_named
 
-        save_figure(kneeboard_figure(flight) if kneeboard else flight_figure(flight), path)
+        save_figure(kneeboard_figure(flight, units_named(units)) if kneeboard else flight_figure(flight), path)
         answer_with_files(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])
 
 

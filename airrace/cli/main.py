@@ -11,7 +11,7 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
-from airrace.cli.flights import compare, export, import_log, plot, report
+from airrace.cli.flights import brief, compare, export, import_log, plot, report
 from airrace.cli.optimize import optimize, resume
 from airrace.cli.options import Command
 from airrace.cli.runs import sensitivity, show, verify
@@ -32,6 +32,7 @@ for _name, _command in {
     "import": import_log,
     "report": report,
     "show": show,
+    "brief": brief,
     "compare": compare,
     "plot": plot,
     "verify": verify,

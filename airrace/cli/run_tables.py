@@ -23,7 +23,7 @@ from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_ob
 from airrace.runs.run import ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.views.plain_text import one_line
-from airrace.views.stage_tables import certificate_table, search_table, splits_table
+from airrace.views.stage_tables import certificate_table, claim, search_table, splits_table
 from airrace.views.tables import Cell, Column, Table
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     """Yield what `optimize` and `resume` show of the stages of a run: messages, tables, and what was changed by it."""
     from airrace.runs.stage_view import StageView
 
+    yield from _headline(results)
     yield from (f"{one.stage.value}: {one.remarks}" for one in results if one.holds and one.remarks)
     tables = [stages_table(results)] if any(result.holds for result in results) else []
     tables += [search_table(one.search, most=ROUTES_MAX) for one in results[:-1] if one.search.routes]
@@ -127,6 +128,12 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> Stor
     return StoredStages(checkpoint, every, results)
 
 
+def _headline(results: Sequence[StageResult]) -> Iterator[str]:
+    """Yield race time and claim of the last stage; nothing where it does not hold."""
+    if claimed := claim(results):
+        yield textwrap.fill(f"{results[-1].trajectory.race_time:.3f} s, {claimed}", PAGE)
+
+
 def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterator[str]:
     """Yield the stages, what each of them says, then splits, routes, legs and certificates; at most 80 columns wide.
 
@@ -136,6 +143,7 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
         certificates: whether the items of the certificates are listed instead of summed up in a line.
     """
     results = shown.results
+    yield from _headline(results)
     yield render(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
     if results:
         yield UNVERIFIED

@@ -21,7 +21,9 @@ from airrace.report.sections import number, table_section
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
+from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
+from airrace.views.cue_tables import NOTE, cue_table
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
@@ -42,13 +44,15 @@ READINGS = (
 """Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
 
 
-def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> str:
+def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "", *, claim: str = "") -> str:
     """Return the page about some flights as HTML.
 
     Args:
         flights: the first is what the page is about, the others fly beside it as its ghosts.
         sections: HTML of further sections, which stand below the legs; empty ones are left out.
         footer: plain text.
+        claim: what is claimed of the first flight; the badge tells it and leads to the section `claim` among
+            `sections`. Empty for its verdict alone.
 
     Raises:
         UsageError: a flight is of a course with other passings.
@@ -56,12 +60,17 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     first = flights[0]
     comparisons = [compare_flights(first, other) for other in flights[1:]]
     losses = [comparison_section(one) for one in comparisons]
+    sections = [flights_section(flights), legs_section(first), cues_section(first), *losses, *sections]
     map_ = map_model(first.race)
     track = np.stack([first["x"], first["y"]], axis=1)
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
     misses = len(near_misses(first))
-    verdict = escape_html(first.source.verdict or "recorded") + (f", {misses} pylons too near" if misses else "")
+    near = f", {misses} pylons too near" if misses else ""
     good = "bad" if first.source.doubtful or misses else "good"
+    verdict = f'<div class="verdict {good}">{escape_html(first.source.verdict or "recorded")}{near}</div>'
+    if claim:
+        words = escape_html(claim + near)
+        verdict = f'<a class="verdict {good}" href="#claim" title="What this does not say">{words}</a>'
     return _template().substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
@@ -70,7 +79,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         heading=escape_html(first.course.name),
         subtitle=escape_html(_subtitle(first)),
         race_time=number(first.race_time, 3),
-        verdict=f'<div class="verdict {good}">{verdict}</div>',
+        verdict=verdict,
         readings="".join(
             f'<div><dt>{title}</dt><dd><span data-history="{history}" data-digits="{digits}" data-wraps="{wraps}">'
             f"</span><small>{unit}</small></dd></div>"
@@ -78,7 +87,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
             if history in first
         ),
         plan=plan_svg(map_.with_track(track), first["V_K"]),
-        sections="\n".join(filter(None, (flights_section(flights), legs_section(first), *losses, *sections))),
+        sections="\n".join(filter(None, sections)),
         footer=escape_html(footer),
         style=style,
         contents=as_json(contents_of(flights, comparisons, map_)),
@@ -173,6 +182,14 @@ def legs_section(flight: Flight) -> str:
     if misses:
         notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
+
+
+def cues_section(flight: Flight) -> str:
+    """Return a table of what the pilot does leg by leg; empty where the flight does not know it."""
+    cues = cues_of(flight)
+    if not cues:
+        return ""
+    return table_section(cue_table(cues, "What the pilot does", begin=clock_start(flight), notes=[NOTE]))
 
 
 def _range(values: Range, unit: float, digits: int) -> str:

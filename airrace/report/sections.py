@@ -10,7 +10,7 @@ from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.plain_text import escape_html
-from airrace.views.stage_tables import certificate_table, search_table
+from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
 from airrace.views.tables import Cell, Column, Table
 
 SENSITIVITIES_MAX = 40
@@ -41,6 +41,15 @@ def _facts(pairs: Iterable[tuple[str, str]]) -> str:
     """Return a list of names and what they stand for."""
     entries = "".join(f"<dt>{escape_html(name)}</dt><dd>{escape_html(text)}</dd>" for name, text in pairs)
     return f'<dl class="facts">{entries}</dl>'
+
+
+def claim_section(claim: str) -> str:
+    """Return what is claimed of a flight and what that does not say, where its badge leads; empty without a claim."""
+    if not claim:
+        return ""
+    limits = "".join(f"<li>{escape_html(one)}</li>" for one in LIMITS_OF_CLAIM)
+    body = f"<p>{escape_html(claim[:1].upper() + claim[1:])}.</p><ul>{limits}</ul>"
+    return f'<section class="panel" id="claim"><h2>What is claimed, and what is not</h2>{body}</section>'
 
 
 def certificate_section(certificate: Certificate | None) -> str:

@@ -22,6 +22,7 @@ from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.standard_streams import stem_of
 from airrace.track.course import Origin
+from airrace.views.stage_tables import claim
 
 
 def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
@@ -206,9 +207,7 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensiti
         if sensitivities:
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
         return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}")
-    view = opened.stage(first.stage or stage)
-    sections = stage_sections(view, explored_stage(opened, view), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(view))
+    return _stage_page(opened, opened.stage(first.stage or stage), flights, sensitivities=sensitivities)
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -230,12 +229,19 @@ def report_page(
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
     """
-    from airrace.report.flight_page import flight_page
-
     view = run.stage(stage)
-    flights = [view.flight(), *open_flights(others)]
+    return _stage_page(run, view, [view.flight(), *open_flights(others)], sensitivities=sensitivities)
+
+
+def _stage_page(run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool) -> str:
+    """Return the report about a stage of a run, with its flight and those beside it."""
+    from airrace.report.flight_page import flight_page
+    from airrace.report.sections import claim_section
+
+    stages = [one.result for one in run.stages]
+    claimed = claim(stages[: [one.stage for one in stages].index(view.stage) + 1])
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
-    return flight_page(flights, sections, footer_of(view))
+    return flight_page(flights, [claim_section(claimed), *sections], footer_of(view), claim=claimed)
 
 
 def explored_stage(run: RunState, view: StageView) -> StageView:

@@ -21,6 +21,7 @@ from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
+from airrace.runs.brief import Brief
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
@@ -377,6 +378,14 @@ class StageView:
             if np.isinf(one.values).any():
                 raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
         return flight
+
+    def cues(self) -> Brief:
+        """Return what the pilot does, leg by leg, as `airrace brief` prints it.
+
+        Raises:
+            UsageError: the stage found no flight.
+        """
+        return Brief.of(self.flight())
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.

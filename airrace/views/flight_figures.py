@@ -1,4 +1,4 @@
-"""Flights as drawings: one with its histories, one on a page for the pilot's hand, some held against a reference."""
+"""Flights as drawings: one with its histories, some held against a reference."""
 
 import math
 from collections.abc import Sequence
@@ -11,13 +11,11 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.comparison import Comparison
-from airrace.results.leg_facts import leg_facts
 from airrace.results.legs import legs_of, way
 from airrace.trajectory import Array
 from airrace.views.course_figure import draw_map, frame_of, write_labels
 from airrace.views.drawing import BLACK, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas
-from airrace.views.map_model import MapModel, map_model, round_length
-from airrace.views.tables import Column, Table
+from airrace.views.map_model import MapModel, map_model
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
 NAMES_MAX = 40  # passings; of longer courses none are named
@@ -55,7 +53,7 @@ def flight_figure(flight: Flight) -> Figure:
     strips = [strip for strip in STRIPS if any(name in flight for name, _ in strip.lines)]
     figure = new_figure(WIDTH, HEIGHT)
     verdict = f", {flight.source.verdict}" if flight.source.verdict else ""
-    title = f"{flight.course.name}: {flight.label}, {flight.aircraft.name}, {_race_time(flight)}{verdict}"
+    title = f"{flight.course.name}: {flight.label}, {flight.aircraft.name}, {race_time_text(flight)}{verdict}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, fontweight="bold")
     left, right = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     plan_place, profile_place = left.subgridspec(2, 1, height_ratios=(3.2, 1.0))
@@ -73,7 +71,8 @@ def flight_figure(flight: Flight) -> Figure:
     return figure
 
 
-def _race_time(flight: Flight) -> str:
+def race_time_text(flight: Flight) -> str:
+    """Return the race time in words."""
     return f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
 
 
@@ -81,10 +80,10 @@ def _draw_plan(axes: Axes, flight: Flight) -> tuple[MapModel, Any]:
     """Draw the map with the flight path in the place of the planned tracks; return both."""
     map_ = map_model(flight.race).with_track(np.stack([flight["x"], flight["y"]], axis=1))
     draw_map(axes, map_, frame_of(map_))
-    return map_, _draw_coloured(axes, flight["y"], flight["x"], flight, width=2.4)
+    return map_, draw_coloured(axes, flight["y"], flight["x"], flight, width=2.4)
 
 
-def _draw_coloured(axes: Axes, across: Array, up: Array, flight: Flight, *, width: float) -> Any:
+def draw_coloured(axes: Axes, across: Array, up: Array, flight: Flight, *, width: float) -> Any:
     """Draw a line in the colours of the load factor; return it."""
     from matplotlib.collections import LineCollection
 
@@ -98,7 +97,7 @@ def _draw_coloured(axes: Axes, across: Array, up: Array, flight: Flight, *, widt
 
 def _draw_profile(axes: Axes, flight: Flight) -> None:
     """Draw the height over the time, with floor, ceiling and passings by name."""
-    _draw_coloured(axes, flight.time, flight["height"], flight, width=2.2)
+    draw_coloured(axes, flight.time, flight["height"], flight, width=2.2)
     axes.set(xlabel="time, s", ylabel="height, m", xlim=(flight.time[0], flight.time[-1]))
     axes.autoscale_view(scalex=False)
     _draw_limits_and_passings(axes, flight, "height", 1.0)
@@ -191,105 +190,3 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
         for crossing, place in zip(reference.crossings, passings.tolist(), strict=True):
             loss.annotate(crossing.name, (place, 1.0), textcoords="offset points", **above, **style)
     return figure
-
-
-PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5
-ROWS_MAX = 44  # in one column of the table
-COLUMNS = (
-    (0.03, Column("", form="d")),
-    (0.055, Column("gate")),
-    (0.255, Column("time s", form=".2f")),
-    (0.355, Column("IAS kt", form=".0f")),
-    (0.45, Column("track°", form="03.0f")),
-    (0.54, Column("hgt m", form=".0f")),
-    (0.63, Column("bank°", form="z.0f")),
-    (0.73, Column("climb°", form="z.0f")),
-    (0.80, Column("g at", form=".1f")),
-    (0.89, Column("g most", form=".1f")),
-    (1.0, Column("roll °/s", form=".0f")),
-)
-"""The table's columns and where they end, as shares of its width; of the second, left-aligned one where it begins."""
-GRID_LINES = 4
-"""The number of lines of the grid along the longer edge of the map, at least."""
-
-
-@without_formulas
-def kneeboard_figure(flight: Flight) -> Figure:
-    """Return a page, A5, upright, with the map and what to fly at every gate.
-
-    Gates are numbered in race order; the map's labels are these numbers.
-    """
-    wind, limit = flight.air.wind, flight.limit("n_z")
-    air = "still air" if wind is None else f"wind {math.degrees(wind.origin) % 360:.0f}° {wind.speed / KNOT:.0f} kt"
-    subtitle = f"{flight.aircraft.name}, {_race_time(flight)}, {air}; {flight.label}"[:100]
-    footnote = "bank + right wing down; track over ground, from true north; heights above the track's origin"
-    footnote += f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
-    footnote += f"; {flight.source.verdict}" if flight.source.certified is False else ""
-    figure = new_figure(PAGE_WIDTH, PAGE_HEIGHT, layout=None)
-    figure.text(0.04, 0.972, flight.course.name[:60], fontsize=12, fontweight="bold", va="center")
-    figure.text(0.04, 0.951, subtitle, fontsize=7.5, color=GREY, va="center")
-    rows = min(len(flight.crossings), ROWS_MAX)
-    table_height = min(0.6, 0.0185 * (rows + 2))
-    plan = figure.add_axes((0.04, 0.05 + table_height, 0.92, 0.88 - table_height))
-    plan.set_anchor("C")
-    map_, line = _draw_plan(plan, flight)
-    _draw_grid(plan, map_)
-    bar = figure.colorbar(line, ax=plan, shrink=0.5, pad=0.01, aspect=30)
-    bar.set_label("g", fontsize=7)
-    bar.ax.tick_params(labelsize=6)
-    _number_gates(plan, flight)
-    table = figure.add_axes((0.04, 0.03, 0.92, table_height))
-    table.axis("off")
-    _draw_table(table, flight)
-    figure.text(0.04, 0.014, footnote, fontsize=5.5, color=GREY, va="center")
-    return figure
-
-
-def _draw_grid(axes: Axes, map_: MapModel) -> None:
-    """Draw a grid of round width over the map, and tell that width and where north is."""
-    frame = frame_of(map_)
-    step = round_length(max(frame.width, frame.height) / GRID_LINES)
-    axes.set_xticks(np.arange(math.ceil(frame.left / step), (frame.left + frame.width) / step) * step)
-    axes.set_yticks(np.arange(math.ceil(frame.bottom / step), (frame.bottom + frame.height) / step) * step)
-    axes.tick_params(labelbottom=False, labelleft=False, length=0)
-    below: dict[str, Any] = {"xycoords": "axes fraction", "xytext": (0.0, -6.0), "textcoords": "offset points"}
-    axes.annotate(f"north is up, grid {step:g} m", (0.0, 0.0), fontsize=5.5, color=GREY, va="center", **below)
-
-
-def _number_gates(axes: Axes, flight: Flight) -> None:
-    """Write the numbers of the passings beside each place; a place that is passed several times has all of them."""
-    places: dict[tuple[float, float], list[int]] = {}
-    for number, crossing in enumerate(flight.crossings):
-        if crossing.found:
-            where = crossing.passage.element.place or (crossing.value("x"), crossing.value("y"))
-            places.setdefault((round(where[0], 1), round(where[1], 1)), []).append(number)
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
-    beside: dict[str, Any] = {"xytext": (5.0, 4.0), "textcoords": "offset points", "zorder": 9, "bbox": box}
-    for (north, east), numbers in places.items():
-        text = ",".join(map(str, numbers))
-        axes.annotate(text, (east, north), fontsize=7, fontweight="bold", color=BLACK, **beside)
-
-
-def _draw_table(axes: Axes, flight: Flight) -> None:
-    """Draw when and how every passing is made, and what the leg that leads to it asks for."""
-    rows: list[tuple[str | float, ...]] = []
-    for number, (one, leg) in enumerate(zip(flight.crossings, (None, *leg_facts(flight)), strict=True)):
-        course, bank, climb = (math.degrees(one.value(name)) for name in ("chi", "mu", "gamma"))
-        speed, height, load = one.value("V_I") / KNOT, one.value("height"), one.value("n_z")
-        most = ("", "") if leg is None else (leg.n_z.greatest, math.degrees(leg.roll_rate))
-        rows.append((number, one.name[:16], one.time, speed, course % 360.0, height, bank, climb, load, *most))
-    heads, *texts = Table("", [column for _, column in COLUMNS], rows).texts()
-    if len(texts) > ROWS_MAX:
-        texts = [*texts[: ROWS_MAX - 2], ["", "...", *[""] * (len(COLUMNS) - 2)], texts[-1]]
-    step = 1.0 / (len(texts) + 1.5)
-    size = min(8.0, 560.0 * step * axes.get_position().height)
-    for row, line in enumerate((heads, *texts)):
-        height = 1.0 - step * (row + 0.5)
-        if row % 2 == 0 and row:
-            axes.axhspan(height - 0.5 * step, height + 0.5 * step, color="#f1f1f1", zorder=0)
-        for column, ((place, _), text) in enumerate(zip(COLUMNS, line, strict=True)):
-            weight = "bold" if column == 0 or row == 0 else "normal"
-            side = "left" if column == 1 else "right"
-            colour = GREY if row == 0 else BLACK
-            axes.text(place, height, text, fontsize=size, ha=side, va="center", color=colour, fontweight=weight)
-    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import GateSplit, SearchReport
+from airrace.procedure.result import GateSplit, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.views.tables import Cell, Column, Table
 
@@ -71,6 +71,33 @@ _SEARCH = (
     Column("behind", "s", "+.3f"),
     Column("evaluated by"),
 )
+
+
+LIMITS_OF_CLAIM = (
+    "It is a local optimum: the first-order conditions hold, small changes gain nothing; another route may be faster.",
+    "The routes are those that the search evaluated on a coarse mesh; it says nothing of those that it did not try.",
+    "The limits are those of course, rules and aircraft, in the air of the inputs.",
+    "The aircraft is the model of this stage, as true as its numbers.",
+    "Limits are reached, so the flight has no reserve for gusts, for delay or for errors of the pilot.",
+)
+"""What the claim of a stage does not say, a sentence each."""
+
+
+def claim(results: Sequence[StageResult]) -> str:
+    """Return what is claimed of the last of some stages; empty where it does not hold.
+
+    It says e.g. `certified: a local optimum, all limits measured, the best of 23 routes`.
+
+    Args:
+        results: the stage and those before it, of which the last one that searched tells how many routes there were.
+    """
+    if not results or not results[-1].holds:
+        return ""
+    certified = results[-1].status is Status.CERTIFIED
+    verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
+    count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
+    routes = f"the best of {count} routes" if count > 1 else "no other route was evaluated"
+    return f"{verdict}: a local optimum, all limits measured{meshes}, {routes}"
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:

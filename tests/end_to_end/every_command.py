@@ -23,6 +23,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("report", RUN),
     ("report", RUN, "--sensitivities", "--output", "prices.html"),
     ("show", RUN),
+    ("brief", RUN),
     ("compare", RUN, RUN),
     ("compare", RUN, RUN, "--plot", "compared.svg"),
     ("plot", RUN),

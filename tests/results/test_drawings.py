@@ -1,6 +1,7 @@
 """Drawings of flights: plan, profile, histories and the kneeboard."""
 
 import io
+import itertools
 import math
 import warnings
 from collections.abc import Callable
@@ -9,21 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from example_flights import circling, half_cuban, rovinj
+from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.results import TimedCrossing
 from airrace.results.comparison import compare_flights
 from airrace.views.drawing import Figure, save_figure
-from airrace.views.flight_figures import (
-    PAGE_HEIGHT,
-    PAGE_WIDTH,
-    STRIPS,
-    comparison_figure,
-    flight_figure,
-    kneeboard_figure,
-)
+from airrace.views.flight_figures import STRIPS, comparison_figure, flight_figure
+from airrace.views.kneeboard import PAGE_HEIGHT, PAGE_WIDTH, fitting_turn, kneeboard_figure
+from airrace.views.units import UNITS
 
 
 def test_plan_and_profile_show_the_line_that_was_flown() -> None:
@@ -60,8 +56,40 @@ def test_the_kneeboard_is_one_page_with_every_gate() -> None:
         assert crossing.name in told
         assert f"{crossing.time:.2f}" in told
         assert f"{math.degrees(crossing.value('chi')) % 360.0:03.0f}" in told
-    assert "north is up, grid 200 m" in told
+    assert {"N", "grid 200 m"} <= set(told)
+    assert "wind" not in told
     figure.savefig(io.BytesIO(), format="pdf")
+
+
+def test_the_kneeboard_tells_cues_wind_and_the_units_that_are_asked_for() -> None:
+    flight = windy().flight()
+    figure = kneeboard_figure(flight, UNITS["kt-ft"])
+    told = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert {"wind", "IAS kt", "hgt ft"} <= set(told)
+    assert f"{flight.crossings[-1].value('height') / 0.3048:.0f}" in told
+    cues = [text.get_text() for text in figure.texts]
+    assert any("roll " in line for line in cues)
+    assert any("pull to " in line for line in cues)
+    assert any(" ft after " in line or " ft before " in line for line in cues)
+
+
+def test_numbers_on_the_kneeboard_do_not_overlap_and_lie_on_the_map() -> None:
+    figure = kneeboard_figure(circling(rovinj()))
+    plan = max(figure.axes, key=lambda axes: len(axes.lines))
+    boxes = [text.get_window_extent() for text in plan.texts if text.get_text()[:1].isdigit()]
+    edge = plan.get_window_extent()
+    assert len(boxes) >= 8
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert all(edge.x0 < box.x0 and box.x1 < edge.x1 and edge.y0 < box.y0 and box.y1 < edge.y1 for box in boxes)
+
+
+def test_a_map_is_turned_until_it_fills_its_place_and_stays_where_that_gains_nothing() -> None:
+    angle = math.radians(60.0)
+    line = np.linspace(-1.0, 1.0, 50)[:, None] * np.array([[math.cos(angle), math.sin(angle)]])
+    for shape, diagonal in ((3.0, math.atan2(1.0, 3.0)), (1.0 / 3.0, math.atan2(3.0, 1.0))):
+        assert math.degrees(fitting_turn(line, shape)) == pytest.approx(math.degrees(diagonal) - 60.0, abs=3.0)
+    around = np.linspace(0.0, 2.0 * math.pi, 100)
+    assert fitting_turn(np.stack([np.cos(around), np.sin(around)], axis=1), 1.5) == 0.0
 
 
 @pytest.mark.parametrize("draw", [flight_figure, kneeboard_figure])
