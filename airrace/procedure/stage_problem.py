@@ -18,14 +18,14 @@ from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
 from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
-from airrace.procedure.formulation import Trim, boundaries, path_constraints
+from airrace.procedure.formulation import PylonRooms, Trim, boundaries, path_constraints
 from airrace.procedure.guess import leg_seconds
 from airrace.procedure.result import GateSplit, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation
-from airrace.track.course import Course, EndState, Passage
+from airrace.track.course import ClearanceRule, Course, EndState, Passage
 from airrace.trajectory import Array, Trajectory
 
 RESET_WEIGHT = 1e-7
@@ -50,6 +50,7 @@ class StageProblem:
         trim: the condition on a settled start or finish; None where the course has none.
         watches: what holds along each leg besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
+        rooms: the condition on pylons beside passings; None where the rules ask for none.
     """
 
     fidelity: Fidelity
@@ -61,6 +62,7 @@ class StageProblem:
     watches: tuple[tuple[PathConstraint, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
+    rooms: PylonRooms | None = None
 
     @property
     def stage(self) -> Stage:
@@ -74,7 +76,9 @@ class StageProblem:
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
-        start, *ends = boundaries(self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b)
+        start, *ends = boundaries(
+            self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b, self.rooms
+        )
         phases = [
             Phase(
                 name=f"{a.passage.name} -> {b.passage.name}",
@@ -122,6 +126,9 @@ def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | 
         watches=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
+        rooms=PylonRooms.of(model, course, race.aircraft.airframe.b)
+        if course.rules.clearance is ClearanceRule.FLIGHT
+        else None,
     )
 
 
@@ -255,6 +262,7 @@ class PerturbedProblem:
             course=course,
             watches=watches,
             aircraft=race.aircraft,
+            rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b),
         )
 
 
