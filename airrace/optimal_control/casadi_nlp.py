@@ -26,9 +26,10 @@ class CasadiNlp:
     """A nonlinear program as `casadi.nlpsol` takes it.
 
     Examples:
-        >>> nlp = stage.to_casadi()
-        >>> solver = casadi.nlpsol("s", "ipopt", nlp.nlp)
-        >>> solver(x0=nlp.x0, p=nlp.p, lbx=nlp.lbx, ubx=nlp.ubx, lbg=nlp.lbg, ubg=nlp.ubg)
+        >>> nlp = run["point-mass"].to_casadi()
+        >>> solver = ca.nlpsol("solver", "ipopt", nlp.nlp)
+        >>> nlp.x_names[0], len(nlp.g_names) == len(nlp.lbg)
+        ('x at node 0', True)
 
     Attributes:
         nlp: the expressions `x`, `p`, `f` and `g`, all of MX, scaled.

@@ -30,6 +30,8 @@ NEAR = 10.0
 """The distance, m, beyond clearance and wing, at which a pylon counts as near."""
 PARTS = 48
 """The number of parts into which a step is divided to find the least distance, and again the part with the least."""
+LEVEL = 1e-9
+"""The extent of a wing, m, below which it has none in a direction; other points of it are the nearest then."""
 
 
 @record
@@ -115,9 +117,9 @@ def wing_distance(pylon: Pylon, centre: Array, half: Array) -> Array:
     d = centre - np.array([pylon.north, pylon.east, pylon.height]).reshape(3, *(1,) * (centre.ndim - 1))
     level, whole = (np.sum(half[:rows] ** 2, axis=0) for rows in (2, 3))
     vertices = (
-        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > 0.0, level, 1.0),
-        -np.sum(d * half, axis=0) / np.where(whole > 0.0, whole, 1.0),
-        -d[2] / np.where(half[2] != 0.0, half[2], np.inf),
+        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > LEVEL**2, level, 1.0),
+        -np.sum(d * half, axis=0) / np.where(whole > LEVEL**2, whole, 1.0),
+        -d[2] / np.where(np.abs(half[2]) > LEVEL, half[2], np.inf),
     )
     least = np.full(level.shape, np.inf)
     for vertex in vertices:

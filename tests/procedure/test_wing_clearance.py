@@ -7,7 +7,8 @@ import pytest
 from races import PLAN, SHIPPED, SMALL, optimum
 
 from airrace.inputs import load_inputs
-from airrace.planning.race import Race
+from airrace.optimal_control.certificate import Item
+from airrace.optimal_control.replay import replay
 from airrace.planning.wing_clearance import (
     UNASKED,
     Pylon,
@@ -17,8 +18,11 @@ from airrace.planning.wing_clearance import (
     pylons_of,
     wing_distance,
 )
-from airrace.procedure.run import recertify
-from airrace.track.course import ClearanceRule
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.stage import Stage
+from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.procedure.wing_clearance import clearance_item
+from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing
 from airrace.trajectory import Array
 
@@ -112,28 +116,31 @@ def test_keys_tell_the_height_of_pylons_and_when_the_wing_keeps_clear_of_them() 
     assert course.rules.clearance is ClearanceRule.FLIGHT
 
 
-def with_pylons(rule: ClearanceRule, width: float) -> Race:
-    """The small race with gates of some width."""
-    course = SMALL.course
-    passages = tuple(
-        dataclasses.replace(one, element=dataclasses.replace(one.element, width=width))
-        if hasattr(one.element, "width")
-        else one
-        for one in course.passages
-    )
-    rules = dataclasses.replace(course.rules, clearance=rule)
-    return dataclasses.replace(SMALL, course=dataclasses.replace(course, passages=passages, rules=rules))
-
-
 def test_a_flight_that_touches_a_pylon_is_certified_by_the_rule_crossing_alone() -> None:
     """A flight between pylons 13 m apart would hit those of a gate of one metre, and none of a wide gate."""
     result = optimum(SMALL, PLAN)
+    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory)
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    flown_again = replay(problem, iterate)
     for rule in ClearanceRule:
-        items = {
-            width: {one.name: one for one in recertify(with_pylons(rule, width), PLAN, result).items}["clearance"]
-            for width in (40.0, 1.0)
-        }
+        items: dict[float, Item] = {}
+        for width in (40.0, 1.0):
+            rules = dataclasses.replace(SMALL.course.rules, clearance=rule)
+            course = dataclasses.replace(with_gates(width), rules=rules)
+            other = dataclasses.replace(flight, course=course)
+            items[width] = clearance_item(other, problem, iterate, flown_again, PLAN.certificate)
         assert items[40.0].value < 0.05  # of the 3.5 m from its single pylon, which no gate's width changes
         assert 0.0 < items[1.0].value <= UNASKED
         assert items[1.0].holds is (rule is ClearanceRule.CROSSING)
         assert "pylon of" in items[1.0].where
+
+
+def with_gates(width: float) -> Course:
+    """The small course with gates of some width."""
+    passages = tuple(
+        dataclasses.replace(one, element=dataclasses.replace(one.element, width=width))
+        if hasattr(one.element, "width")
+        else one
+        for one in SMALL.course.passages
+    )
+    return dataclasses.replace(SMALL.course, passages=passages)
