@@ -17,6 +17,7 @@ from airrace.checkpoint.store import seal, unseal
 from airrace.procedure.result import Status
 
 CERTIFICATE = {
+    "clearance",
     "solver",
     "kkt_error",
     "replay_defect",
