@@ -179,13 +179,13 @@ def _fly(
     """Fly a plan, watched on stderr, and fill in the answer with its tables; or only say what would run."""
     from airrace.runs.command_result import ExitCode
     from airrace.runs.execute import execute_for_command
-    from airrace.runs.plan import PlannedStage, step_lines
+    from airrace.runs.plan import PlannedStage
     from airrace.views.progress_view import watching
 
     if dry_run:
         steps = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]
         answer.fields = {"track": plan.run.name, "steps": [step.as_object() for step in steps]}
-        answer.texts.extend(() if quiet else ["\n".join(step_lines(steps))])
+        answer.texts.extend(() if quiet else ["\n".join(map(str, steps))])
         return
     with watching(plan.run.race.course.name, plan.stages, quiet=quiet) as progress:
         results = execute_for_command(answer, plan, threads=threads, timeout=timeout, progress=progress)

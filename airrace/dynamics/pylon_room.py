@@ -26,10 +26,6 @@ LEVEL_BLEND = 1e-2
 """A squared speed (m2/s2) that keeps the normal of the path defined where the path is vertical."""
 
 
-Place = tuple[Scalar, Scalar]
-"""A position over ground, or a velocity: north and east, SI."""
-
-
 @vector
 class PylonParameters(Vector[T]):
     """The pylons beside a passing, as seen along its axis."""
@@ -61,30 +57,31 @@ def pylon_room_observation(model: FlightModel) -> Observation:
     R = rotation([x[name] for name in ATTITUDE])
     beta: Scalar = x.get("beta_K", 0.0)
     right = [sin(beta) * R[row][0] + cos(beta) * R[row][1] for row in range(3)]
-    v = x["V_K"] * R[0][0], x["V_K"] * R[1][0]
-    moving = column([*v, *right])
+    v_N, v_E = x["V_K"] * R[0][0], x["V_K"] * R[1][0]
+    moving = column([v_N, v_E, *right])
     change: list[Scalar] = [*ca.jtimes(moving, states, rates).elements()]
     a_N, a_E, turning = change[0], change[1], change[2:]
 
-    def ahead(P: Place, t: Scalar) -> tuple[Place, Place]:
-        """Return the pylon seen from the aircraft, and the aircraft's velocity, at a time."""
-        d = P[0] - x["x"] - v[0] * t - 0.5 * a_N * t * t, P[1] - x["y"] - v[1] * t - 0.5 * a_E * t * t
-        return d, (v[0] + a_N * t, v[1] + a_E * t)
+    def ahead(north: Scalar, east: Scalar, t: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+        """Return the way to the pylon and the velocity at a time, each to the north and to the east."""
+        d_N = north - x["x"] - v_N * t - 0.5 * a_N * t * t
+        d_E = east - x["y"] - v_E * t - 0.5 * a_E * t * t
+        return d_N, d_E, v_N + a_N * t, v_E + a_E * t
 
     rooms: list[Scalar] = []
     for side, name in ((-1.0, "left"), (1.0, "right")):
-        P: Place = b[f"{name}_north"], b[f"{name}_east"]
+        place = b[f"{name}_north"], b[f"{name}_east"]
         t: Scalar = ca.SX(0.0)
         for _ in range(2):
-            d, u = ahead(P, t)
-            slope = u[0] * u[0] + u[1] * u[1] - d[0] * a_N - d[1] * a_E + LEVEL_BLEND
-            t = t + (d[0] * u[0] + d[1] * u[1]) / slope
-        d, u = ahead(P, t)
-        speed = sqrt(u[0] * u[0] + u[1] * u[1] + LEVEL_BLEND)
+            d_N, d_E, u_N, u_E = ahead(*place, t)
+            slope = u_N * u_N + u_E * u_E - d_N * a_N - d_E * a_E + LEVEL_BLEND
+            t = t + (d_N * u_N + d_E * u_E) / slope
+        d_N, d_E, u_N, u_E = ahead(*place, t)
+        speed = sqrt(u_N * u_N + u_E * u_E + LEVEL_BLEND)
         wing = [one + rate * t for one, rate in zip(right, turning, strict=True)]
         length = sqrt(sum(one * one for one in wing))
-        reach = b["semispan"] * (u[0] * wing[1] - u[1] * wing[0]) / (speed * length)
-        lateral = side * (u[0] * d[1] - u[1] * d[0]) / speed
+        reach = b["semispan"] * (u_N * wing[1] - u_E * wing[0]) / (speed * length)
+        lateral = side * (u_N * d_E - u_E * d_N) / speed
         rooms += [lateral + side * reach, lateral - side * reach]
     parameters: Sequence[Quantity] = (*PylonParameters.quantities(), *system.parameters)
     function = ca.Function("pylon_room", [states, column([*b.values(), *p.values()])], [column(rooms)], {"cse": True})

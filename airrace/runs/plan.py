@@ -1,7 +1,7 @@
 """The plan of a run: which stages are computed, reused or checked on a second mesh; of a new run or of a stored one."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
@@ -343,8 +343,3 @@ def _unfit(result: StageResult) -> str:
     if result.certificate is not None and not result.holds:
         return "it is not certified"
     return ""
-
-
-def step_lines(steps: Sequence[PlannedStage]) -> Iterator[str]:
-    """Yield one line per stage that says whether it is run, checked or reused."""
-    return map(str, steps)

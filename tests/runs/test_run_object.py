@@ -23,7 +23,7 @@ from airrace.runs.command_result import CommandResult
 from airrace.runs.execute import execute_for_command, summarise
 from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.output import FlightName
-from airrace.runs.plan import plan_resumed_run, step_lines
+from airrace.runs.plan import plan_resumed_run
 from airrace.runs.run import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_view import is_certified, verdict
 from airrace.runs.verification import verify_run
@@ -260,7 +260,7 @@ def test_solved_stage_is_proved_where_all_are(run: RunState) -> None:
 
 def test_solved_stage_that_the_run_now_ends_with_is_proved(run: RunState) -> None:
     assert actions(run, "point-mass") == ["check"]
-    assert list(step_lines(plan_resumed_run(run, until="point-mass").steps)) == [
+    assert list(map(str, plan_resumed_run(run, until="point-mass").steps)) == [
         "point-mass: check (it was solved on one mesh)"
     ]
 
