@@ -19,8 +19,6 @@ Whole = TypeVar("Whole")
 DEGREE = math.pi / 180.0
 FACTORS = {"deg": DEGREE, "deg/s": DEGREE, "kt": KNOT, "kW": 1000.0}
 """The SI value of the units that are not SI."""
-ONE_PER_CENT = 0.01
-"""The usual step of numbers whose unit has no step of its own, as a share of the value."""
 OWN_STEPS = {
     "latitude_deg": 1e-5,
     "longitude_deg": 1e-5,  # about a metre
@@ -32,7 +30,6 @@ OWN_STEPS = {
 """The usual steps of keys whose unit would mislead; 0 stands for one per cent of the value."""
 LOAD_FACTORS = ("n_z_max", "n_z_min", "n_y_max")
 """The keys in g, which carry no unit."""
-LOAD_FACTOR_STEP = 0.1
 UNITS = {
     "kg_m2": ("kg m2", 0.0),
     "rad_s2": ("rad/s2", 0.0),
@@ -124,7 +121,8 @@ class Parameter(Generic[Model]):
     @property
     def usual_step(self) -> float:
         """The change that is usually argued about: 1 m, 1 deg, 1 kt, 0.1 g, else 1 % of the value (0.01 at zero)."""
-        return unit_and_step(self.key)[1] or ONE_PER_CENT * (abs(self.value) or 1.0)
+        # One per cent where the unit has no step of its own.
+        return unit_and_step(self.key)[1] or 0.01 * (abs(self.value) or 1.0)
 
     # Relaxing it, in steps.
 
@@ -167,7 +165,7 @@ def unit_and_step(key: str) -> tuple[str, float]:
     """Return the unit that a key names and its usual step; a step of 0 means one per cent of the value."""
     name = key.rpartition(".")[2]
     if name in LOAD_FACTORS:
-        return "g", LOAD_FACTOR_STEP
+        return "g", 0.1
     unit, step = next((meant for ending, meant in UNITS.items() if name.endswith(f"_{ending}")), ("1", 0.0))
     return unit, OWN_STEPS.get(name, step)
 

@@ -40,8 +40,6 @@ MEMORY_MIN = 256 * 2**20
 """The smallest address space with which anything is begun, bytes; to check a course takes 200 MiB."""
 SYSTEM_ERROR = 8
 """The exit code of a process that lacks memory, as `ExitCode.SYSTEM` has it, which takes too long to import."""
-ALLOCATOR_OPTIONS = {-1: 256 * 2**20, -3: 32 * 2**20}
-"""Numbers of glibc's `mallopt`: M_TRIM_THRESHOLD, M_MMAP_THRESHOLD (the largest that it allows), bytes."""
 NOT_ON_THIS_SYSTEM = (AttributeError, OSError, TypeError)
 """Errors of a function that another C library lacks, or of a system (Windows) that has no one library."""
 
@@ -81,7 +79,8 @@ def keep_freed_memory() -> None:
 
     with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
         allocator = ctypes.CDLL(None)
-        for option, value in ALLOCATOR_OPTIONS.items():
+        # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD (the largest allowed), bytes.
+        for option, value in {-1: 256 * 2**20, -3: 32 * 2**20}.items():
             allocator.mallopt(option, value)
 
 

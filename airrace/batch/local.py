@@ -39,10 +39,6 @@ from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
 """The time that a process that has to stop may take, s."""
-LAST_OUTPUT_MAX = 2000
-"""The size of the end of a crashed process's output in which its last words are looked for, bytes."""
-ANSWER_MAX = 64 * 1024 * 1024
-"""The size up to which a line is read, bytes; a larger one is no answer."""
 JOB_COMMAND = python_command("airrace.batch.job_process")
 """The command that runs a job in a process of its own."""
 STOP = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
@@ -168,7 +164,7 @@ class _JobProcess:
             asked.write(json.dumps(order).encode("utf-8") + b"\n")
             asked.flush()
         with contextlib.suppress(OSError):
-            while line := answers.readline(ANSWER_MAX):
+            while line := answers.readline(64 * 2**20):  # a larger line, bytes, is no answer
                 match _json_of(line):
                     case {"stage_started": str(stage)}:
                         self._report(StageStarted(name, stage))
@@ -213,7 +209,8 @@ class _JobProcess:
         return AttemptResult(ExitCode.SYSTEM, message, wall, fault=fault)
 
     def _last_words(self) -> str:
-        self._output.seek(max(0, self._output.seek(0, os.SEEK_END) - LAST_OUTPUT_MAX))
+        # In the last 2000 bytes of a crashed process's output stand its last words.
+        self._output.seek(max(0, self._output.seek(0, os.SEEK_END) - 2000))
         lines = self._output.read().decode(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "")
 

@@ -21,8 +21,6 @@ from airrace.standard_streams import STANDARD, write_stdout
 
 logger = logging.getLogger(__name__)
 
-PAUSES = (0.01, 0.05, 0.2)
-"""The pauses after which a rename that is refused is tried again, s."""
 try:
     import fcntl
 except ModuleNotFoundError:  # Windows, which removes no file that a writer has open
@@ -119,7 +117,7 @@ def _lock(file: IO[bytes]) -> None:
 
 def _rename(partial: Path, target: Path) -> None:
     """Rename a file over another one; Windows refuses while somebody reads that, which takes a moment."""
-    for pause in PAUSES:
+    for pause in (0.01, 0.05, 0.2):  # s, after which a refused rename is tried again
         try:
             os.replace(partial, target)
         except PermissionError:

@@ -140,8 +140,6 @@ def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[J
 
 MESSAGE_MAX = 90
 """The longest message in the table, in characters; the other reports hold longer ones in full."""
-MESSAGE_LEAST = 30
-"""The columns without which a message is not put beside numbers: narrower ones would break most of its lines."""
 NAME_MAX = 20
 """The longest line of a job's name on a narrow terminal, in characters: so much is left of 80 columns beside its state,
 the stage with the longest name, its race time and how far it is behind."""
@@ -185,7 +183,8 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
     title = f"{len(rows)} jobs: {counts_words(rows) or 'none'}"
     numbers = [(row.name, *rank, *flight) for row, rank, flight in zip(rows, ranks, flights, strict=True)]
     table, has_messages = Table(title, (*_RANKING, *heads), numbers), columns is None or any(messages)
-    if columns is None or full_columns(table) + MESSAGE_LEAST * has_messages <= columns:
+    # Narrower columns would break most lines of a message.
+    if columns is None or full_columns(table) + 30 * has_messages <= columns:
         cells = [(*cells, message) for cells, message in zip(numbers, messages, strict=True)]
         return [Table(title, (*table.columns, _MESSAGE), cells) if has_messages else table]
     jobs = [fold_name(row.name) for row in rows]

@@ -69,12 +69,8 @@ _PASSINGS = (
 )
 
 
-BESIDE_KEYS = 50
-"""The columns that the table of sensitivities takes beside its keys."""
 KEY_MAX = 36
 """The longest key that stays on one line where lines are folded, characters."""
-LEAST_MS = 0.0005
-"""The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
 _STORED = (
     *("key", "group", "unit", "value", "s_per_unit", "s_per_unit_up", "s_per_unit_down"),
@@ -107,7 +103,7 @@ def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity]
         columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
     """
     longest = max((len(one.key) for one in sensitivities), default=0)
-    folds = columns is not None and columns < longest + BESIDE_KEYS
+    folds = columns is not None and columns < longest + 50  # columns beside the keys
     active = [one for one in sensitivities if one.activity is not Activity.FREE]
     rows: list[tuple[str | float, ...]] = []
     sided: list[str] = []
@@ -136,4 +132,5 @@ def _cost(seconds: float) -> str:
     if not math.isfinite(seconds):
         return "-"
     milliseconds = 1000.0 * seconds
-    return "free" if abs(milliseconds) < LEAST_MS else f"{milliseconds:+.3f}"
+    # A smaller cost would show as zero.
+    return "free" if abs(milliseconds) < 0.0005 else f"{milliseconds:+.3f}"

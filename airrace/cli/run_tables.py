@@ -179,11 +179,11 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
 def items_table(certificate: "Certificate", verdict: str = "") -> Table:
     """Return a table of the items of a certificate; its title is the verdict, by default what the items say."""
     measured = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
-    title = f"certificate: {verdict or measured}{_undecided(certificate)} ({certificate.solver_status})"
+    title = f"certificate: {verdict or measured}{_open_clause(certificate)} ({certificate.solver_status})"
     return certificate_table(certificate, title)
 
 
-def _undecided(certificate: "Certificate") -> str:
+def _open_clause(certificate: "Certificate") -> str:
     """Return a clause for what is only measured and is not as it should be; empty where there is nothing."""
     told = (f"; but {one.name} missed by {one.value:.2f} {one.unit} ({one.where})" for one in certificate.undecided)
     return "".join(told)
@@ -200,7 +200,7 @@ def _certificate_line(result: StageResult, certificate: "Certificate") -> str:
     limited = [item for item in items if item.limit > 0.0]
     nearest = max(limited, key=lambda item: item.value / item.limit, default=None)
     tightest = "" if nearest is None else f"; nearest to its limit: {nearest.name}, {nearest.value / nearest.limit:.0%}"
-    verdict = ("certified" if certificate.certified else ONE_MESH) + _undecided(certificate)
+    verdict = ("certified" if certificate.certified else ONE_MESH) + _open_clause(certificate)
     return f"certificate: {verdict} ({certificate.solver_status}), all {len(items)} items hold{tightest}"
 
 

@@ -12,8 +12,6 @@ from airrace.views.tables import Table
 
 UNLIMITED_WIDTH = 200
 """Columns that are enough for every table where no terminal sets a limit."""
-FULL_WIDTH = 10_000
-"""Columns that limit no table when it is measured."""
 PAGE = 80
 """Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
@@ -55,7 +53,7 @@ def takes_unicode() -> bool:
 
 def full_columns(table: Table) -> int:
     """Return the columns that a table takes where nothing limits it."""
-    return PlainConsole(file=io.StringIO(), width=FULL_WIDTH).measure(table.rich()).maximum
+    return PlainConsole(file=io.StringIO(), width=10_000).measure(table.rich()).maximum  # columns that limit no table
 
 
 def terminal_columns() -> int | None:

@@ -44,11 +44,6 @@ With twice the gains in yaw whole races are lost: the surfaces move at a limited
 high load factors need all of it.
 """
 
-LEAST_LIFT_SLOPE = 2.0
-"""The least slope of the load factor over the angle of attack that is assumed beyond the stall, g/rad."""
-LEAST_SIDE_SLOPE = 0.2
-"""The least slope of the lateral load factor over sideslip that is assumed, g/rad, as a magnitude."""
-
 Triple = tuple[Scalar, Scalar, Scalar]
 
 
@@ -128,8 +123,9 @@ def invert_body_motion(model: FlightModel, chain: InversionChain) -> InnerContro
 def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -> _Wanted:
     """Return the angles for the commanded load factors in trim, and the missing parts of the rates towards them."""
     x, command, system = plant.x, plant.commands, plant.system
-    lift_slope = maximum(jacobian(plant.load.n_z, x["alpha_K"]), LEAST_LIFT_SLOPE)
-    side_slope = minimum(jacobian(plant.load.n_y, x["beta_K"]), -LEAST_SIDE_SLOPE)
+    # Beyond the stall, too, at least 2 g/rad are assumed, and 0.2 g/rad over sideslip.
+    lift_slope = maximum(jacobian(plant.load.n_z, x["alpha_K"]), 2.0)
+    side_slope = minimum(jacobian(plant.load.n_y, x["beta_K"]), -0.2)
     n_z, n_y, lift_slope, side_slope = (
         with_values(one, movers, trim) for one in (plant.load.n_z, plant.load.n_y, lift_slope, side_slope)
     )

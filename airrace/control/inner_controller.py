@@ -31,8 +31,6 @@ FOLLOWER = 50.0
 """The rate constant with which commands and deflections, which are states, follow their wanted values, 1/s."""
 THROTTLE = 4.0
 """The rate constant with which an error of the throttle is corrected, 1/s."""
-LEAST_AXIAL_EFFECT = 0.05
-"""The least effect of the throttle that is assumed, g per full throttle travel, so that no error is divided by zero."""
 
 Named = dict[str, Scalar]
 
@@ -95,7 +93,8 @@ class Plant:
             UsageError: the command does not move `delta_T` at once, as behind a second lag.
         """
         x, command = self.x, self.commands
-        effect = maximum(jacobian(self.load.n_x, x["delta_T"]), LEAST_AXIAL_EFFECT)
+        # At least 0.05 g per full travel, so that no error is divided by zero.
+        effect = maximum(jacobian(self.load.n_x, x["delta_T"]), 0.05)
         wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
         rate = command.delta_T_dot + THROTTLE * (wanted - x["delta_T"])
         throttle = ca.SX.sym("delta_T_cmd")

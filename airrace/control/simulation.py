@@ -45,8 +45,6 @@ LOST = 500.0
 """The distance from the reference beyond which a simulation has departed and is ended, m."""
 K_COUNTER = 1.0
 """The rate constant with which errors of roll counters are wound back, 1/s."""
-TRIM_STEPS = 30
-"""The number of steps of Newton's method towards a trimmed state."""
 
 
 @record
@@ -191,7 +189,7 @@ def trimmed_states(system: System, inner: InnerController, here: ReferencePoint[
         p_dot=here.soft_p_dot,
     )
     wanted = np.stack(list(commands.join()))
-    for _ in range(TRIM_STEPS):
+    for _ in range(30):  # steps of Newton's method
         x = at_points(inner.settled, x, wanted)
     return x
 

@@ -54,8 +54,6 @@ VERTICAL = 1e-3
 """The angle from the vertical (rad) within which the climb angle is rounded off, for it has an edge there."""
 CLIP_WIDTH = 0.02
 """The width of the smooth clip, as a part of the required distance (1)."""
-MINIMUM_WIDTH = 0.002
-"""The width of the smooth minimum, as a part of the required distance (1)."""
 LEAST_DISTANCE = 0.1
 """The distance (m) that the widths are relative to where a crowd may be approached more closely than that."""
 TINY = 1e-6
@@ -354,7 +352,7 @@ def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], 
     sides = list(zip(corners, following, strict=False))
     nearest, *others = [_edge_distance(place, a, b, keep) for a, b in sides]
     for other in others:
-        width = None if keep is None else MINIMUM_WIDTH * keep
+        width = None if keep is None else 0.002 * keep  # the width of the smooth minimum relative to the distance
         nearest = minimum(nearest, other) if width is None else -smooth_maximum(-nearest, -other, width)
     return nearest if shape is CrowdShape.LINE else nearest * (1.0 - 2.0 * _winding(place, sides))
 

@@ -25,8 +25,6 @@ KINDS = {
     "safety line": "ff0b86b8",
     "airspace": "ff8b5634",
 }
-ZIPPED = (2000, 1, 1, 12, 0, 0)
-"""The date of the file in the archive, so that equal flights give equal archives."""
 
 
 def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
@@ -60,7 +58,7 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
     """Return the document that `kml` returns, zipped."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
-        entry = zipfile.ZipInfo("doc.kml", ZIPPED)
+        entry = zipfile.ZipInfo("doc.kml", (2000, 1, 1, 12, 0, 0))  # a date, so that equal flights give equal archives
         entry.compress_type = zipfile.ZIP_DEFLATED
         zipped.writestr(entry, kml(flights, begin))
     return archive.getvalue()

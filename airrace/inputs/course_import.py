@@ -31,8 +31,6 @@ from airrace.track.polygons import Point
 
 GATE_WIDTH_MAX = 60.0
 """The length beyond which a line is no gate, m."""
-CROWD_DISTANCE = 100.0
-"""The distance that is asked for around people until the file says better, m."""
 SIDES = re.compile(r"^(?P<name>.*?)[ _-]*\b(?P<side>left|right|l|r)$", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
@@ -185,7 +183,10 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
     airspace = next((mark for mark in areas if "airspace" in mark.name.lower()), None)
     names: set[str] = set()
     crowd = {
-        _key(mark.name or "crowd", names): {"polygon": _degrees(mark.places), "distance_m": CROWD_DISTANCE}
+        _key(mark.name or "crowd", names): {
+            "polygon": _degrees(mark.places),
+            "distance_m": 100.0,
+        }  # until the file says better
         for mark in areas
         if mark is not airspace
     }

@@ -16,8 +16,6 @@ from airrace.inputs.schema import Schema, optional, read_entry
 from airrace.logs.csv_log import FIELDS, ColumnLayout, parse_unit, split_unit
 
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
-UNIT_MAX = 10
-"""The length up to which brackets are taken for a unit; longer ones belong to the header."""
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|"}
 
 
@@ -100,7 +98,7 @@ def _problem(name: str, text: str) -> str:
     header, unit = split_unit(text)
     if not header:
         return "names no header"
-    if unit and parse_unit(FIELDS[name], unit) is None and len(unit) <= UNIT_MAX:
+    if unit and parse_unit(FIELDS[name], unit) is None and len(unit) <= 10:  # longer brackets belong to the header
         return f"`{unit}` is no unit of {name}; known are {', '.join(FIELDS[name].units)}"
     return ""
 

@@ -51,8 +51,6 @@ INTEGRATORS = {
 }
 STEP = 1e-3
 """The step of JSBSim's integration, s."""
-PIECE = 1.0
-"""The time for which JSBSim flies without being put back onto the optimum, s."""
 
 
 @record
@@ -194,7 +192,7 @@ def fly_course(
         at: states of the optimum at any times (s, shape (n,)), by name.
         tau_T: the time constant of the throttle, s.
     """
-    steps = round(PIECE / STEP)
+    steps = round(1.0 / STEP)  # s, which JSBSim flies without being put back onto the optimum
     last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is simulated to its end
     first = np.arange(0, last, steps)
     ends = np.minimum(first + steps, last)

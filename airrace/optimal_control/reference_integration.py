@@ -18,8 +18,6 @@ ALIAS = "airrace_scipy_integrators"
 """The name under which the folder of integrators is loaded."""
 FOLDER = Path("integrate", "_ivp")
 """The folder of the integrators in scipy, since its version 1.0."""
-EVALUATIONS = 12
-"""The rates are evaluated so many times in a step, three more times where states within it are asked for."""
 
 
 @cache
@@ -78,7 +76,7 @@ def integrate(
     def counted(time: float, state: Array) -> Array:
         nonlocal evaluations
         evaluations += 1
-        if evaluations > most_steps * EVALUATIONS:
+        if evaluations > most_steps * 12:  # evaluations of the rates in a step
             raise _TooManyStepsError
         return rates(time, state)
 

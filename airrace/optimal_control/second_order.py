@@ -160,7 +160,7 @@ def judge(functions: Evaluation, w: Array, p: Array, lam_g: Array) -> SecondOrde
         curvature=curvature,
         threshold=threshold,
         least=np.nan if found is None else form.curvature(found),
-        direction=np.zeros(layout.unknowns) if found is None else _normalised(found),
+        direction=np.zeros(layout.unknowns) if found is None else _unit_maximum(found),
         where="" if found is None else _place(layout, found),
         active=int(active.sum()),
         weakly_active=int(weak.sum()),
@@ -176,7 +176,7 @@ def _shares(layout: Layout, w: Array) -> Array:
     return np.append(shares, shares[-1])
 
 
-def _normalised(direction: list[Array]) -> Array:
+def _unit_maximum(direction: list[Array]) -> Array:
     whole = np.concatenate(direction)
     return whole / whole[np.abs(whole).argmax()]
 
@@ -241,7 +241,7 @@ def _blocks(values: NDArray[Number], sizes: Indices) -> list[NDArray[Number]]:
     return np.split(values, np.cumsum(sizes)[:-1])
 
 
-class _Stage(NamedTuple):
+class _ReducedStage(NamedTuple):
     """A stage without the controls that rows determine: `z = T (x, v)`, v free; H, W and F in terms of (x, v)."""
 
     T: Array
@@ -257,14 +257,14 @@ class ReducedQuadratic:
         self._form = form
         self._states = m = len(form.dynamics[0])
         ahead = np.zeros((0, m))
-        self._stages: list[_Stage] = []  # the last one first
+        self._stages: list[_ReducedStage] = []  # the last one first
         for k in range(len(form.hessian) - 1, -1, -1):
             H, held, rows = form.hessian[k], form.held[k], form.rows[k]
             F = form.dynamics[k] if k < len(form.dynamics) else np.zeros((m, len(H)))
             if len(ahead):
                 rows = np.concatenate([rows, ahead @ F])
             T, ahead = _eliminate(rows, held, m)
-            self._stages.append(_Stage(T, T.T @ H @ T, form.weights[k] * (T.T @ T), F @ T))
+            self._stages.append(_ReducedStage(T, T.T @ H @ T, form.weights[k] * (T.T @ T), F @ T))
         self._first = _null_space(ahead)
 
     def direction_below(self, shift: float) -> list[Array] | None:

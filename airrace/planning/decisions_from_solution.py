@@ -29,8 +29,6 @@ A flight that turns less has chosen none; forced to one, its plan might fly a ci
 """
 LEVEL = 0.2
 """The share of a step's length that must lie over ground for the step to have a course."""
-REVERSED = math.radians(150.0)
-"""The angle from step to step, rad, above which a track does not turn to a side but goes through the vertical."""
 POSITION = ("x", "y", "z")
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
@@ -120,7 +118,7 @@ def track_turn(r: Array) -> TrackTurn:
     steps = steps[:2, np.hypot(steps[0], steps[1]) > LEVEL * np.linalg.norm(steps, axis=0)]
     (n, e), (n_next, e_next) = steps[:, :-1], steps[:, 1:]
     angles = np.arctan2(n * e_next - e * n_next, n * n_next + e * e_next)
-    reversed_ = np.abs(angles) > REVERSED
+    reversed_ = np.abs(angles) > math.radians(150.0)  # not to a side, but through the vertical
     lateral = float(angles[~reversed_].sum())
     return TrackTurn(lateral + math.copysign(float(np.abs(angles[reversed_]).sum()), lateral), lateral)
 

@@ -17,8 +17,6 @@ SHARE_OF_LIMIT = 0.6
 """The load factor of planned turns as a share of the allowed one, at most."""
 LEAST_LOAD_FACTOR = 2.5
 """The least load factor of planned turns, g; below it they become so wide that the plan misses the point."""
-STANDSTILL = 1.0
-"""The speed below which no aircraft flies, m/s."""
 
 
 @record
@@ -55,7 +53,7 @@ def top_speed(aircraft: Aircraft) -> float:
     P = propulsion.eta_p * propulsion.P_max
     speed = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
     for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
-        if speed < STANDSTILL:  # ever slower: what it takes to carry the weight is more than the power
+        if speed < 1.0:  # ever slower: what it takes to carry the weight is more than the power
             return 0.0
         C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * speed**2 * S)
         C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2

@@ -11,8 +11,6 @@ from airrace.frames import product
 from airrace.planning.planning_model import PlanningModel
 from airrace.track.course import Roll, Turning
 
-BOUND_PUSH = 3.0
-"""The time of a push in times of a pull: what an aircraft and its pilot bear downwards is about a third."""
 ROUNDING = 1e-6
 """The difference of attitude that counts as none, rad."""
 
@@ -90,4 +88,5 @@ def _turning_time(pitch: float, yaw: float, pace: PlanningModel) -> float:
     pull = g0 * (pace.n - 1.0) / pace.V
     angle = math.hypot(pitch, yaw)
     pushed = max(0.0, -pitch / angle) if angle > ROUNDING else 0.0
-    return angle / pull * (1.0 + (BOUND_PUSH - 1.0) * pushed)
+    # A push takes three times a pull: downwards an aircraft and its pilot bear about a third.
+    return angle / pull * (1.0 + 2.0 * pushed)

@@ -35,8 +35,8 @@ LEVEL = 1e-9
 
 
 @record
-class Pylon:
-    """A pylon of a course.
+class PylonPost:
+    """A post of a pylon or gate of a course.
 
     Attributes:
         name: of the element that it belongs to, which may have several.
@@ -79,7 +79,7 @@ class ClosestApproach:
             ground and to its right, m.
     """
 
-    pylon: Pylon
+    pylon: PylonPost
     leg: int
     distance: float
     time: float
@@ -92,22 +92,22 @@ class ClosestApproach:
         return self.pylon.required - self.distance
 
 
-def pylons_of(course: Course) -> tuple[Pylon, ...]:
+def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     """Return all pylons of a course, in the order of the first passings of their elements."""
-    found: dict[tuple[float, float], Pylon] = {}  # a quad's pylons may stand in one place
+    found: dict[tuple[float, float], PylonPost] = {}  # a quad's pylons may stand in one place
     for element in {one.element.name: one.element for one in course.passages}.values():
         drawing, required = element.drawing(), UNASKED
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
         for post in drawing.posts:
             place = (round(post.north, 6), round(post.east, 6))
-            pylon = Pylon(element.name, post.north, post.east, drawing.post_height, required)
+            pylon = PylonPost(element.name, post.north, post.east, drawing.post_height, required)
             if place not in found or found[place].required < required:
                 found[place] = pylon
     return tuple(found.values())
 
 
-def wing_distance(pylon: Pylon, centre: Array, half: Array) -> Array:
+def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:
     """Return the distance of a wing from a pylon, m, shape (...).
 
     Args:
@@ -129,7 +129,7 @@ def wing_distance(pylon: Pylon, centre: Array, half: Array) -> Array:
     return np.sqrt(least)
 
 
-def closest_in_steps(wing: Wing, pylon: Pylon) -> tuple[Array, Array]:
+def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
     """Return the least distance from a pylon within every step, m, and when, s; each of shape (n - 1,).
 
     Far away it is that at the nearer end of the step, which is larger than the least, but not near either.
@@ -161,7 +161,7 @@ def at(wing: Wing, time: float) -> tuple[Array, Array]:
     return velocity, centre[:, 0, 0]
 
 
-def closest_approaches(wing: Wing, pylons: Sequence[Pylon], legs: Sequence[int]) -> Iterator[ClosestApproach]:
+def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[int]) -> Iterator[ClosestApproach]:
     """Yield the least distance from every pylon on every leg.
 
     Args:

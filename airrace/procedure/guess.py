@@ -23,8 +23,6 @@ from airrace.trajectory import Array
 
 SMOOTHING = 0.25
 """The time of flight to either side over which the curvature is averaged, s."""
-GATE_REACH = 0.15
-"""The time of flight over which the prescribed bank of a gate holds in the guess, s."""
 COUNT_MAX = 120
 """The largest number of intervals in a phase of a first mesh; where that is too coarse, the mesh is refined."""
 LONG_RACE = 300.0
@@ -179,7 +177,8 @@ def _bank_at_gates(bank: Array, s: Array, length: float, a: Waypoint, b: Waypoin
     """Return the bank of the turn (rad), blended into the prescribed banks at both ends."""
     for waypoint, distance in ((a, s), (b, length - s)):
         if waypoint.bank is not None:
-            weight = np.exp(-((distance / (GATE_REACH * pace.V)) ** 2))
+            # The bank of a gate holds over 0.15 s of flight.
+            weight = np.exp(-((distance / (0.15 * pace.V)) ** 2))
             bank = bank + weight * (waypoint.bank - bank)
     return bank
 

@@ -37,10 +37,6 @@ time.
 """
 FEWEST_INTERVALS = 100
 """The number of intervals that a race is taken to have at least: small ones have time to spare."""
-SEARCH_SHARE = 2 / 3
-"""The share of the budget that a search for a flight leaves nothing of for an explanation."""
-POOL_MAX = 8
-"""The largest number of solver processes; a quick search rarely has more jobs than that at once."""
 KNOWN_ITERATIONS_MAX = 60
 """The largest number of iterations of a solve that begins with known multipliers.
 
@@ -70,7 +66,8 @@ class Budget:
 
     def for_an_explanation(self) -> "Budget":
         """Return what is left for finding out why nothing was found: a third at least."""
-        return Budget(self.work, min(self.spent, int(SEARCH_SHARE * self.work)) if math.isfinite(self.work) else 0)
+        # A search leaves a third of the budget for an explanation.
+        return Budget(self.work, min(self.spent, int(2 / 3 * self.work)) if math.isfinite(self.work) else 0)
 
     @property
     def exhausted(self) -> bool:
@@ -155,7 +152,8 @@ class SolverSession:
 
     def pool(self) -> SolverPool:
         """Return the solver process and others beside it, for solves that do not depend on each other."""
-        return SolverPool(self.service, min(self.threads, POOL_MAX), self._another)
+        # A quick search rarely has more jobs at once.
+        return SolverPool(self.service, min(self.threads, 8), self._another)
 
     def search_in_background(self, search: Callable[[SolverPool], Found]) -> BackgroundSearch[Found]:
         """Return a search beside what is solved here: at once where there are two threads, else afterwards."""

@@ -37,8 +37,6 @@ DETOUR, DETOUR_SECONDS = 3.0, 10.0
 """The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
 SHORTEST_SHARE, SHORTEST_SECONDS = 1.0 / 3.0, 0.1
 """The shortest duration of a phase: a share of the plan (1), and a time (s) of which no more is asked."""
-TIME_SCALE = 3.0
-"""The scale of the phases' durations, s."""
 
 
 @record
@@ -101,7 +99,7 @@ class StageProblem:
             phases=tuple(phases),
             objective=Objective(time=1.0, regularisation=self.weights),
             scheme=self.fidelity.scheme,
-            time_scale=TIME_SCALE,
+            time_scale=3.0,  # s, the scale of the phases' durations
         )
 
 

@@ -65,10 +65,6 @@ from airrace.views.map_model import MapModel, coordinates
 FORMAT = "airrace-report/1"
 INFLATED = 25.0
 """The usual height of an inflated pylon, m."""
-ABOVE = 5.0
-"""The height by which a pylon rises above the highest passing that counts, m."""
-ENDLESS = 0.15
-"""The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
 DEGREE = math.pi / 180.0
 
 
@@ -236,7 +232,7 @@ def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
             passed.setdefault(one.passage.element.name, (one.value("x"), one.value("y"), one.value("height")))
     labels = {mark.element.name: mark.label for mark in map_.marks}
     elements = {passage.element.name: passage.element for passage in map_.race.course.passages}
-    beyond = ENDLESS * max(map_.north - map_.south, map_.east - map_.west)
+    beyond = 0.15 * max(map_.north - map_.south, map_.east - map_.west)  # a safety line has no ends
     return {
         "elements": [
             {"name": name, "label": labels.get(name, name), **_element(one, place)}
@@ -274,7 +270,7 @@ def _element(element: Element, place: tuple[float, float, float]) -> dict[str, o
     high = allowed.upper if math.isfinite(allowed.upper) else place[2] + INFLATED
     return {
         "posts": coordinates(drawing.posts).tolist(),
-        "top": max(INFLATED, high + ABOVE) if high < place[2] + 4.0 * INFLATED else place[2] + INFLATED,
+        "top": max(INFLATED, high + 5.0) if high < place[2] + 4.0 * INFLATED else place[2] + INFLATED,
         "window": None if drawing.window is None else coordinates(drawing.window).tolist(),
         "reach": None if drawing.reach is None else coordinates(drawing.reach).tolist(),
         "heights": [low, high],

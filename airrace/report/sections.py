@@ -13,9 +13,6 @@ from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
 from airrace.views.tables import Cell, Column, Table
 
-SENSITIVITIES_MAX = 40
-"""The largest number of sensitivities in the table, the largest first."""
-
 
 def number(value: float, digits: int, *, signed: bool = False) -> str:
     """Return a number as people read it in a sentence; a dash where there is none."""
@@ -92,7 +89,7 @@ def sensitivities_section(sensitivities: Mapping[str, Sensitivity] | None) -> st
     """Return the sensitivities to the numbers of the inputs, the largest first; empty where they are not known."""
     if sensitivities is None:
         return ""
-    return table_section(sensitivities_table(sensitivities, SENSITIVITIES_MAX, "Sensitivities"))
+    return table_section(sensitivities_table(sensitivities, 40, "Sensitivities"))
 
 
 def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions: Mapping[str, str]) -> str:

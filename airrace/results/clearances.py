@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
-from airrace.planning.wing_clearance import UNASKED, Pylon, Wing, closest_in_steps, pylons_of, wing_distance
+from airrace.planning.wing_clearance import UNASKED, PylonPost, Wing, closest_in_steps, pylons_of, wing_distance
 from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import BODY_ATTITUDE, Flight, TimedCrossing
@@ -181,7 +181,7 @@ def _wing(flight: Flight) -> Wing:
     return Wing(flight.time, centre, half)
 
 
-def _least_about(wing: Wing, pylon: Pylon) -> Array:
+def _least_about(wing: Wing, pylon: PylonPost) -> Array:
     """Return the least distance from a pylon from half a step before to half a step after every time, m, shape (n,)."""
     least = wing_distance(pylon, wing.centre, wing.half)
     distance, time = closest_in_steps(wing, pylon)

@@ -28,8 +28,6 @@ from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
 from airrace.track.course import Rules
 from airrace.trajectory import Array
 
-ROLLING = 1.0
-"""The roll rate from which the aircraft is said to roll, rad/s."""
 DIFFERENCES_MAX = 4
 """The greatest number of differences that are reported of one leg."""
 
@@ -96,7 +94,8 @@ def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tu
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
     """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
-    rolling = np.flatnonzero(np.abs(flight.values("p_Kbar")[leg.rows]) >= ROLLING)
+    # The aircraft is said to roll from 1 rad/s.
+    rolling = np.flatnonzero(np.abs(flight.values("p_Kbar")[leg.rows]) >= 1.0)
     return float(flight.time[leg.rows][rolling[0]]) - leg.before.time if len(rolling) else math.nan
 
 

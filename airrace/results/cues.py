@@ -74,7 +74,7 @@ SETTINGS = CueSettings()
 
 
 @record
-class Roll:
+class RollAction:
     """A roll about the velocity.
 
     Attributes:
@@ -158,7 +158,7 @@ class Apex:
     duration: float = 0.0
 
 
-Action = Roll | Pull | Apex
+Action = RollAction | Pull | Apex
 
 
 @record
@@ -188,14 +188,14 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
     None where the flight knows neither load factor nor attitude; NaN of its histories are bridged by straight lines.
     """
-    known = _Samples.of(flight)
+    known = _SmoothPath.of(flight)
     if known is None:
         return ()
     apexes = _apexes(known)
     pulls = _pulls(known, apexes)
     inside = {apex for apex, _ in apexes if any(one.apex == float(known.height[apex]) for one in pulls)}
     lone = [Apex(known.time_of(row), float(known.height[row])) for row, _ in apexes if row not in inside]
-    actions = _ordered([*_rolls(known), *pulls, *lone])
+    actions = _in_order([*_rolls(known), *pulls, *lone])
     cues: list[Cue] = []
     for leg in legs_of(flight):
         if leg.is_complete:
@@ -205,7 +205,7 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
 
 @record
-class _Samples:
+class _SmoothPath:
     """A flight from its first to its last passing at evenly spaced times: smoothed histories, SI units and radians.
 
     Attributes:
@@ -223,7 +223,7 @@ class _Samples:
     mu: Array
 
     @classmethod
-    def of(cls, flight: Flight) -> "_Samples | None":
+    def of(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
         passed = [one.time for one in flight.crossings if one.found]
         if len(passed) < 2 or not flight.has(*PATH_ATTITUDE, "chi", "gamma", "mu"):
@@ -231,16 +231,16 @@ class _Samples:
         step, begin, end = SETTINGS.step, passed[0], passed[-1]
         times = begin + step * np.arange(max(2, int((end - begin) / step + 1e-6) + 1))
 
-        def sampled(values: Array) -> Array | None:
+        def sample(values: Array) -> Array | None:
             rows = np.isfinite(values)
             return np.interp(times, flight.time[rows], values[rows]) if rows.sum() > 1 else None
 
         q = np.array([flight[name] for name in PATH_ATTITUDE])
         known = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
-        p = sampled(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
-        n_z, height = sampled(flight.values("n_z")), sampled(flight.values("height"))
-        turned = [sampled(np.unwrap(flight[name])) for name in ("chi", "mu")]
-        chi, gamma, mu = turned[0], sampled(flight["gamma"]), turned[1]
+        p = sample(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
+        n_z, height = sample(flight.values("n_z")), sample(flight.values("height"))
+        turned = [sample(np.unwrap(flight[name])) for name in ("chi", "mu")]
+        chi, gamma, mu = turned[0], sample(flight["gamma"]), turned[1]
         if p is None or n_z is None or height is None or chi is None or gamma is None or mu is None:
             return None
         return cls(
@@ -301,16 +301,16 @@ def turning_points(values: Array, change: float) -> list[tuple[int, int]]:
     return points
 
 
-def _rolls(known: _Samples) -> list[Roll]:
+def _rolls(known: _SmoothPath) -> list[RollAction]:
     """Return all rolls in order."""
-    found: list[Roll] = []
+    found: list[RollAction] = []
     for first, last in _stretches_of_roll(known.p):
         fastest = float(np.abs(known.p[first : last + 1]).max())
         angle = SETTINGS.step * float(known.p[first : last + 1].sum())
         if fastest >= SETTINGS.roll_rate and abs(angle) >= SETTINGS.roll_angle:
             begin, end = (math.remainder(float(known.mu[row]), 2.0 * math.pi) for row in (first, last))
             climb = float(known.gamma[(first + last) // 2])
-            found.append(Roll(known.time_of(first), SETTINGS.step * (last - first), begin, end, angle, climb))
+            found.append(RollAction(known.time_of(first), SETTINGS.step * (last - first), begin, end, angle, climb))
     return found
 
 
@@ -332,14 +332,14 @@ def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
     return found
 
 
-def _apexes(known: _Samples) -> list[tuple[int, bool]]:
+def _apexes(known: _SmoothPath) -> list[tuple[int, bool]]:
     """Return the rows of all apexes, each with whether the lift points below the horizon there."""
     points = turning_points(known.height, SETTINGS.height_change)
     inner = [row for number, (row, kind) in enumerate(points) if kind > 0 and 0 < number < len(points) - 1]
     return [(row, math.cos(known.mu[row]) < 0.0) for row in inner]
 
 
-def _pulls(known: _Samples, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
+def _pulls(known: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
     points, found = turning_points(known.n_z, SETTINGS.load_change), list[Pull]()
     rows = [0, *(row for row, _ in points), len(known.n_z) - 1]
     for number, (row, kind) in enumerate(points, start=1):
@@ -363,19 +363,23 @@ def _pulls(known: _Samples, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
     return found
 
 
-def _beyond(known: _Samples, row: int, peak: float, kind: int, end: int) -> bool:
+def _beyond(known: _SmoothPath, row: int, peak: float, kind: int, end: int) -> bool:
     """Return whether a load lies beyond the middle between a peak and what is left beside it: 1 g, or the value at
     `end` where that is nearer to the peak."""
     base = kind * max(kind * float(known.n_z[end]), kind * 1.0)
     return kind * float(known.n_z[row]) > kind * 0.5 * (peak + base)
 
 
-def _ordered(actions: Sequence[Action]) -> list[Action]:
+def _in_order(actions: Sequence[Action]) -> list[Action]:
     """Return actions by the time of their beginning; a roll before a pull that begins at once with it."""
     ordered = sorted(actions, key=lambda one: one.time)
     for number in range(1, len(ordered)):
         before, one = ordered[number - 1], ordered[number]
-        if isinstance(one, Roll) and not isinstance(before, Roll) and one.time - before.time < SETTINGS.together:
+        if (
+            isinstance(one, RollAction)
+            and not isinstance(before, RollAction)
+            and one.time - before.time < SETTINGS.together
+        ):
             ordered[number - 1 : number + 1] = one, before
     return ordered
 
@@ -385,7 +389,11 @@ def _groups(actions: Sequence[Action]) -> list[tuple[Action, ...]]:
     groups: list[tuple[Action, ...]] = []
     for one in actions:
         last = groups[-1][-1] if groups else None
-        joins = last is not None and not isinstance(one, Roll) and one.time - last.time - last.duration < SETTINGS.pause
+        joins = (
+            last is not None
+            and not isinstance(one, RollAction)
+            and one.time - last.time - last.duration < SETTINGS.pause
+        )
         groups[-1:] = [(*groups[-1], one)] if joins else [*groups[-1:], (one,)]
     return groups
 

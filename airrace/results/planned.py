@@ -30,8 +30,6 @@ from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02
 """The longest time between two samples, s: two metres of way."""
-COARSE_STEP = 0.2
-"""The longest time between two samples of a course too long to be planned, s: twenty metres of a straight line."""
 PLANNED = "planned, not optimised"
 """The remark of the source of a planned flight."""
 ROUNDING = 0.5
@@ -105,7 +103,8 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
     seconds = [max(way / race.pace.V, SHORTEST_LEG) if math.isfinite(way) else SHORTEST_LEG for way in ways]
     legs: list[Array] = []
-    for count, (start, end) in zip(_counts(seconds, COARSE_STEP), itertools.pairwise(places), strict=True):
+    # In 0.2 s an aircraft flies twenty metres of a straight line.
+    for count, (start, end) in zip(_counts(seconds, 0.2), itertools.pairwise(places), strict=True):
         leg = np.full((len(_NAMES), count + 1), math.nan)
         leg[:2, 0], leg[:2, -1] = start, end
         legs.append(leg)

@@ -102,10 +102,6 @@ def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView])
     return short
 
 
-EXPORT_RATES = 1e-3, 1e4
-"""Samples per second that may be asked for, Hz."""
-
-
 def write_flights(
     format_name: str,
     open_them: Callable[[], Sequence[Flight]],
@@ -134,7 +130,7 @@ def write_flights(
         raise UsageError(f"there is no format {format_name!r}; known are {', '.join(formats())}")
     chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
     begin = BEGIN if start is None else begin_of(start)
-    low, high = EXPORT_RATES
+    low, high = 1e-3, 1e4  # Hz
     if rate is not None and not low <= rate <= high:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
     flights = open_them()

@@ -107,8 +107,6 @@ WIDTHS = Interval(10.0, 14.0)
 """The widths of racing gates by the rules of 2014 to 2019, m."""
 WIDE = math.radians(89.9)
 """The largest tolerance of an angle, rad: beyond it the tangent is too large to compute with."""
-GATE_COURSES = 6
-"""The largest number of courses that the plan tries to either side of the axis."""
 
 
 @record
@@ -163,7 +161,7 @@ class Gate(Tolerant):
         return [
             Crossing(self.position, axis + float(offset), 0.0, self.bank, axis)
             for axis in (*forward, *reverse)
-            for offset in offsets(GATE_COURSES, self.tolerances.crossing)
+            for offset in offsets(6, self.tolerances.crossing)
         ]
 
     def conditions(self, axis: float) -> dict[str, Interval]:
@@ -234,11 +232,6 @@ class Gate(Tolerant):
 
 MARGIN = 4.0
 """The distance beyond the clearance at which the plan passes a pylon, m."""
-PYLON_COURSES = 8
-"""The largest number of courses that the plan tries to either side of the axis.
-
-The crossing angle may be larger than at a gate.
-"""
 
 
 @record
@@ -279,7 +272,8 @@ class Pylon(Tolerant):
         return [
             Crossing((beside.north, beside.east, self.height), axis + float(offset), 0.0, None, axis)
             for axis in (self.side + math.pi / 2, self.side - math.pi / 2)
-            for offset in offsets(PYLON_COURSES, self.tolerances.crossing)
+            # More courses than at a gate, as the crossing angle may be larger.
+            for offset in offsets(8, self.tolerances.crossing)
         ]
 
     def conditions(self, axis: float) -> dict[str, Interval]:

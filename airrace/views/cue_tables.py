@@ -3,12 +3,10 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from airrace.results.cues import Action, Cue, Pull, Roll
+from airrace.results.cues import Action, Cue, Pull, RollAction
 from airrace.views.tables import Cell, Column, Table, Value
 from airrace.views.units import RACE, Units
 
-AT = 5.0
-"""The distance from a passing within which a cue is at it, m: a wing is as long, and a time has two decimals."""
 ONCE_ROUND = math.radians(270.0)
 """The angle from which on a roll is told by what is rolled, rad: both banks would not say it."""
 
@@ -17,7 +15,7 @@ def place_text(cue: Cue, units: Units = RACE) -> str:
     """Return where a cue is, e.g. `52 m before c1`; empty where positions are not known."""
     if not math.isfinite(cue.distance):
         return ""
-    if abs(cue.distance) < AT:
+    if abs(cue.distance) < 5.0:  # m: a wing is as long, and a time has two decimals
         return f"at {cue.passing}"
     side = "before" if cue.distance < 0.0 else "after"
     return f"{abs(cue.distance) * units.per_m:.0f} {units.length} {side} {cue.passing}"
@@ -30,7 +28,7 @@ def cue_text(cue: Cue, units: Units = RACE) -> str:
 
 def _action_text(action: Action, units: Units) -> str:
     match action:
-        case Roll():
+        case RollAction():
             if action.vertical or abs(action.angle) > ONCE_ROUND:
                 rolled = f"by {_degrees(abs(action.angle))}"
             else:
@@ -47,7 +45,7 @@ def _action_text(action: Action, units: Units) -> str:
             return f"apex {_length(action.height, units)} at {action.time:.2f} s"
 
 
-def _through(roll: Roll) -> str:
+def _through(roll: RollAction) -> str:
     if roll.vertical or abs(roll.angle) > ONCE_ROUND:
         return ""
     return "inverted" if roll.inverted else "level" if roll.level else ""
@@ -108,16 +106,16 @@ def action_table(cues: Sequence[Cue]) -> Table:
 
 def _action_rows(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
     for number, cue in enumerate(cues, start=1):
-        place = (cue.leg.name, cue.leg.lap, number, cue.time, cue.passing, _known(cue.distance))
+        place = (cue.leg.name, cue.leg.lap, number, cue.time, cue.passing, _finite(cue.distance))
         for one in cue.actions:
             text = _action_text(one, RACE)
             match one:
-                case Roll():
+                case RollAction():
                     banks = (math.degrees(angle) for angle in (one.bank_from, one.bank_to, one.angle))
                     told = ("roll", one.side, one.time, one.duration, *banks, _through(one), None, None, None)
                 case Pull():
                     through = "the top" if one.over_the_top else ""
-                    load = (one.n_z, math.degrees(one.turn), _known(one.apex))
+                    load = (one.n_z, math.degrees(one.turn), _finite(one.apex))
                     verb = "pull" if one.n_z > 0.0 else "push"
                     told = (verb, one.side, one.time, one.duration, None, None, None, through, *load)
                 case _:
@@ -125,5 +123,5 @@ def _action_rows(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
             yield (*place, *told, text)
 
 
-def _known(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None

@@ -65,8 +65,6 @@ class PageStyle:
 
 
 STYLE = PageStyle()
-GRID_LINES = 4
-"""The number of lines of the grid along the longer edge of the map, at least."""
 
 
 def table_columns(units: Units) -> tuple[tuple[float, Column], ...]:
@@ -212,7 +210,7 @@ def _points(map_: MapModel, flight: Flight) -> Array:
     return np.concatenate([track, np.array(marks).reshape(-1, 2)])
 
 
-def _turned(points: Array, turn: float) -> Array:
+def _rotate(points: Array, turn: float) -> Array:
     """Return points turned counterclockwise, shape (n, 2)."""
     cos, sin = math.cos(turn), math.sin(turn)
     return points @ np.array([[cos, sin], [-sin, cos]])
@@ -228,7 +226,7 @@ def fitting_turn(points: Array, shape: float) -> float:
     """
 
     def height(turn: float) -> float:
-        across, up = np.ptp(_turned(points, turn), axis=0).tolist()
+        across, up = np.ptp(_rotate(points, turn), axis=0).tolist()
         return max(across / shape, up)
 
     angles = [math.radians(angle) for angle in range(-90, 91, STYLE.turn)]
@@ -238,7 +236,7 @@ def fitting_turn(points: Array, shape: float) -> float:
 
 def _turned_frame(points: Array, turn: float, shape: float) -> Box:
     """Return the rectangle of the given shape around turned points, with some room, m."""
-    turned = _turned(points, turn)
+    turned = _rotate(points, turn)
     middle = 0.5 * (turned.min(axis=0) + turned.max(axis=0))
     across, up = np.ptp(turned, axis=0).tolist()
     height = max(across / shape, up, 1.0) / (1.0 - 2.0 * STYLE.pad)
@@ -249,14 +247,15 @@ def _turned_frame(points: Array, turn: float, shape: float) -> Box:
 def _frame_around(frame: Box, turn: float) -> Box:
     """Return the rectangle, east and north, m, that a turned frame lies in."""
     across, up = (frame.left, frame.left + frame.width), (frame.bottom, frame.bottom + frame.height)
-    corners = _turned(np.array([(one, other) for one in across for other in up]), -turn)
+    corners = _rotate(np.array([(one, other) for one in across for other in up]), -turn)
     (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     return Box(left, bottom, right - left, top - bottom)
 
 
 def _draw_grid(axes: Axes, frame: Box, turn: float, units: Units) -> str:
     """Draw lines to the north and east in a round distance; return that in words."""
-    round_step = round_length(units.per_m * max(frame.width, frame.height) / GRID_LINES)
+    # At least four lines along the longer edge.
+    round_step = round_length(units.per_m * max(frame.width, frame.height) / 4)
     step, whole = round_step / units.per_m, _frame_around(frame, turn)
     style: dict[str, Any] = {"color": "#e6e6e6", "linewidth": 0.6, "zorder": 0}
     bottom, top, left, right = whole.bottom, whole.bottom + whole.height, whole.left, whole.left + whole.width

@@ -16,10 +16,6 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.records import record
 from airrace.views.plain_lines import outcome_line, stage_number
 
-BOX_WIDTH = 76
-"""The width of the live view, columns, as long as the terminal has them."""
-NAME_WIDTH = 13
-"""The width of the names in the live view, columns."""
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 
 
@@ -78,13 +74,13 @@ class LiveView(Progress):
     def _render(self) -> RenderableType:
         now = self._clock()
         rows = Table.grid(padding=(0, 2), expand=True)
-        rows.add_column(style="dim", width=NAME_WIDTH)
+        rows.add_column(style="dim", width=13)
         rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
         for name, value in _rows(self._current, now):
             rows.add_row(name, value)
         rows.add_row("elapsed", _duration(now - self._started))
         # A box of the same size whatever happens in it, so that nothing jumps.
-        width = min(BOX_WIDTH, self._console.width)
+        width = min(76, self._console.width)
         return Panel(rows, title=Text(self._title), title_align="left", width=width, padding=(0, 1))
 
 

@@ -23,8 +23,6 @@ from airrace.track.element import Element
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
-SAMPLE = 10.0
-"""The distance between the points of a planned way, m."""
 LEAST_EXTENT = 200.0
 """The extent of a course that stands on one spot, m."""
 BEYOND = 0.4
@@ -201,7 +199,8 @@ def _planned_ways(flight: Flight) -> tuple[Way, ...]:
         before = []
         line = np.stack([flight["x"][rows], flight["y"][rows]], axis=1)
         if np.isfinite(line).all():
-            count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / SAMPLE))
+            # A point every 10 m.
+            count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / 10.0))
             thinned = np.unique(np.linspace(0, len(line) - 1, count).round().astype(np.int64))
             ways.append(Way(leg.lap, line[thinned] if planned else line[[0, -1]], planned))
     return tuple(ways)

@@ -8,7 +8,7 @@ import pytest
 from races import PLAN, SHIPPED, optimum
 
 from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
-from airrace.planning.wing_clearance import Pylon, wing_distance
+from airrace.planning.wing_clearance import PylonPost, wing_distance
 from airrace.procedure.fidelity import stage_model
 from airrace.procedure.result import Stage
 from airrace.track.course import ClearanceRule
@@ -52,7 +52,7 @@ def test_the_room_is_the_distance_of_a_wing_that_is_abeam() -> None:
     way = np.linspace(-10.0, 10.0, 40001)
     half = 3.8 * np.array([-math.sin(0.5), math.cos(0.5), 0.0])
     centre = np.array([0.0, 0.0, 15.0])[:, None] + e[:, None] * way
-    away = wing_distance(Pylon("g", 0.0, 6.5, 25.0, 0.5), centre, np.repeat(half[:, None], len(way), axis=1)).min()
+    away = wing_distance(PylonPost("g", 0.0, 6.5, 25.0, 0.5), centre, np.repeat(half[:, None], len(way), axis=1)).min()
     found = rooms(Stage.POINT_MASS, 0.5, 0.0)
     assert min(found["left_of_right"], found["right_of_right"]) == pytest.approx(away, abs=0.03)
 

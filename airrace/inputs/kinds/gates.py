@@ -27,8 +27,6 @@ from airrace.track.course import Direction
 from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing, Pylon, Tolerances
 from airrace.track.polygons import Point
 
-PYLON_CLEARANCE_M = 3.5
-"""The clearance of a single pylon that says none, m."""
 QUAD_CROSSING_MAX_DEG = 40
 """The largest crossing angle at a quad, degrees.
 
@@ -184,7 +182,7 @@ class PylonEntry(PassingEntry, PlacedEntry, KindEntry):
     reach_m: Reach | None = optional("farthest distance at which the passing counts")
 
     def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
-        clearance = PYLON_CLEARANCE_M if self.clearance_m is None else self.clearance_m
+        clearance = 3.5 if self.clearance_m is None else self.clearance_m
         return {**passing_numbers(self, defaults), "clearance_m": clearance}
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:

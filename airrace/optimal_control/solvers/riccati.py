@@ -14,14 +14,12 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.trajectory import Array
 
-MOST_UNKNOWNS = 64
-"""The largest number of unknowns of a stage, for which `riccati.c` has room."""
-
 
 def available(assembly: Assembly) -> bool:
     """Return whether the steps of a program can be solved here."""
     layout = assembly.layout
-    return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
+    # `riccati.c` has room for 64 unknowns of a stage.
+    return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= 64
 
 
 class StageSystem(StageMatrices):

@@ -35,8 +35,6 @@ TABU_LOSS = 2.0
 
 On Air Race X, where flights around them became a second faster, the gain of moves changed by up to 0.7 s.
 """
-GAIN_MIN = 0.0005
-"""The time that a joint flight has to gain to be the better one, s."""
 
 
 @record
@@ -251,7 +249,7 @@ class Search:
                 continue
             self._joint += group
             self._flights.append(coarse)
-            if coarse.race_time < base.race_time - GAIN_MIN:
+            if coarse.race_time < base.race_time - 0.0005:
                 found.append(coarse)
         return min(found, key=lambda one: one.race_time, default=None)
 

@@ -14,8 +14,6 @@ from airrace.trajectory import Array
 
 ROLL_RATE = 2.0
 """The largest roll rate in the guess, rad/s; where a path is almost straight its bank jumps."""
-SHORTEST_CHORD = 30.0
-"""The distance of the ends below which a turn is tilted about its first course instead, m."""
 
 
 def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
@@ -49,7 +47,7 @@ def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
 def _tilt(r: Array, angle: float) -> None:
     """Tilt positions (3, n), north, east, down, in place."""
     along = r[:2, -1] - r[:2, 0]
-    if np.linalg.norm(along) < SHORTEST_CHORD:
+    if np.linalg.norm(along) < 30.0:  # m, below which a chord has no direction to speak of
         along = r[:2, 1] - r[:2, 0]
     along = along / np.linalg.norm(along)
     across = np.array([-along[1], along[0]])

@@ -29,14 +29,11 @@ logger = logging.getLogger(__name__)
 
 LARGE = 2**28
 """The memory in all from which pages of zeros are given back to the system, bytes."""
-RETAINED_BYTES = 2**28
-"""The memory that is retained for the next solve, bytes."""
 PRODUCTS = {"gemm_nt": "kernel_dgemm_nt_4x4_lib4", "gemv_n": "kernel_dgemv_n_4_lib4", "gemv_t": "kernel_dgemv_t_4_lib4"}
 """The native library's names of the products, and blasfeo's."""
 
 _ASKED = ("blasfeo_memsize_dmat", "blasfeo_memsize_dvec", "blasfeo_create_dmat", "blasfeo_create_dvec")
 """The functions of blasfeo that the arena asks, in the order of the struct in `arena.c`."""
-_LONGEST = 24  # columns of the panels with which products are compared
 
 # Any: ctypes makes functions up.
 Product = Any
@@ -66,7 +63,7 @@ def install() -> bool:
         if not same_bits(products, [own[name] for name in PRODUCTS.values()]):
             logger.info("this blasfeo computes otherwise, and keeps its functions")
             return False
-        begin_arena(loaded, LARGE, RETAINED_BYTES)
+        begin_arena(loaded, LARGE, 2**28)  # bytes retained for the next solve
         loaded.products_begin(ctypes.byref(native.evaluator))
         ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
     except (OSError, AttributeError) as error:  # AttributeError: another blasfeo
@@ -98,7 +95,7 @@ def use_of(native: ctypes.CDLL) -> Use:
 def same_bits(products: Sequence[Product], others: Sequence[Product]) -> bool:
     """Return whether products in the order of `PRODUCTS` give the same bits, for panels of all lengths."""
     random = np.random.default_rng(1)
-    for kmax in range(_LONGEST + 1):
+    for kmax in range(25):  # columns of the panels
         panels = max(4, kmax) // 4 + 2  # of four rows each, as many as rows from any offset need
         A, B = (random.normal(size=16 * panels) for _ in range(2))
         C, x = random.normal(size=16), random.normal(size=max(4, kmax))

@@ -17,12 +17,9 @@ from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.sparse_assembly import Memory, unique_rows
 from airrace.trajectory import Array
 
-_ROOM = 128  # bytes, more than any struct blasfeo_dmat
 _ALIGNMENT = 64  # bytes, a cache line, as blasfeo asks for
 _DOUBLE = 8
 _POINTER_WORD = 1  # `pA` is the second pointer of the struct
-_SHAPE_WORD = 3  # `m` and `n` follow after three pointers
-_AT_ONCE = 1000  # matrices whose entries are cleared at once: their places take memory, too
 
 
 @cache
@@ -56,7 +53,7 @@ def entry_offsets(rows: int, columns: int) -> Indices:
 
 def _create(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return a struct, filled with `filler` before blasfeo created a matrix in it, and that matrix's memory, zero."""
-    struct = np.full(_ROOM, filler, dtype=np.uint8)
+    struct = np.full(128, filler, dtype=np.uint8)  # bytes, more than any struct blasfeo_dmat
     memory = np.zeros(fatrop().blasfeo_memsize_dmat(rows, columns) + _ALIGNMENT, dtype=np.uint8)
     start = -(-memory.ctypes.data // _ALIGNMENT) * _ALIGNMENT
     fatrop().blasfeo_create_dmat(rows, columns, struct.ctypes.data, start)
@@ -84,7 +81,8 @@ class MatrixFamily:
         count = len(self.rows)
         words = np.ctypeslib.as_array((ctypes.c_int64 * (count * self._word)).from_address(structs))
         words = words.reshape(count, self._word)[self._nonempty]
-        shapes = np.ascontiguousarray(words[:, _SHAPE_WORD]).view(np.int32).reshape(-1, 2)
+        # `m` and `n` follow after three pointers.
+        shapes = np.ascontiguousarray(words[:, 3]).view(np.int32).reshape(-1, 2)
         if not (
             np.array_equal(shapes[:, 0], self.rows[self._nonempty])
             and np.array_equal(shapes[:, 1], self.columns[self._nonempty])
@@ -113,7 +111,8 @@ class MatrixFamily:
         """Write zeros to all entries of matrices that begin at these places."""
         for (m, n), here in self._by_shape(self._nonempty):
             stages = self._nonempty[here]
-            for some in np.array_split(stages, -(-len(stages) // _AT_ONCE)):
+            # A thousand at once: the places of their entries take memory, too.
+            for some in np.array_split(stages, -(-len(stages) // 1000)):
                 doubles[begins[some, None] + entry_offsets(m, n)] = 0.0
 
     def _by_shape(self, stages: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:

@@ -51,7 +51,6 @@ class WarmStartSettings:
 
 WARM_START = WarmStartSettings()
 _DOUBLE = 8
-_EVALUATED = 1  # what a `full_eval_` callback returns that has evaluated everything
 
 
 @record
@@ -268,7 +267,7 @@ class _FatropCall:
             except BaseException as error:
                 self._error = self._error or error
                 self._stop()
-            return _EVALUATED
+            return 1  # everything is evaluated
 
         return callback
 

@@ -75,8 +75,6 @@ class _Definition:
     content: bytes
 
 
-KNOWN_MAX = 32
-"""The number of shared objects that stay pickled, each some 0.1 MB; a race through all stages has a dozen."""
 _known: dict[int, tuple[Shared, _Definition]] = {}  # by id, which the reference keeps valid
 _pickling = threading.Lock()
 
@@ -90,7 +88,7 @@ def _definition(shared: Shared) -> _Definition:
         if id(shared) not in _known:
             content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
             _known[id(shared)] = shared, _Definition(hashlib.sha256(content).hexdigest(), content)
-            if len(_known) > KNOWN_MAX:
+            if len(_known) > 32:  # objects of 0.1 MB each; a race through all stages has a dozen
                 del _known[next(iter(_known))]
         return _known[id(shared)][1]
 

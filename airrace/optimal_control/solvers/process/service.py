@@ -34,10 +34,6 @@ An iteration that hangs never ends. Of those that end, the slowest of the proble
 of the soaring glider on 800 intervals, evaluated by casadi), and those of a whole six-dof race with native kernels
 less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
 """
-POLL_INTERVAL = 1.0
-"""The time that is waited at once for an iteration, s."""
-EXIT_GRACE = 0.5
-"""The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
 
 class SolverTimeout(Exception):
@@ -178,7 +174,7 @@ class SolverService:
             process, status = self._process, None
             if process is not None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(EXIT_GRACE)
+                    process.wait(0.5)  # s to end by itself, so that its exit code tells why
                 process.kill()  # whatever lives without its pipes is of no use
                 status = process.wait()
             if self._ended:
@@ -230,7 +226,7 @@ class SolverService:
         """
         left = timeout
         while True:
-            part = max(0.0, min(left, POLL_INTERVAL, self._deadline - time.monotonic()))
+            part = max(0.0, min(left, 1.0, self._deadline - time.monotonic()))  # s
             try:
                 return self._replies.next(part)
             except queue.Empty:
