@@ -104,10 +104,17 @@ def outputs(name: str, option: str) -> Iterator[str]:
     yield from (f"soft{suffix}", f"hard{suffix}", f"far{suffix}")
 
 
-@pytest.mark.parametrize(("command", "name"), PAIRS, ids=[f"{command}: {name}" for command, name in PAIRS])
+@pytest.mark.parametrize(
+    ("command", "name", "turn"),
+    [
+        *(pytest.param(*pair, turn, id=f"{': '.join(pair)}") for turn, pair in enumerate(PAIRS)),
+        *(pytest.param(*pair, None, id=f"{': '.join(pair)}, every path", marks=pytest.mark.slow) for pair in PAIRS),
+    ],
+)
 def test_a_file_that_is_read_is_not_written(
-    inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, name: str
+    inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, name: str, turn: int | None
 ) -> None:
+    """Two kinds of path in turn for each file, which are all of them for each command that reads several."""
     folder = tmp_path / "here"
     shutil.copytree(inputs, folder)
     monkeypatch.chdir(folder)
@@ -115,7 +122,8 @@ def test_a_file_that_is_read_is_not_written(
     fake_optimizer.install(monkeypatch)
     content = (folder / name).read_bytes()
     (option,) = (word for word in command.split() if word.startswith("OUT"))
-    for output in outputs(name, option):
+    paths = list(outputs(name, option))
+    for output in paths if turn is None else {paths[turn % len(paths)], paths[(turn + 3) % len(paths)]}:
         words = [output if word == option else word for word in command.split()]
         refused = CliRunner().invoke(app, [*words, *(() if words[0] == "batch" else ("--force",))])
         assert (refused.exit_code, refused.stderr.count("is read by this command")) == (2, 1), refused.stderr

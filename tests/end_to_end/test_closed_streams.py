@@ -37,10 +37,19 @@ def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_run(tmp_path: 
     assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True
 
 
-@pytest.mark.parametrize("line", ["tracks", "tracks --json", "--help", "--version", "schema track"])
-@pytest.mark.parametrize("redirection", [">&-", ">/dev/full"])
-def test_stdout_that_cannot_be_written_is_told(line: str, redirection: str, tmp_path: Path) -> None:
-    ran = shell(f"airrace {line} {redirection}", tmp_path)
+@pytest.mark.parametrize(
+    "line",
+    [
+        "tracks >&-",
+        "tracks >/dev/full",
+        "tracks --json >/dev/full",
+        "--help >&-",
+        "--version >/dev/full",
+        "schema track >&-",
+    ],
+)
+def test_stdout_that_cannot_be_written_is_told(line: str, tmp_path: Path) -> None:
+    ran = shell(f"airrace {line}", tmp_path)
     assert ran.code == 8
     assert ran.err.startswith("airrace: cannot write to stdout: ")
     assert ran.err.count("\n") == 1
@@ -50,12 +59,13 @@ def test_a_reader_that_has_seen_enough_is_told_nothing(tmp_path: Path) -> None:
     assert shell("{ sleep 1; airrace --help; } | true; exit ${PIPESTATUS[0]}", tmp_path) == Ran(0, "", "")
 
 
-@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "<&- 2>&-"])
-def test_stderr_that_cannot_be_written_changes_neither_answer_nor_code(redirection: str, tmp_path: Path) -> None:
-    assert shell(f"airrace tracks {redirection}", tmp_path) == shell("airrace tracks", tmp_path)
-    refused = shell(f"airrace optimize nothing --json {redirection}", tmp_path)
-    assert refused.code == 3
-    assert refused.answer["findings"]
+def test_stderr_that_cannot_be_written_changes_neither_answer_nor_code(tmp_path: Path) -> None:
+    listed = shell("airrace tracks", tmp_path)
+    for redirection in ("2>&-", "2>/dev/full", "<&- 2>&-"):
+        assert shell(f"airrace tracks {redirection}", tmp_path) == listed
+        refused = shell(f"airrace optimize nothing --json {redirection}", tmp_path)
+        assert refused.code == 3
+        assert refused.answer["findings"]
 
 
 def test_a_checkpoint_is_whole_although_all_streams_are_closed(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from airrace_command import airrace
 from clusters import Cluster
-from every_command import BATCH, COMMANDS, furnish
+from every_command import BATCH, COMMANDS, OPTIMIZE, RUN, furnish
 
 MARK = "executed"
 NAMES = ("numpy", "types")
@@ -33,7 +33,20 @@ def test_a_process_that_looks_for_modules_there_does_run_them(tmp_path: Path) ->
     assert list(tmp_path.glob(f"*.{MARK}"))
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+STARTS = [
+    (*OPTIMIZE, "--search", "quick", "--threads", "2"),
+    BATCH,
+    ("export", "parquet", RUN),
+    ("plot", RUN),
+    ("--help",),
+]
+"""One of each kind: with solvers, with jobs, with large libraries imported late, with none."""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(one, id=" ".join(one), marks=() if one in STARTS else pytest.mark.slow) for one in COMMANDS],
+)
 def test_no_command_runs_a_file_of_the_folder_in_which_one_stands(command: tuple[str, ...], tmp_path: Path) -> None:
     ran = airrace(*command, cwd=strangers(tmp_path))
     assert ran.code == 0, ran.err

@@ -11,7 +11,7 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.replay import replay
 from airrace.planning.wing_clearance import (
     UNASKED,
-    Pylon,
+    PylonPost,
     Wing,
     closest_approaches,
     closest_in_steps,
@@ -26,7 +26,7 @@ from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing
 from airrace.trajectory import Array
 
-POST = Pylon("g", 3.0, -2.0, 25.0, UNASKED)
+POST = PylonPost("g", 3.0, -2.0, 25.0, UNASKED)
 
 
 def wings(seed: int) -> tuple[Array, Array]:
@@ -75,7 +75,7 @@ def test_the_least_distance_of_a_rolling_wing_in_a_turn_is_found_between_samples
 
     fine, time = np.arange(-0.3, 0.3, 1e-5), np.arange(-0.3, 0.3, step)
     for beside in (0.0, 0.3, 4.2, 5.0):
-        post = Pylon("g", 1.7, beside, 25.0, UNASKED)
+        post = PylonPost("g", 1.7, beside, 25.0, UNASKED)
         truth = wing_distance(post, *way(fine))
         distance, when = closest_in_steps(Wing(time, *way(time)), post)
         assert distance.min() == pytest.approx(truth.min(), abs=2e-3)
@@ -87,7 +87,7 @@ def test_approaches_are_those_of_every_leg() -> None:
     time = np.linspace(0.0, 4.0, 201)
     centre = np.stack([100.0 * np.abs(time - 2.0) - 50.0, np.where(time < 2.0, 6.0, 5.0), np.full(201, 15.0)])
     half = np.stack([np.zeros(201), np.full(201, 4.0), np.zeros(201)])
-    found = list(closest_approaches(Wing(time, centre, half), [Pylon("g", 0.0, 0.0, 25.0, 1.5)], [0, 100, 200]))
+    found = list(closest_approaches(Wing(time, centre, half), [PylonPost("g", 0.0, 0.0, 25.0, 1.5)], [0, 100, 200]))
     assert [one.leg for one in found] == [0, 1]
     assert [one.distance for one in found] == pytest.approx([2.0, 1.0], abs=1e-6)
     assert [one.time for one in found] == pytest.approx([1.5, 2.5], abs=1e-3)
