@@ -20,7 +20,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import OUTCOMES, Stage, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import MeshCheck
 from airrace.runs.command_result import CommandResult
-from airrace.runs.execute import execute_for_command, summarise
+from airrace.runs.execute import execute_for_command
 from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_resumed_run
@@ -139,24 +139,6 @@ def test_nothing_but_all_items_makes_a_stage_certified() -> None:
     for outcome in set(OUTCOMES) - {Status.SOLVED}:
         assert stage_result(Stage.POINT_MASS, outcome).status.value == outcome.value
         assert not stage_result(Stage.POINT_MASS, outcome).holds
-
-
-@pytest.mark.parametrize(
-    ("outcome", "code"),
-    [
-        (Status.SOLVED, 0),
-        (Status.NOT_CERTIFIED, 5),
-        (Status.NOT_CONVERGED, 5),
-        (Status.INFEASIBLE, 4),
-        (Status.TIMEOUT, 6),
-    ],
-)
-def test_each_outcome_has_its_code(outcome: Status, code: int) -> None:
-    answer = CommandResult()
-    summarise(answer, "t", [stage_result(Stage.HOMOTOPY), stage_result(Stage.POINT_MASS, outcome)], 1.0)
-    assert answer.code == code
-    assert bool(answer.error) == bool(code)
-    assert answer.fields["certified"] == (code == 0)
 
 
 def test_laps_add_up_to_the_race_and_one_lap_is_none() -> None:
