@@ -1,7 +1,8 @@
-"""What all tests share: slow ones run only when asked for, generated examples do not change, flights are kept."""
+"""What all tests share: long files come first, slow tests run only when asked for, generated examples do not change."""
 
 import os
 import signal
+from pathlib import Path
 
 import disk_cache
 import pytest
@@ -18,6 +19,24 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
 
+LONG = (
+    "procedure/multistart/test_search.py",
+    "batch/test_cluster.py",
+    "runs/test_tampered_files.py",
+    "procedure/test_certified_races.py",
+    "end_to_end/test_closed_streams.py",
+    "control/test_simulation.py",
+    "end_to_end/test_finished_runs.py",
+    "procedure/test_ladder.py",
+    "end_to_end/test_strangers_folders.py",
+    "test_doctests.py",
+    "end_to_end/test_batches.py",
+    "documentation/test_site.py",
+    "shipped/test_wheel.py",
+    "cli/test_inputs_are_kept.py",
+)
+"""Files of 6 to 33 s of processor time, the longest first: in parallel no process waits for one of them at the end."""
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Give all processes of this command one folder for what they compute."""
@@ -32,7 +51,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave slow tests out unless `-m` chooses, or they are named one by one."""
+    """Begin with long files; leave slow tests out unless `-m` chooses, or they are named one by one."""
+    place = {Path(__file__).parent / name: number for number, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path, len(LONG)))
     if config.option.markexpr or any("::" in argument for argument in config.args):
         return
     slow = [item for item in items if item.get_closest_marker("slow")]

@@ -68,31 +68,29 @@ def test_genuine_run_is_verified(path: Path) -> None:
     assert objections(resealed(genuine(), [one.result for one in genuine().stages]), path) == ""
 
 
+WORDS = {
+    "splits halved": "gate split 1:vertical, time: ",
+    "names of legs": "a leg is called '0:entry -> 1:vertical!'",
+    "error of optimality divided": "certificate, kkt_error: ",
+    "limits a tenth lower": "certificate, limit of kkt_error: 9e-07 is stored, 1e-06 was measured",
+    "drift of the mesh": "mesh, drift ",
+    "version of casadi": "casadi 1.0",
+    "first stage dropped": "missing: homotopy",
+    "a message": "says nothing like 'the fastest flight",
+}
+
+
 @pytest.mark.parametrize("name", FOUND)
-def test_tampering_is_found(name: str, path: Path) -> None:
-    assert objections(FOUND[name](genuine()), path)
+def test_tampering_is_found_and_what_differs_is_named(name: str, path: Path) -> None:
+    assert WORDS.keys() <= FOUND.keys()
+    found = objections(FOUND[name](genuine()), path)
+    assert found
+    assert WORDS.get(name, "") in found
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("splits halved", "gate split 1:vertical, time: "),
-        ("names of legs", "a leg is called '0:entry -> 1:vertical!'"),
-        ("error of optimality divided", "certificate, kkt_error: "),
-        ("limits a tenth lower", "certificate, limit of kkt_error: 9e-07 is stored, 1e-06 was measured"),
-        ("drift of the mesh", "mesh, drift "),
-        ("version of casadi", "casadi 1.0"),
-        ("first stage dropped", "missing: homotopy"),
-        ("a message", "says nothing like 'the fastest flight"),
-    ],
-)
-def test_what_differs_is_named(name: str, words: str, path: Path) -> None:
-    assert words in objections(FOUND[name](genuine()), path)
-
-
-@pytest.mark.parametrize("name", UNVERIFIABLE)
-def test_hearsay_is_not_found_and_called_unverified(name: str, path: Path) -> None:
-    assert objections(UNVERIFIABLE[name](genuine()), path) == ""
+def test_hearsay_is_not_found_and_called_unverified(path: Path) -> None:
+    for change in UNVERIFIABLE.values():
+        assert objections(change(genuine()), path) == ""
     told = ran("verify", path)
     assert told.exit_code == 0
     assert "unverified, for they cannot be measured again: messages, attempts and timings, " in told.stdout
