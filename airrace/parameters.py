@@ -28,7 +28,7 @@ OWN_STEPS = {
     "static_thrust_N": 0.0,
 }
 """The usual steps of keys whose unit would mislead; 0 stands for one per cent of the value."""
-LOAD_FACTORS = ("n_z_max", "n_z_min", "n_y_max")
+LOAD_FACTORS = ("n_z_max", "n_z_min", "n_y_max", "n_z_min_low", "n_z_min_ends")
 """The keys in g, which carry no unit."""
 UNITS = {
     "kg_m2": ("kg m2", 0.0),
@@ -36,6 +36,7 @@ UNITS = {
     "deg_s": ("deg/s", 1.0),
     "rad_s": ("rad/s", 0.0),
     "per_s": ("1/s", 0.0),
+    "g_s": ("g/s", 1.0),
     "m_s": ("m/s", 1.0),
     "deg": ("deg", 1.0),
     "hPa": ("hPa", 1.0),
@@ -47,6 +48,7 @@ UNITS = {
     "N": ("N", 0.0),
     "m": ("m", 1.0),
     "s": ("s", 0.0),
+    "g": ("g", 0.1),
 }
 """The name and the usual step of the unit that a key ends with, longer endings first; 0 means one per cent."""
 

@@ -19,6 +19,7 @@ from airrace.records import record
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import NearMiss, near_misses
 from airrace.results.leg_facts import Range, leg_facts
+from airrace.results.sustained_load import sustained_loads
 from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
 from airrace.runs.run import ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
@@ -58,7 +59,7 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     tables += [search_table(one.search, most=ROUTES_MAX) for one in results[:-1] if one.search.routes]
     yield from (render(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
     if results[-1].is_flight:
-        yield from _near_misses_texts(StageView(plan.run.inputs, results[-1], {}).flight())
+        yield from _warnings(StageView(plan.run.inputs, results[-1], {}).flight())
     compared = plan.compare(results)
     if compared is not None:
         yield from comparison_texts(compared, every=False)
@@ -157,7 +158,7 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
             yield _certificate_line(result, result.certificate)
         if shown.flight is not None and result.stage.value == shown.stage:
             yield from laps_lines(shown.flight)
-            yield from _near_misses_texts(shown.flight)
+            yield from _warnings(shown.flight)
             if legs:
                 yield from (render(table, columns=PAGE) for table in leg_tables(shown.flight))
 
@@ -325,9 +326,12 @@ def _knots(speeds: Range) -> str:
     return f"{number(least, 0)} - {number(greatest, 0)}" if math.isfinite(least) else "-"
 
 
-def _near_misses_texts(flight: Flight) -> list[str]:
-    misses = near_misses(flight)
-    return [f"{render(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"] if misses else []
+def _warnings(flight: Flight) -> Iterator[str]:
+    """Yield what is measured of a flight and no limit of it: near misses of pylons, loads sustained for too long."""
+    if misses := near_misses(flight):
+        yield f"{render(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"
+    for one in sustained_loads(flight):
+        yield textwrap.fill(f"warning: {one.text}", PAGE)
 
 
 _NEAR_MISSES = (

@@ -12,11 +12,12 @@ from pydantic import Field
 from airrace.inputs.document import SUFFIX, Document
 from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.inputs.nodes import Reporter
+from airrace.inputs.pilot import PilotEntry
 from airrace.inputs.places import Height
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import Interval
-from airrace.track.course import ClearanceRule, Rules
+from airrace.track.course import ClearanceRule, Rules, StartSpeed
 
 FOLDER = resources.files("airrace.inputs") / "presets"
 
@@ -40,13 +41,18 @@ class LimitsEntry(Schema):
     )
     floor_m: Height = Field(default=10.0, description="least height above the origin")
     ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = optional("largest height above the origin")
-    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = optional("largest speed over ground at the start")
+    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = optional("largest speed at the start")
+    start_speed: Literal["ground", "true", "indicated"] = Field(
+        default="ground",
+        description="what that is a limit of: the speed over `ground`, or the `true` or `indicated` airspeed",
+    )
     clearance: Literal["flight", "crossing"] = Field(
         default="crossing",
         description="whether the wing keeps clear of all pylons all along the `flight`, or of those of a gate at its "
         "`crossing` alone; measured in either case",
     )
     crowd_distance_m: Distance | None = optional("least distance from every crowd that does not say its own")
+    pilot: PilotEntry = Field(default=PilotEntry(), description="what the pilot keeps to besides")
 
 
 class RulesEntry(LimitsEntry, ShorthandSchema):
@@ -138,7 +144,7 @@ def with_preset(
         meant = f" did you mean `{similar[0]}`?" if similar else ""  # and all names: seasons are too alike
         message = f"unknown preset `{rules.preset}`;{meant} known are {', '.join(names)}"
         reporter.value(("rules", "preset"), message)
-    return limits, _overlay(defaults, gate_defaults)
+    return limits.model_copy(update={"pilot": limits.pilot.complete()}), _overlay(defaults, gate_defaults)
 
 
 def _overlay(below: Keys, above: Schema) -> Keys:
@@ -160,6 +166,8 @@ def build_rules(entry: LimitsEntry, preset: str | None, reporter: Reporter) -> R
         beta_A=given.get("sideslip_max_deg", math.inf),
         height=Interval.between(entry.floor_m, entry.ceiling_m),
         clearance=ClearanceRule(entry.clearance),
+        start_speed=StartSpeed(entry.start_speed),
+        pilot=entry.pilot.complete().build(),
     )
     if rules.alpha_A.empty:
         reporter.value(("rules", "alpha_min_deg"), f"must not exceed `alpha_max_deg`, {entry.alpha_max_deg:g}")

@@ -18,6 +18,8 @@ ALPHA_MAX, START_SPEED_MAX = 45.0, 500.0
 """The values up to which the angle of attack (deg) and the start speed (kt) are relaxed."""
 N_Z_MAX, ROLL_RATE_MAX, SPEED_MAX, SPEED_MIN = 25.0, 1000.0, 300.0, 5.0
 """The values up to which an aircraft's limits are relaxed: g, deg/s, m/s."""
+ONSET_MAX, TURN_TOLERANCE_MAX = 1000.0, 10.0
+"""The values up to which a pilot's onset (g/s) and deviation from a steady turn (g) are relaxed."""
 
 
 def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
@@ -44,6 +46,15 @@ def _rules(race: Race) -> Iterator[Parameter[Race]]:
     yield rule("alpha_max_deg", "rules.alpha_A.upper", "angle of attack", 1.0, ALPHA_MAX, 0.1)
     fastest = min(START_SPEED_MAX, math.floor(envelope.V.upper / KNOT))
     yield rule("start_speed_max_kt", "passages.0.speed.upper", "start speed", 10.0, fastest)
+    pilot = race.course.rules.pilot
+    yield rule("pilot.n_z_min_low", "rules.pilot.n_z_low", "load factor near the ground", -0.5, envelope.n_z.lower)
+    yield rule("pilot.n_z_min_ends", "rules.pilot.n_z_ends", "load factor over the ends", -0.5, envelope.n_z.lower)
+    yield rule("pilot.gate_onset_max_g_s", "rules.pilot.onset", "onset at gates", 5.0, ONSET_MAX)
+    rolls = math.degrees(own.p)
+    yield rule("pilot.gate_roll_rate_max_deg_s", "rules.pilot.roll_rate", "roll rate at gates", 20.0, rolls)
+    if pilot.steady_start or pilot.steady_finish:
+        path, label = "rules.pilot.turn_tolerance", "tolerance of the turn"
+        yield rule("pilot.turn_tolerance_g", path, label, 0.5, TURN_TOLERANCE_MAX)
 
 
 def _gates(race: Race) -> Iterator[Parameter[Race]]:

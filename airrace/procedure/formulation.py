@@ -27,6 +27,7 @@ from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
 from airrace.planning.wing_clearance import pylons_of
+from airrace.procedure.pilot_conditions import PilotConditions
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, side_by_side
@@ -150,11 +151,18 @@ def boundaries(
     trim: Trim | None,
     span: float,
     rooms: PylonRooms | None = None,
+    pilot: PilotConditions | None = None,
 ) -> list[Boundary]:
     """Return the conditions of all passages, in which counting begins anew where a roll does."""
     found = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
     if rooms is not None:
         found = [rooms.at(one, waypoint) for one, waypoint in zip(found, plan.waypoints, strict=True)]
+    if pilot is not None:
+        last = len(found) - 1
+        found = [
+            pilot.at(one, waypoint, start=index == 0, finish=index == last)
+            for index, (one, waypoint) in enumerate(zip(found, plan.waypoints, strict=True))
+        ]
     for index, following in enumerate(plan.waypoints[1:]):
         if following.passage.roll is not None:
             found[index] = dataclasses.replace(found[index], bounds={**found[index].bounds, **FROM_ZERO})

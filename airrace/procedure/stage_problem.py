@@ -20,6 +20,7 @@ from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
 from airrace.procedure.formulation import PylonRooms, Trim, boundaries, path_constraints
 from airrace.procedure.guess import leg_seconds
+from airrace.procedure.pilot_conditions import PilotConditions
 from airrace.procedure.result import GateSplit, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.quantities import Interval
@@ -49,6 +50,7 @@ class StageProblem:
         watches: what holds along each leg besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
         rooms: the condition on pylons beside passings; None where the rules ask for none.
+        pilot: the limits of the pilot; None likewise.
     """
 
     fidelity: Fidelity
@@ -61,6 +63,7 @@ class StageProblem:
     aircraft: Aircraft
     weights: Mapping[str, float]
     rooms: PylonRooms | None = None
+    pilot: PilotConditions | None = None
 
     @property
     def stage(self) -> Stage:
@@ -75,8 +78,9 @@ class StageProblem:
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
         start, *ends = boundaries(
-            self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b, self.rooms
+            self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b, self.rooms, self.pilot
         )
+        along = () if self.pilot is None else self.pilot.along
         phases = [
             Phase(
                 name=f"{a.passage.name} -> {b.passage.name}",
@@ -84,7 +88,7 @@ class StageProblem:
                 duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
                 end=end,
                 bounds=COUNTING if b.passage.roll is not None else {},
-                watches=watches,
+                watches=(*watches, *along),
             )
             for a, b, fractions, end, watches, seconds in zip(
                 *(self.plan.waypoints, self.plan.waypoints[1:], mesh, ends, self.watches, leg_seconds(self.plan)),
@@ -127,6 +131,7 @@ def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | 
         rooms=PylonRooms.of(model, course, race.aircraft.airframe.b)
         if course.rules.clearance is ClearanceRule.FLIGHT
         else None,
+        pilot=PilotConditions.of(model, course.rules),
     )
 
 
@@ -261,6 +266,7 @@ class PerturbedProblem:
             watches=watches,
             aircraft=race.aircraft,
             rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b),
+            pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
         )
 
 

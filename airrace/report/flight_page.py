@@ -23,6 +23,7 @@ from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
+from airrace.results.sustained_load import sustained_loads
 from airrace.views.cue_tables import NOTE, cue_table
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escape_html, plain
@@ -181,6 +182,7 @@ def legs_section(flight: Flight) -> str:
     ]
     if misses:
         notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
+    notes += [f"Warning: {one.text}." for one in sustained_loads(flight)]
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
 
 

@@ -15,6 +15,7 @@ from airrace.results.clearances import Clearance, NearMiss, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.legs import passings_around
+from airrace.results.sustained_load import sustained_loads
 
 if TYPE_CHECKING:
     from airrace.runs.log_view import LogView
@@ -164,17 +165,29 @@ def finite(value: float) -> float | None:
 
 
 def legs_object(flight: Flight) -> dict[str, object]:
-    """Return `legs`, `laps` and `near_misses` of a stage in `airrace show --json`: SI units, radians, g."""
+    """Return `legs`, `laps` and the warnings of a stage in `airrace show --json`: SI units, radians, g."""
     return {
         "legs": [_leg(facts) for facts in leg_facts(flight)],
         "laps": [{"lap": lap.number, "time_s": finite(lap.time)} for lap in laps_of(flight)],
-        "near_misses": near_misses_object(flight),
+        **warnings_object(flight),
     }
 
 
-def near_misses_object(flight: Flight) -> list[dict[str, object]]:
-    """Return `near_misses` of a stage: SI units."""
-    return [_near_miss(one) for one in near_misses(flight)]
+def warnings_object(flight: Flight) -> dict[str, object]:
+    """Return `near_misses` and `sustained_loads` of a stage: SI units, g."""
+    return {
+        "near_misses": [_near_miss(one) for one in near_misses(flight)],
+        "sustained_loads": [
+            {
+                "n_z_g": one.n_z,
+                "begin_s": one.begin,
+                "duration_s": one.duration,
+                "tolerated_s": one.tolerated,
+                "text": one.text,
+            }
+            for one in sustained_loads(flight)
+        ],
+    }
 
 
 def planned_object(planned: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:

@@ -27,7 +27,7 @@ from airrace.procedure import results_api
 from airrace.procedure.result import Stage, StageResult
 from airrace.results import Flight
 from airrace.results.comparison import Comparison, compare_flights
-from airrace.runs.json_objects import near_misses_object, run_object, stage_object
+from airrace.runs.json_objects import run_object, stage_object, warnings_object
 from airrace.runs.stage_view import (
     Splits,
     StageView,
@@ -318,7 +318,7 @@ def _stored(document: Document) -> StoredDocument:
 
 
 def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[str, object]]:
-    """Return `stages` of a run: the last one that found a flight has `near_misses`.
+    """Return `stages` of a run: the last one that found a flight has `near_misses` and `sustained_loads`.
 
     Args:
         inputs: of the run.
@@ -327,6 +327,6 @@ def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[s
     stages = [stage_object(result) for result in results]
     for result, stage in zip(reversed(results), reversed(stages), strict=True):
         if result.is_flight:
-            stage["near_misses"] = near_misses_object(StageView(inputs, result, {}).flight())
+            stage |= warnings_object(StageView(inputs, result, {}).flight())
             break
     return stages

@@ -123,6 +123,38 @@ class ClearanceRule(Enum):
     CROSSING = "crossing"
 
 
+class StartSpeed(Enum):
+    """The speed that the limit at the start is a limit of."""
+
+    GROUND = "ground"
+    TRUE = "true"
+    INDICATED = "indicated"
+
+
+@record
+class PilotLimits:
+    """The limits that a pilot keeps to besides those of the race; without a preset there are none.
+
+    Attributes:
+        n_z_low: least load factor near the ground, g.
+        low_height: the height up to which that is, above the track's origin, m.
+        n_z_ends: least load factor over start and finish, g.
+        onset: largest magnitude of the rate of the load factor at gates and pylons, 1/s.
+        roll_rate: largest magnitude of the roll rate at gates and pylons, rad/s.
+        steady_start, steady_finish: whether start and finish are passed in a steady turn, without rolling.
+        turn_tolerance: largest deviation from the load factor of that turn, g.
+    """
+
+    n_z_low: float = -math.inf
+    low_height: float = 0.0
+    n_z_ends: float = -math.inf
+    onset: float = math.inf
+    roll_rate: float = math.inf
+    steady_start: bool = False
+    steady_finish: bool = False
+    turn_tolerance: float = 0.0
+
+
 @record
 class Rules:
     """The limits that hold along the whole flight.
@@ -135,6 +167,8 @@ class Rules:
         beta_A: largest magnitude of the sideslip, rad; the aircraft's own limit holds besides.
         height: floor and ceiling above the track's origin, m.
         clearance: when the wing keeps clear of pylons.
+        start_speed: what the limit of the speed at the start is a limit of.
+        pilot: what the pilot keeps to besides.
     """
 
     n_z: Interval
@@ -144,6 +178,8 @@ class Rules:
     beta_A: float = math.inf
     height: Interval = Interval(lower=0.0)
     clearance: ClearanceRule = ClearanceRule.CROSSING
+    start_speed: StartSpeed = StartSpeed.GROUND
+    pilot: PilotLimits = PilotLimits()
 
 
 @record

@@ -15,6 +15,7 @@ from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.formulation import without_trim
 from airrace.procedure.phase_segments import concatenate, phase_piece
+from airrace.procedure.pilot_conditions import without_pilot
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -146,6 +147,11 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
                 states, path = _without_limit(system.states, name), _without_limit(system.path, name)
                 free = dataclasses.replace(system, states=states, path=path)
                 yield f"{text} ({f'{allowed} {unit}'.rstrip()})", dataclasses.replace(problem, system=free)
+    ends = [without_pilot(one.end) for one in problem.phases]
+    if [one.bounds for one in ends] != [one.end.bounds for one in problem.phases]:
+        phases = (dataclasses.replace(one, end=end) for one, end in zip(problem.phases, ends, strict=True))
+        free = dataclasses.replace(problem, start=without_pilot(problem.start), phases=tuple(phases))
+        yield "the pilot's limits at gates", free
     start, finish = without_trim(problem.start), without_trim(problem.phases[last].end)
     if start.bounds != problem.start.bounds:
         yield "a settled start", dataclasses.replace(problem, start=start)

@@ -1,0 +1,103 @@
+"""The quantities that a pilot's limits hold of: load factor, its onset and the roll rate, and those of a steady turn.
+
+In a steady turn the path keeps its climb angle: without side force the vertical part of the lift carries the weight,
+`n_z cos(mu) = cos(gamma)`. With `R_33 = cos(gamma) cos(mu)` the load factor of the turn flown at a bank is
+
+    n_turn = cos(gamma) / cos(mu) = cos(gamma)^2 / R_33,        |n_z - n_turn| <= d  where R_33 > 0
+
+and multiplied by `R_33` these are two polynomials in the entries of R, which need no angles. In knife-edge flight there
+is no steady turn. The roll rate is that of Kbar about the path, `2 (q* o q')_1` of a unit quaternion.
+
+Near the ground the least load factor is `n_low`; above the height `h_low` it falls by `RELIEF` per metre:
+
+    n_z + RELIEF max(h - h_low, 0) >= n_low
+
+Rates are those with all controls at zero. The point mass has no onset: the rate of its load factor is a control.
+"""
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.outer_loop import ATTITUDE
+from airrace.environment.elementary import maximum, smooth_maximum
+from airrace.frames import Scalar, product, rotation
+from airrace.quantities import Quantity
+from airrace.system import Observation, column, named_symbols
+
+RELIEF = 0.1
+"""The least load factor that is asked for less per metre above the height near the ground, g/m: a choice."""
+RELIEF_WIDTH = 0.5
+"""The width of the rounding at that height, m; the limit is stricter by at most RELIEF times half of it."""
+
+LOAD_FACTOR = Quantity("load_factor", "1", scale=5.0, text="load factor at a crossing")
+ROLL_RATE = Quantity("roll_rate", "rad/s", text="roll rate about the velocity at a crossing")
+TURN_EXCESS = Quantity("turn_excess", "1", text="load factor above that of a steady turn and its tolerance")
+TURN_LACK = Quantity("turn_lack", "1", text="load factor below that of a steady turn and its tolerance")
+ONSET = Quantity("onset", "1/s", text="onset of the load factor at a crossing")
+LOW_LOAD_FACTOR = Quantity("low_load_factor", "1", scale=5.0, text="load factor near the ground")
+TOLERANCE = Quantity("turn_tolerance", "1", text="largest deviation from the load factor of a steady turn")
+LOW_HEIGHT = Quantity("low_height", "m", scale=100.0, text="height that counts as near the ground")
+
+
+def has_onset(model: FlightModel) -> bool:
+    """Return whether the load factor of a model has a rate that follows from its states."""
+    return not any(one.rate_of == "n_z" for one in model.system.controls)
+
+
+def crossing_observation_of_pilot(model: FlightModel) -> Observation:
+    """Return the observation at a crossing; its parameters are the tolerance, then the numbers of the model."""
+    system = model.system
+    x, p = named_symbols(system.states), named_symbols(system.parameters)
+    states, numbers, tolerance = column(x.values()), column(p.values()), ca.SX.sym("tolerance")
+    rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
+    by_name: dict[str, Scalar] = dict(zip(x, rates.elements(), strict=True))
+    n_z = _load_factor(model, x, numbers)
+    q = [x[name] for name in ATTITUDE]
+    R, length = rotation(q), sum(one * one for one in q)
+    turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in ATTITUDE])
+    level = 1.0 - R[2][0] * R[2][0]
+    off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
+    declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK]
+    values: list[Scalar] = [n_z, 2.0 * turned[1] / length, off - allowed, -off - allowed]
+    if has_onset(model):
+        declared.append(ONSET)
+        values.append(ca.jtimes(n_z, states, rates))
+    parameters = [TOLERANCE, *system.parameters]
+    return _observation("pilot_crossing", declared, states, parameters, [tolerance, *p.values()], values)
+
+
+def low_flight_observation(model: FlightModel, *, exact: bool) -> Observation:
+    """Return the observation near the ground; its parameters are that height, then the numbers of the model."""
+    system = model.system
+    x, p = named_symbols(system.states), named_symbols(system.parameters)
+    height = ca.SX.sym("height")
+    above = -x["z"] - height
+    relief = maximum(above, 0.0) if exact else smooth_maximum(above, 0.0, RELIEF_WIDTH) - 0.5 * RELIEF_WIDTH
+    values = [_load_factor(model, x, column(p.values())) + RELIEF * relief]
+    name = "low_flight_exact" if exact else "low_flight"
+    parameters = [LOW_HEIGHT, *system.parameters]
+    return _observation(name, [LOW_LOAD_FACTOR], column(x.values()), parameters, [height, *p.values()], values)
+
+
+def _load_factor(model: FlightModel, x: dict[str, Scalar], numbers: Scalar) -> Scalar:
+    """Return n_z, a state or a path quantity of a model; it depends on no control."""
+    if "n_z" in x:
+        return x["n_z"]
+    system = model.system
+    assert system.path_values is not None  # models with angles have load factors among their path quantities
+    row = [one.name for one in system.path].index("n_z")
+    return system.path_values(column(x.values()), column([0.0] * len(system.controls)), numbers).elements()[row]
+
+
+def _observation(
+    name: str,
+    quantities: Sequence[Quantity],
+    states: Scalar,
+    parameters: Sequence[Quantity],
+    b: Sequence[Scalar],
+    values: Sequence[Scalar],
+) -> Observation:
+    function = ca.Function(name, [states, column(b)], [column(values)], {"cse": True})
+    return Observation(name.replace("_", " "), tuple(quantities), tuple(parameters), function)
