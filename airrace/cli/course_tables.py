@@ -12,7 +12,7 @@ from airrace.quantities import KNOT, Interval
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.legs import passings_around
-from airrace.track.course import CrowdShape
+from airrace.track.course import CrowdShape, PilotLimits, StartSpeed
 from airrace.track.polygons import area, edges
 from airrace.views.course_page import rows
 from airrace.views.tables import Column, Table
@@ -102,7 +102,8 @@ def _limits(race: Race) -> Iterator[list[str]]:
     start = race.course.passages[0].speed
     yield ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")]
     yield ["speed", _speeds(envelope.V)]
-    yield ["speed at the start", _speeds(start) if start.bounded else "free"]
+    kind = {StartSpeed.GROUND: "over ground"}.get(rules.start_speed, f"{rules.start_speed.value} airspeed")
+    yield ["speed at the start", f"{_speeds(start)}, {kind}" if start.bounded else "free"]
     yield ["height", _range(rules.height, "m")]
     yield ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"]
     if math.isfinite(rules.beta_A):
@@ -112,6 +113,22 @@ def _limits(race: Race) -> Iterator[list[str]]:
     if rules.alpha_A.bounded:
         degrees = Interval(math.degrees(rules.alpha_A.lower), math.degrees(rules.alpha_A.upper))
         yield ["angle of attack", _range(degrees, "deg")]
+    yield from _pilot(rules.pilot)
+
+
+def _pilot(pilot: PilotLimits) -> Iterator[list[str]]:
+    """Yield the limits of a pilot."""
+    if math.isfinite(pilot.n_z_low):
+        yield ["load factor near the ground", f"at least {pilot.n_z_low:g} g up to {pilot.low_height:g} m"]
+    if math.isfinite(pilot.n_z_ends):
+        yield ["load factor at start and finish", f"at least {pilot.n_z_ends:g} g"]
+    if math.isfinite(pilot.onset):
+        yield ["onset at gates", f"up to {pilot.onset:g} g/s"]
+    if math.isfinite(pilot.roll_rate):
+        yield ["roll rate at gates", f"up to {math.degrees(pilot.roll_rate):.3g} deg/s"]
+    ends = [name for name, holds in (("start", pilot.steady_start), ("finish", pilot.steady_finish)) if holds]
+    if ends:
+        yield ["steady turn", f"at the {' and the '.join(ends)}, within {pilot.turn_tolerance:g} g"]
 
 
 def _surroundings(race: Race) -> Iterator[list[str]]:

@@ -25,6 +25,8 @@ P_ISA = 101325.0
 """The standard pressure at mean sea level, Pa."""
 RHO_ISA = P_ISA / (R_AIR * T_ISA)
 """The standard density at mean sea level, kg/m3 (1.225)."""
+KAPPA = 1.4
+"""The ratio of the specific heats of air."""
 PRESSURE_EXPONENT = g0 / (R_AIR * LAPSE)
 """The exponent of the pressure in the temperature ratio, `g0 / (R LAPSE)` (5.256)."""
 
@@ -58,3 +60,22 @@ def pressure(z: Scalar, air: AtmosphereParameters[Scalar]) -> Scalar:
 def density(z: Scalar, air: AtmosphereParameters[Scalar]) -> Scalar:
     """Return the air density `rho = p / (R T)` (kg/m3) at `z` (m, down from the track's origin)."""
     return pressure(z, air) / (R_AIR * temperature(z, air))
+
+
+def calibrated_airspeed(V_A: Scalar, p: Scalar, rho: Scalar) -> Scalar:
+    """Return what an airspeed indicator without errors shows, m/s.
+
+    It shows the speed at which the standard atmosphere at sea level has the same impact pressure:
+
+        q_c = p [(1 + (kappa - 1)/2 M^2)^(kappa/(kappa - 1)) - 1]      and the inverse with p_0, a_0
+
+    Args:
+        V_A: true airspeed, m/s.
+        p: pressure, Pa.
+        rho: density, kg/m3.
+    """
+    M2 = V_A**2 * rho / (KAPPA * p)
+    impact = p * ((1.0 + 0.5 * (KAPPA - 1.0) * M2) ** (KAPPA / (KAPPA - 1.0)) - 1.0)
+    a_02 = KAPPA * P_ISA / RHO_ISA
+    ratio = (impact / P_ISA + 1.0) ** ((KAPPA - 1.0) / KAPPA) - 1.0
+    return (2.0 / (KAPPA - 1.0) * a_02 * ratio) ** 0.5

@@ -21,11 +21,14 @@ from airrace.results import Flight, TimedCrossing
 from airrace.results.clearances import at_row, surroundings
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.results.legs import legs_of
+from airrace.track.course import StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Passing, Tolerant
 
 ENDS_RACE = math.inf
 """The penalty that ends the race."""
+START_SPEEDS = {StartSpeed.GROUND: "V_K", StartSpeed.TRUE: "V_A", StartSpeed.INDICATED: "V_I"}
+"""The history that the limit of the speed at the start is a limit of."""
 
 
 @record
@@ -211,7 +214,7 @@ def _passing_violations(
         if abs(off) > most:
             yield rule, off, math.copysign(most, off), deviation, "deg", penalty
 
-    speed = crossing.value("V_K")
+    speed = crossing.value(START_SPEEDS[race.course.rules.start_speed])
     if excess := _excess(speed, crossing.passage.speed):
         ends = penalties.start_speed_end
         penalty = math.inf if ends is not None and speed > ends else penalties.start_speed

@@ -28,6 +28,7 @@ from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
 from airrace.planning.wing_clearance import pylons_of
 from airrace.procedure.pilot_conditions import PilotConditions
+from airrace.procedure.start_speed import StartAirspeed
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, side_by_side
@@ -152,9 +153,12 @@ def boundaries(
     span: float,
     rooms: PylonRooms | None = None,
     pilot: PilotConditions | None = None,
+    start_airspeed: StartAirspeed | None = None,
 ) -> list[Boundary]:
     """Return the conditions of all passages, in which counting begins anew where a roll does."""
     found = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
+    if start_airspeed is not None:
+        found[0] = start_airspeed.at(found[0], plan.waypoints[0].passage.speed)
     if rooms is not None:
         found = [rooms.at(one, waypoint) for one, waypoint in zip(found, plan.waypoints, strict=True)]
     if pilot is not None:

@@ -23,6 +23,7 @@ from airrace.procedure.guess import leg_seconds
 from airrace.procedure.pilot_conditions import PilotConditions
 from airrace.procedure.result import GateSplit, Stage, StageResult
 from airrace.procedure.settings import Settings
+from airrace.procedure.start_speed import StartAirspeed
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation
@@ -51,6 +52,7 @@ class StageProblem:
         weights: of the squared, scaled controls, by name.
         rooms: the condition on pylons beside passings; None where the rules ask for none.
         pilot: the limits of the pilot; None likewise.
+        start_airspeed: what the speed at the start is; None where it is that over ground.
     """
 
     fidelity: Fidelity
@@ -64,6 +66,7 @@ class StageProblem:
     weights: Mapping[str, float]
     rooms: PylonRooms | None = None
     pilot: PilotConditions | None = None
+    start_airspeed: StartAirspeed | None = None
 
     @property
     def stage(self) -> Stage:
@@ -77,9 +80,9 @@ class StageProblem:
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
-        start, *ends = boundaries(
-            self.plan, self.course, self.observation, self.trim, self.aircraft.airframe.b, self.rooms, self.pilot
-        )
+        span = self.aircraft.airframe.b
+        conditions = self.observation, self.trim, span, self.rooms, self.pilot, self.start_airspeed
+        start, *ends = boundaries(self.plan, self.course, *conditions)
         along = () if self.pilot is None else self.pilot.along
         phases = [
             Phase(
@@ -132,6 +135,7 @@ def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | 
         if course.rules.clearance is ClearanceRule.FLIGHT
         else None,
         pilot=PilotConditions.of(model, course.rules),
+        start_airspeed=StartAirspeed.of(model, course.rules, race.air),
     )
 
 
@@ -267,6 +271,7 @@ class PerturbedProblem:
             aircraft=race.aircraft,
             rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b),
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
+            start_airspeed=flight.start_airspeed and flight.start_airspeed.of_other_numbers(race.air),
         )
 
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
-    P_ISA,
-    RHO_ISA,
     atmosphere_parameters,
+    calibrated_airspeed,
     density,
     pressure,
 )
@@ -18,9 +17,6 @@ from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.system import column, named_symbols
 from airrace.trajectory import Array
-
-KAPPA = 1.4
-"""The ratio of the specific heats of air."""
 
 
 def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
@@ -32,11 +28,7 @@ def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
 
 
 def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
-    """Return what an airspeed indicator without errors shows, m/s, shape (n,).
-
-    It shows the speed at which the standard atmosphere at sea level has the same impact pressure (calibrated airspeed):
-
-        q_c = p [(1 + (kappa - 1)/2 M^2)^(kappa/(kappa - 1)) - 1]      and the inverse with p_0, a_0
+    """Return what an airspeed indicator without errors shows (calibrated airspeed), m/s, shape (n,).
 
     Args:
         V_A: true airspeed, m/s.
@@ -45,11 +37,7 @@ def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
     """
     day = atmosphere_parameters(air)
     p, rho = (np.asarray(law(z, day), np.float64).reshape(z.shape) for law in (pressure, density))
-    M2 = V_A**2 * rho / (KAPPA * p)
-    impact = p * ((1.0 + 0.5 * (KAPPA - 1.0) * M2) ** (KAPPA / (KAPPA - 1.0)) - 1.0)
-    a_02 = KAPPA * P_ISA / RHO_ISA
-    ratio = (impact / P_ISA + 1.0) ** ((KAPPA - 1.0) / KAPPA) - 1.0
-    return np.sqrt(2.0 / (KAPPA - 1.0) * a_02 * ratio)
+    return np.asarray(calibrated_airspeed(V_A, p, rho), np.float64)
 
 
 @functools.lru_cache(maxsize=16)

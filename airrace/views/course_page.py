@@ -81,11 +81,22 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
             "load_factor_g": _bounds(rules.n_z.intersect(race.aircraft.envelope.n_z)),
             "speed_m_s": _bounds(race.aircraft.envelope.V),
             "start_speed_m_s": _bounds(course.passages[0].speed),
+            "start_speed": rules.start_speed.value,
             "height_m": _bounds(rules.height),
             "roll_rate_deg_s": _degrees(min(rules.p, race.aircraft.point_mass.p)),
             "sideslip_deg": _degrees(rules.beta_A),
             "lift_coefficient": _bounds(rules.C_L),
             "angle_of_attack_deg": _bounds(rules.alpha_A, DEGREE),
+        },
+        "pilot": {
+            "low_load_factor_min_g": _finite(rules.pilot.n_z_low),
+            "low_height_m": rules.pilot.low_height,
+            "end_load_factor_min_g": _finite(rules.pilot.n_z_ends),
+            "gate_onset_max_g_s": _finite(rules.pilot.onset),
+            "gate_roll_rate_max_deg_s": _degrees(rules.pilot.roll_rate),
+            "steady_start": rules.pilot.steady_start,
+            "steady_finish": rules.pilot.steady_finish,
+            "turn_tolerance_g": rules.pilot.turn_tolerance,
         },
         "safety_lines": [
             {
@@ -143,6 +154,10 @@ def _passage(row: CourseRow) -> dict[str, object]:
 def _degrees(angle: float | None) -> float | None:
     """Return an angle in degrees, without the last bits of the conversion."""
     return None if angle is None or not math.isfinite(angle) else round(math.degrees(angle), 9)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _bounds(interval: Interval, unit: float = 1.0) -> list[float | None]:

@@ -8,6 +8,7 @@ from races import OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepar
 from transformations import mirrored
 
 from airrace.dynamics.observations import settled_observation
+from airrace.frames import rotation
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
@@ -20,7 +21,8 @@ from airrace.procedure.infeasibility.local_infeasibility import without_one_limi
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.stage_problem import mesh_of
-from airrace.track.course import EndState
+from airrace.results.airdata import indicated_airspeed
+from airrace.track.course import EndState, StartSpeed
 
 SETTLED, FREE = EndState.SETTLED, EndState.FREE
 every_stage = pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)
@@ -135,3 +137,26 @@ def test_settled_ends_hold_in_wind_and_in_a_mirror() -> None:
             assert max(np.abs(left(result, one, node)).max() for node in (0, -1)) < 1e-6
     times = [solve_stages(one)[-1].trajectory.race_time for one in (race, mirrored(race))]
     assert times[0] == pytest.approx(times[1], abs=5e-3)
+
+
+@pytest.mark.parametrize("kind", [StartSpeed.TRUE, StartSpeed.INDICATED], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("wind", [-8.0, 0.0, 8.0])
+def test_the_speed_at_the_start_is_limited_in_the_air_where_the_rules_say_so(kind: StartSpeed, wind: float) -> None:
+    """The start is passed at 20 deg: a wind from there adds to the airspeed all of its own speed."""
+    rules = dataclasses.replace(SMALL.course.rules, start_speed=kind)
+    race = dataclasses.replace(SMALL, course=dataclasses.replace(SMALL.course, rules=rules))
+    race = blown(race, 20.0 if wind > 0.0 else 200.0, abs(wind))
+    result = optimum(race, PLAN)
+    assert result.certified, result.message
+    x = {one.name: row[0] for one, row in zip(result.trajectory.states, result.trajectory.state, strict=True)}
+    R = np.array(rotation([float(x[f"q{i}"]) for i in range(4)]))
+    air = np.array([float(x["V_K"]), 0.0, 0.0]) @ R.T + wind * np.array([np.cos(0.349066), np.sin(0.349066), 0.0])
+    speed = np.array([float(np.linalg.norm(air))])
+    if kind is StartSpeed.INDICATED:
+        speed = indicated_airspeed(speed, np.array([x["z"]]), race.air)
+    assert speed[0] == pytest.approx(200.0 * 1852.0 / 3600.0, abs=1e-4)
+
+
+def test_the_start_speed_over_ground_adds_nothing_to_the_problem() -> None:
+    assert prepared(SMALL).start_airspeed is None
+    assert problem_of(SMALL).start.bounds["V_K"].upper == pytest.approx(200.0 * 1852.0 / 3600.0)

@@ -1,0 +1,73 @@
+"""The keys of a pilot's limits: presets, keys of one's own, `--set`, and their numbers among the parameters."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from airrace.errors import InputError
+from airrace.inputs import load_inputs
+from airrace.inputs.pilot import PRESETS
+from airrace.inputs.variation import Variation
+from airrace.parameters import unit_and_step
+from airrace.planning.parameters import relaxable_parameters
+from airrace.track.course import PilotLimits, StartSpeed
+
+TRACK = Path("rovinj_2014")
+
+
+def pilot_of(*overrides: str) -> PilotLimits:
+    return load_inputs(TRACK, overrides=overrides).race.course.rules.pilot
+
+
+def test_without_the_block_nothing_is_limited() -> None:
+    assert pilot_of() == pilot_of("rules.pilot=none") == PilotLimits()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_named_in_a_word_and_its_keys_are_overridden_one_by_one(name: str) -> None:
+    assert pilot_of(f"rules.pilot={name}") == pilot_of(f"rules.pilot.preset={name}") == PRESETS[name].build()
+    own = pilot_of(f"rules.pilot={name}", "rules.pilot.gate_roll_rate_max_deg_s=60")
+    assert own.roll_rate == pytest.approx(math.radians(60.0))
+    assert own.n_z_low == PRESETS[name].build().n_z_low
+
+
+def test_display_is_nowhere_milder_than_race() -> None:
+    race, display = PRESETS["race"].build(), PRESETS["display"].build()
+    assert display.n_z_low >= race.n_z_low
+    assert display.n_z_ends >= race.n_z_ends
+    assert display.onset <= race.onset
+    assert display.roll_rate <= race.roll_rate
+    assert display.steady_start >= race.steady_start
+    assert display.steady_finish >= race.steady_finish
+
+
+def test_numbers_of_the_preset_are_parameters_and_limits_that_may_give_way() -> None:
+    inputs = load_inputs(TRACK, overrides=["rules.pilot=race"])
+    keys = {key for key, value in PRESETS["race"].model_dump().items() if isinstance(value, float)}
+    found = {key for key in Variation(inputs).parameters if key.startswith("rules.pilot.")}
+    assert found == {f"rules.pilot.{key}" for key in keys}
+    milder = {one.key for one in relaxable_parameters(inputs.race)}
+    assert found - milder == {"rules.pilot.low_height_m"}
+    assert not any("pilot" in one.key for one in relaxable_parameters(load_inputs(TRACK).race))
+    for one in relaxable_parameters(inputs.race):
+        if one.key in found:
+            assert one.set(inputs.race, one.value) == inputs.race
+    assert [unit_and_step(f"rules.pilot.{key}")[0] for key in ("gate_onset_max_g_s", "turn_tolerance_g")] == [
+        "g/s",
+        "g",
+    ]
+
+
+@pytest.mark.parametrize(
+    "text", ["rules.pilot=fast", "rules.pilot.steady_turn=yes", "rules.pilot.gate_onset_max_g_s=0"]
+)
+def test_what_makes_no_sense_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"pilot"):
+        pilot_of(text)
+
+
+def test_the_start_speed_is_over_ground_unless_the_rules_say_otherwise() -> None:
+    assert load_inputs(TRACK).race.course.rules.start_speed is StartSpeed.GROUND
+    said = load_inputs(TRACK, overrides=["rules.start_speed=indicated"]).race.course.rules
+    assert said.start_speed is StartSpeed.INDICATED
