@@ -12,6 +12,7 @@ from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.solvers.process.pool import SolverPool
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
@@ -28,8 +29,8 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
-from airrace.procedure.multistart.coarse_solution import InitialGuess
-from airrace.procedure.multistart.local_search import find_faster_route
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess
+from airrace.procedure.multistart.local_search import RoutesAround, search_around
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget
 from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
@@ -117,6 +118,10 @@ class FidelityContinuation:
         flight = self.flight(stage)
         route = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
         return dataclasses.replace(flight, plan=route)
+
+    def preload(self, stage: Stage, service: SolverService) -> None:
+        """Let a solver process load the equations of a stage, and the scheme that integrates them."""
+        service.preload(self.flight(stage).model.system, fidelity_of(stage).scheme)
 
     def prepare(self, stage: Stage) -> None:
         """Make what a stage needs that does not depend on the stage below it."""
@@ -207,18 +212,21 @@ class FidelityContinuation:
             for one, near in zip(after, close, strict=True)
         ]
 
-    def find_faster_route(self, optimum: StageResult) -> Callable[[SolverPool], str]:
-        """Return the search for a route that is faster than that of another run's optimum.
+    def search_around(self, optimum: StageResult) -> Callable[[SolverPool], RoutesAround | None]:
+        """Return the search around another run's optimum for a faster route; it finds None where none is looked for.
 
-        It finds a description; an empty one where there is no such route, or where none is looked for. What is searched
-        does not depend on what is solved meanwhile: the optimum is solved by the point mass under this race's numbers.
+        What is searched does not depend on what is solved meanwhile: the optimum is solved by the point mass under this
+        race's numbers.
         """
         if self._settings.search is SearchEffort.OFF:
-            return lambda _: ""
+            return lambda _: None
         flight, source = self.flight(Stage.POINT_MASS), self.along(optimum.stage, optimum)
-        if source.model.system.states != optimum.trajectory.states:  # of other equations, which is no start either
-            return lambda _: ""
-        return functools.partial(find_faster_route, flight, source, optimum, self._race.course)
+        return functools.partial(search_around, flight, source, optimum, self._race.course)
+
+    def refine_route(self, found: CoarseSolution, session: SolverSession) -> StageResult:
+        """Return the point mass's optimum from a rough one."""
+        start = Start(found.flight, found.problem, found.iterate, InitialBarrier.OTHER_STAGE)
+        return self._optimum(Stage.POINT_MASS, [functools.partial(_itself, start)], session)
 
     def _point_mass(self, session: SolverSession) -> StageResult:
         """Optimise the point mass from what the search found, then from the homotopy and the plan.
@@ -319,6 +327,15 @@ class FidelityContinuation:
         flight = self.flight(Stage.POINT_MASS)
         return conclude(flight, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
 
+    def start_along(self, stage: Stage, below: StageResult, session: SolverSession) -> Start:
+        """Return the start of a higher fidelity along the optimum of a lower one."""
+        flight, source = self.along(stage, below), self.along(below.stage, below)
+        if flight.fidelity.warm_start.same_dynamics_as is below.stage:
+            return map_controls(flight, source, below)
+        session.progress.activity(f"flying along the optimum of {below.stage.value} by error feedback", 0, 0)
+        with defer_signals():
+            return track(flight, self._simulator(stage), source, below)
+
     def _warm_starts(self, stage: Stage, below: StageResult, session: SolverSession) -> Iterator[Callable[[], Start]]:
         """Yield the starts of a higher fidelity: along the stage below, trimmed in it, trimmed in the point mass."""
 
@@ -326,15 +343,7 @@ class FidelityContinuation:
             with defer_signals():
                 return trimmed_start(self.along(stage, optimum), self.along(optimum.stage, optimum), optimum)
 
-        def from_below() -> Start:
-            flight, source = self.along(stage, below), self.along(below.stage, below)
-            if flight.fidelity.warm_start.same_dynamics_as is below.stage:
-                return map_controls(flight, source, below)
-            session.progress.activity(f"flying along the optimum of {below.stage.value} by error feedback", 0, 0)
-            with defer_signals():
-                return track(flight, self._simulator(stage), source, below)
-
-        yield from_below
+        yield functools.partial(self.start_along, stage, below, session)
         yield functools.partial(trimmed_in, below)
         point_mass = self.done.get(Stage.POINT_MASS)  # a run started from another may lack it
         is_alternative = below is not self.done[below.stage]  # which goes another route than the point mass

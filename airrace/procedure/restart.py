@@ -10,7 +10,7 @@ always.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,11 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
+from airrace.procedure.multistart.local_search import RoutesAround
+from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import Stage, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
@@ -39,11 +42,11 @@ from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-ITERATIONS_MAX = 150
+ITERATIONS_MAX = 100
 """The largest number of iterations of the first solve.
 
 Starts that led to an optimum took 25 to 60, and 98 where the limit of the load factor was halved; one that takes many
-more is lost, and a lower stage is the better start.
+more is lost, and the point mass is the better start.
 """
 
 
@@ -84,14 +87,16 @@ def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course)
     return optima
 
 
-def warm_start_from(
+def start_from(
     another: SourceRun,
     stages: Sequence[Stage],
     course: Course,
     continuation: FidelityContinuation,
     session: SolverSession,
 ) -> tuple[StageResult | None, str]:
-    """Solve the highest of these stages that can be started from another run's optimum of it.
+    """Solve the highest of these stages from another run's optimum of it, and on a faster route if there is one near.
+
+    Where the optimum leads to nothing, what the search around it has found by the point mass is what to go on from.
 
     Args:
         another: the other run.
@@ -101,20 +106,72 @@ def warm_start_from(
         session: what is solved with.
 
     Returns:
-        The optimum, None where no stage of the other run led to one; and one sentence for users where the highest
-        stage was not the one that led on, else empty.
+        The better of both optima, else that of the point mass; None where there is nothing to go on from. And one
+        sentence for users where it is not the highest stage on the stored route, else empty.
 
     Raises:
         UsageError: the other run has no optimum of these stages that holds, or flies other passings.
     """
     obstacles: list[tuple[Stage, str]] = []
     for optimum in starting_points(another, stages, course):
-        session.progress.stage_started(optimum.stage)
-        found = _from_optimum(continuation, session, optimum, another.name)
-        if isinstance(found, StageResult):
-            return found, _remark(another, obstacles, f"the start is its {optimum.stage.value}")
-        obstacles.append((optimum.stage, found))
+        if not (obstacle := _obstacle(continuation, optimum)):
+            break
+        obstacles.append((optimum.stage, obstacle))
+    else:
+        return None, _remark(another, obstacles, "the start is from scratch")
+    stage = optimum.stage
+    session.progress.stage_started(stage)
+    continuation.preload(stage, session.service)
+    with session.search_in_background(continuation.search_around(optimum)) as search:
+        continued = _from_optimum(continuation, session, optimum, another.name)
+        around = search.result()
+    if isinstance(continued, StageResult):
+        remark = _remark(another, obstacles, f"the start is its {stage.value}")
+        if around is None or not around.phases:
+            return continued, remark
+        other = _on_other_route(continuation, session, continued, around, another.name)
+        if other is None or other.trajectory.race_time >= continued.trajectory.race_time:
+            return replace(continued, attempts=tuple(session.attempts), timings=session.timings()), remark
+        faster = f"{another.name}: another route has become the faster one: {around.text}"
+        return other, "; ".join(text for text in (remark, faster) if text)
+    obstacles.append((stage, continued))
+    if around is not None:
+        point_mass = continuation.refine_route(around.best, session)
+        if point_mass.holds:
+            return point_mass, _remark(another, obstacles, "the start is what the point mass makes of it")
     return None, _remark(another, obstacles, "the start is from scratch")
+
+
+def _on_other_route(
+    continuation: FidelityContinuation,
+    session: SolverSession,
+    continued: StageResult,
+    around: RoutesAround,
+    name: str,
+) -> StageResult | None:
+    """Return the optimum of a stage from an optimum with a few legs on a faster route; None if none is certified."""
+    point_mass = continuation.refine_route(around.best, session)
+    if not point_mass.holds or continued.stage is Stage.POINT_MASS:
+        return point_mass if point_mass.certified else None
+    whole = continuation.start_along(continued.stage, point_mass, session)
+    start = _spliced(whole, continued, around.phases, name)
+    draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
+    first = certified_state(session, draft, start.barrier, (primary,), None)
+    found = refine_from(session, start, replace(first, iterations_max=ITERATIONS_MAX, purpose="on another route"))
+    return found if isinstance(found, StageResult) and found.certified else None
+
+
+def _spliced(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
+    """Return a start with some phases as given, and the others as in an optimum on another route."""
+    mesh, stored, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
+    if nodes[optimum.trajectory.first_node].all():
+        mesh, stored = restrict(mesh, stored, nodes)
+    there = whole.flight.problem(mesh)
+    sources = [(whole.guess, whole.problem) if index in phases else (stored, there) for index in range(len(mesh))]
+    mesh = [problem.phases[index].fractions for index, (_, problem) in enumerate(sources)]
+    guess = concatenate([phase_piece(guess, problem, index) for index, (guess, problem) in enumerate(sources)])
+    provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
+    return replace(whole, problem=whole.flight.problem(mesh), guess=guess, provenance=provenance, multipliers=None)
 
 
 def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
@@ -131,11 +188,8 @@ def _from_optimum(
 ) -> StageResult | str:
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
     stored = _in_order_of(continuation.flight(optimum.stage), optimum)
-    if stored is None:
-        return "which flies other equations, no start was made"
+    assert stored is not None  # there would be an obstacle
     flight = continuation.along(optimum.stage, optimum)
-    if other_way := _other_way(flight, optimum):
-        return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
     primary = session.solvers[0]
 
@@ -174,6 +228,15 @@ def _from_optimum(
         status = "it stalled" if found.solution is None else found.solution.status
         return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
+
+
+def _obstacle(continuation: FidelityContinuation, optimum: StageResult) -> str:
+    """Return a clause that says why no stage can be started from an optimum; empty if one can."""
+    if _in_order_of(continuation.flight(optimum.stage), optimum) is None:
+        return "which flies other equations, no start was made"
+    if other_way := _other_way(continuation.along(optimum.stage, optimum), optimum):
+        return f"which passes {other_way} the other way than is planned now, no start was made"
+    return ""
 
 
 def _other_way(flight: StageProblem, optimum: StageResult) -> str:

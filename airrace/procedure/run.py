@@ -12,23 +12,17 @@ from functools import partial
 
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, is_missing
-from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, recompute
-from airrace.procedure.restart import (
-    SourceRun,
-    starting_points,
-    warm_start_from,
-)
+from airrace.procedure.restart import SourceRun, start_from
 from airrace.procedure.result import Note, NoteKind, Stage, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES
-from airrace.system import System
 
 logger = logging.getLogger(__name__)
 
@@ -102,54 +96,26 @@ def optimize(
         for stage in unchecked:
             progress.stage_started(stage)
             yield continuation.check_mesh(stage, session)
-        fallback, remark = None, ""
+        remark = ""
         if start and not finished:
-            result, fallback, remark = _start_from(source, stages, race, continuation, session)
-            if result is not None:
+            found, remark = start_from(source, stages, race.course, continuation, session)
+            if found is not None:
+                result, remark = _with_note(found, remark), ""
                 continuation.done[result.stage] = result
                 wanted = list(stages[stages.index(result.stage) + 1 :])
                 yield result
-        yield from _solve_stages(continuation, wanted, stages, session, fallback, remark)
-
-
-def _start_from(
-    source: SourceRun,
-    stages: Sequence[Stage],
-    race: Race,
-    continuation: FidelityContinuation,
-    session: SolverSession,
-) -> tuple[StageResult | None, StageResult | None, str]:
-    """Start from another run, and look for a faster route meanwhile.
-
-    Returns:
-        The stage that it led to; else the stage that counts if nothing faster is found, where another route has become
-        the faster one; and what is noted of it with the next result.
-    """
-    highest, *_ = starting_points(source, stages, race.course)
-    session.service.preload(*_equations(continuation, highest.stage))
-    with session.search_in_background(continuation.find_faster_route(highest)) as search:
-        result, remark = warm_start_from(source, stages, race.course, continuation, session)
-        faster = "" if result is None else search.result()
-    if result is None:
-        return None, None, remark
-    if faster:
-        found = f"from its {result.stage.value} an optimum of {result.trajectory.race_time:.3f} s was found"
-        return None, result, f"{source.name}: {found}, but {faster}; so the start is from scratch"
-    return _with_note(result, remark), None, ""
+        yield from _solve_stages(continuation, wanted, session, remark)
 
 
 def _solve_stages(
     continuation: FidelityContinuation,
     wanted: list[Stage],
-    stages: Sequence[Stage],
     session: SolverSession,
-    fallback: StageResult | None,
     remark: str,
 ) -> Iterator[StageResult]:
     """Solve the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
-    reason = remark
     for first in wanted[:1]:
-        session.service.preload(*_equations(continuation, first))
+        continuation.preload(first, session.service)
     while wanted:
         stage, *wanted = wanted
         session.progress.stage_started(stage)
@@ -162,9 +128,6 @@ def _solve_stages(
             else:
                 session.service.defer(prepare)
         result = continuation.solve_stage(stage, session)
-        if fallback is not None and _is_better(fallback, result):
-            result, remark, fallback = fallback, f"{reason}, which led to nothing faster", None
-            continuation.done[result.stage], wanted = result, list(stages[stages.index(result.stage) + 1 :])
         result, remark = _with_note(result, remark), ""
         yield result
         if result.outcome is not Status.SOLVED:
@@ -173,20 +136,8 @@ def _solve_stages(
 
 def _prepare(continuation: FidelityContinuation, stage: Stage, service: SolverService) -> None:
     """Get the next stage ready."""
-    service.preload(*_equations(continuation, stage))
+    continuation.preload(stage, service)
     continuation.prepare(stage)
-
-
-def _equations(continuation: FidelityContinuation, stage: Stage) -> tuple[System, RungeKutta]:
-    """Return the equations of a stage, and the scheme that integrates them."""
-    return continuation.flight(stage).model.system, fidelity_of(stage).scheme
-
-
-def _is_better(fallback: StageResult, result: StageResult) -> bool:
-    """Tell whether the optimum of a start from another run is better than what came from scratch instead."""
-    if result.outcome is not Status.SOLVED:
-        return True
-    return result.stage is fallback.stage and fallback.trajectory.race_time < result.trajectory.race_time
 
 
 def _with_note(result: StageResult, remark: str) -> StageResult:

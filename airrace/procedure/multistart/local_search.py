@@ -10,35 +10,36 @@ from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.points import at_points
-from airrace.procedure.multistart.coarse_solution import InitialGuess, intervals, solve_coarse
-from airrace.procedure.multistart.moves import MoveGenerator
-from airrace.procedure.multistart.search import QUICK
-from airrace.procedure.multistart.segments import segment_name, shape_of
-from airrace.procedure.multistart.window import evaluate
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, intervals, solve_coarse
+from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search
+from airrace.procedure.multistart.segments import describe_segments, differing, segments_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier
+from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-SAVED_MIN = 0.02
-"""The time that a move has to save in its window, solved by the point mass, before all is solved again, s.
 
-Windows whose ends are fixed save up to 0.01 s where nothing but the mesh differs.
-"""
-PLAN_PENALTY_MAX = 1.0
-"""The largest extra time of a move's plan with which it is tried, s.
+@record
+class RoutesAround:
+    """What was found around a flight, solved roughly by the point mass.
 
-Routes whose plan takes even longer were never the faster ones after a change of a few per cent.
-"""
+    Attributes:
+        best: the fastest flight found; the flight itself where nothing near it is faster.
+        phases: the numbers of the phases that it takes on another route.
+        text: which route that is and what it saves, in words; empty where it is the same.
+    """
+
+    best: CoarseSolution
+    phases: frozenset[int] = frozenset()
+    text: str = ""
 
 
-def find_faster_route(
+def search_around(
     point_mass: StageProblem, source: StageProblem, optimum: StageResult, course: Course, pool: SolverPool
-) -> str:
-    """Return another route through a segment of an optimum that the point mass flies faster, in words.
-
-    It is empty if none is found.
+) -> RoutesAround | None:
+    """Return the fastest flight that moves lead to from an optimum; None if the point mass cannot fly as it does.
 
     Args:
         point_mass: the point mass on the same course.
@@ -47,24 +48,19 @@ def find_faster_route(
         course: the course.
         pool: what solves.
     """
-    pace = point_mass.plan.cruise
-    flight = replace(point_mass, plan=plan_from_solution(course, pace, optimum.trajectory))
+    flight = replace(point_mass, plan=plan_from_solution(course, point_mass.plan.cruise, optimum.trajectory))
     counts = [intervals(seconds) for seconds in optimum.trajectory.durations.tolist()]
     mesh, iterate = resample(mesh_of(optimum.trajectory), _as_point_mass(flight, source, optimum), counts)
     (base,) = pool.work([InitialGuess(flight, mesh, iterate, InitialBarrier.OTHER_STAGE)], solve_coarse)
     if base is None:
-        return ""
-    generator = MoveGenerator(base, course, QUICK.planning_radius.scale(pace), PLAN_PENALTY_MAX)
-    phases = set(range(len(base.problem.phases)))
-    # What is faster at a place in one lap is so in the others, too, as far as their routes are the same.
-    moves = list(generator.moves(phases, shapes=False, segments=generator.distinct_segments()))
-    found = pool.work(moves, lambda service, move: evaluate(service, move, InitialBarrier.PIECES))
-    best = max((one for one in found if one is not None), key=lambda one: one.saved, default=None)
-    if best is None or best.saved <= SAVED_MIN:
-        return ""
-    ((inside, segment),) = best.inside([best.move.segment])
-    route = shape_of(best.as_solution, inside).describe()
-    return f"{segment_name(course, segment)} {route} saves about {best.saved:.2f} s"
+        return None
+    best = Search(point_mass, course, LOCAL, pool, lambda _: None).improve(base)
+    segments = differing(base, best, segments_of(course))
+    saved = base.race_time - best.race_time
+    if not segments or saved <= SAVED_MIN:
+        return RoutesAround(best)
+    phases = frozenset(phase for one in segments for phase in range(one.first, one.last))
+    return RoutesAround(best, phases, f"{describe_segments(course, best, segments)}, saves about {saved:.2f} s")
 
 
 def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:

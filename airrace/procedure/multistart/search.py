@@ -20,7 +20,7 @@ from airrace.planning.planning_model import PlanningModel
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import MoveGenerator
-from airrace.procedure.multistart.segments import Segment, differing, neighbours, segments_of
+from airrace.procedure.multistart.segments import Segment, differing, neighbours, same_route, segments_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stage_problem import StageProblem
@@ -65,6 +65,8 @@ class SearchBudget:
         alternatives: how many moves that overlap better ones are solved jointly as well, each for itself.
         elite: how many flights are compared on the mesh on which the winner's mesh check begins.
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
+        local: whether the flight is near an optimum, so that windows are. Then a place that several laps pass by the
+            same route is tried in the first of them, and windows that keep the route are not solved jointly.
     """
 
     radii: tuple[Radius, ...]
@@ -75,6 +77,7 @@ class SearchBudget:
     alternatives: int
     elite: int
     homotopy: bool
+    local: bool = False
 
 
 QUICK = SearchBudget(
@@ -102,6 +105,8 @@ THOROUGH = SearchBudget(
     elite=4,
     homotopy=True,
 )
+LOCAL = dataclasses.replace(QUICK, plan_penalty_max=1.0, local=True)
+"""Routes whose plan takes over a second longer were never the faster ones after a change of a few per cent."""
 BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, SearchEffort.THOROUGH: THOROUGH}
 """The budgets by `settings.search`."""
 
@@ -157,19 +162,23 @@ class Search:
         self._flights = [one for one in found if one is not None]
         self._failed = len(found) - len(self._flights)
         if self._flights:
-            best = min(self._flights, key=lambda one: one.race_time)
-            changed = set(range(len(self._course.passages) - 1))
-            for number in range(self._budget.iterations):
-                self._report(f"other routes, {number + 1}: {best.race_time:.2f} s so far")
-                better = self._improve(best, changed, first=number == 0)
-                if better is None:
-                    break
-                different = differing(best, better, segments_of(self._course))
-                changed = {phase for one in different for phase in range(one.first, one.last)}
-                best = better
+            self.improve(min(self._flights, key=lambda one: one.race_time))
         flights = sorted(self._flights, key=lambda one: one.race_time)
         moves = tuple(one for one in self._moves if one not in self._joint)
         return SearchResult(tuple(flights), moves, self._failed)
+
+    def improve(self, best: CoarseSolution) -> CoarseSolution:
+        """Return the flight that moves lead to from another one, each of them faster than the one before."""
+        changed = set(range(len(self._course.passages) - 1))
+        for number in range(self._budget.iterations):
+            self._report(f"other routes, {number + 1}: {best.race_time:.2f} s so far")
+            better = self._improve(best, changed, first=number == 0)
+            if better is None:
+                break
+            different = differing(best, better, segments_of(self._course))
+            changed = {phase for one in different for phase in range(one.first, one.last)}
+            best = better
+        return best
 
     def _planned_starts(self) -> list[InitialGuess]:
         """Return plans of different radius, some of them with ties decided either way."""
@@ -194,9 +203,10 @@ class Search:
             first: whether the routes of the other starts are to be tried as well.
         """
         generator = MoveGenerator(base, self._course, self._budget.planning_radius.scale(self._pace))
+        distinct = generator.distinct_segments() if first and self._budget.local else None
         moves = [
             one
-            for one in generator.moves(changed)
+            for one in generator.moves(changed, segments=distinct)
             if one.plan_penalty <= self._budget.plan_penalty_max and (one.segment.number, one.kind) not in self._tabu
         ]
         if first:
@@ -209,13 +219,19 @@ class Search:
 
     def _improving(self, moves: Sequence[Move]) -> list[EvaluatedMove]:
         """Evaluate all moves, and return those that save time."""
-        found = self._pool.work(moves, evaluate)
+        barrier = InitialBarrier.PIECES if self._budget.local else InitialBarrier.COLD
+        found = self._pool.work(moves, lambda service, move: evaluate(service, move, barrier))
         for move, evaluated in zip(moves, found, strict=True):
             if evaluated is None or evaluated.saved < -TABU_LOSS:
                 self._tabu.add((move.segment.number, move.kind))
         known = [one for one in found if one is not None]
         self._moves += known
-        return [one for one in known if one.saved > SAVED_MIN]
+        return [one for one in known if one.saved > SAVED_MIN and not (self._budget.local and self._keeps_route(one))]
+
+    def _keeps_route(self, one: EvaluatedMove) -> bool:
+        """Return whether a window leads along the route of the flight around it."""
+        inside = one.inside(segments_of(self._course))
+        return all(same_route(one.as_solution, here, one.move.base, there) for here, there in inside)
 
     def _from_other_starts(self, base: CoarseSolution, generator: MoveGenerator) -> list[Move]:
         """Return the routes of other flights where they differ from the best.

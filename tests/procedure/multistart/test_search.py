@@ -29,10 +29,10 @@ from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
-from airrace.procedure import fidelity_continuation
+from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
-from airrace.procedure.multistart.local_search import find_faster_route
+from airrace.procedure.multistart.local_search import RoutesAround, search_around
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
@@ -230,22 +230,28 @@ def test_thorough_search_is_no_slower_than_a_quick_one(race: Race) -> None:
 WINDY = blown(SLALOM, 200.0, 2.0)
 
 
-def found_around(optimum: StageResult) -> str:
+def found_around(optimum: StageResult) -> RoutesAround:
     source = formulate(optimum.stage, SLALOM, QUICK, optimum.trajectory)
     with open_session() as session, session.pool() as pool:
-        return find_faster_route(prepared(SLALOM), source, optimum, SLALOM.course, pool)
+        found = search_around(prepared(SLALOM), source, optimum, SLALOM.course, pool)
+    assert found is not None
+    return found
 
 
-def test_wrong_way_round_is_told() -> None:
-    told = found_around(optimum(SLALOM, OFF))
-    assert told.endswith(" s")
-    words, _, seconds = told.removesuffix(" s").partition(" saves about ")
+def test_around_a_flight_the_wrong_way_round_the_right_way_is_found_and_told() -> None:
+    wrong = optimum(SLALOM, OFF)
+    found = found_around(wrong)
+    words, _, saved = found.text.removesuffix(" s").partition(", saves about ")
     assert "->" in words
-    assert float(seconds) > 5.0
+    assert float(saved) > 5.0
+    assert found.best.race_time < wrong.trajectory.race_time - 5.0
+    assert found.phases
 
 
-def test_of_a_good_flight_nothing_is_told() -> None:
-    assert found_around(optimum(SLALOM)) == ""
+def test_around_a_good_flight_no_other_route_is_found() -> None:
+    found = found_around(optimum(SLALOM))
+    assert (found.phases, found.text) == (frozenset(), "")
+    assert found.best.race_time == pytest.approx(optimum(SLALOM).trajectory.race_time, abs=0.03)
 
 
 def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResult:
@@ -256,11 +262,31 @@ def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResu
     return result
 
 
-def test_run_started_from_a_flight_the_wrong_way_round_is_flown_from_scratch_and_says_so() -> None:
+def test_run_started_from_a_flight_the_wrong_way_round_has_the_optimum_that_it_has_from_scratch() -> None:
     result = started(optimum(SLALOM, OFF), QUICK)
-    assert result.remarks.startswith("calm.h5: from its point-mass an optimum of ")
-    assert result.remarks.endswith("so the start is from scratch")
-    assert result.trajectory.race_time < optimum(SLALOM, OFF).trajectory.race_time - 5.0
+    assert result.remarks.startswith("calm.h5: another route has become the faster one: ")
+    assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
+
+
+def test_faster_route_is_put_into_a_flight_of_higher_fidelity() -> None:
+    def flown(race: Race, chosen: Settings, *start: StageResult) -> list[StageResult]:
+        until = Stage.TRANSFER_FUNCTION
+        return list(optimize(race, chosen, until=until, threads=1, start=start, progress=Silent()))
+
+    (result,) = flown(WINDY, QUICK, *flown(SLALOM, OFF))
+    assert (result.stage, result.certified) == (Stage.TRANSFER_FUNCTION, True)
+    assert result.provenance.source == "transfer-function of another run"
+    assert result.trajectory.race_time == pytest.approx(flown(WINDY, QUICK)[-1].trajectory.race_time, abs=SAME)
+
+
+def test_flight_that_leads_nowhere_is_followed_by_what_the_point_mass_makes_of_it_and_not_by_another_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(restart, "ITERATIONS_MAX", 1)  # not enough to lead anywhere
+    monkeypatch.delattr(FidelityContinuation, "_search_routes")
+    result = started(optimum(SLALOM), QUICK)
+    assert result.remarks.endswith("so the start is what the point mass makes of it")
+    assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -310,43 +336,15 @@ def test_without_exploring_a_start_is_taken_as_it_is() -> None:
 
 
 def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another way seems faster when solved coarsely; from scratch it leads to nothing faster, or to nothing at all."""
+    """Another way seems faster when solved coarsely, and turns out to be slower, or to be no flight at all."""
     good = started(optimum(SLALOM), QUICK)
-    promise = "left -> right, flat, saves about 0.03 s"
-    monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
-    for scratch in (slower(good), dataclasses.replace(good, outcome=Status.NOT_CERTIFIED)):
-        monkeypatch.setattr(FidelityContinuation, "solve_stage", lambda *_, found=scratch: found)
+    for other in (slower(good), dataclasses.replace(good, outcome=Status.NOT_CERTIFIED)):
+        monkeypatch.setattr(FidelityContinuation, "refine_route", lambda *_, found=other: found)
+        promise = RoutesAround(planned_coarse_solution(SLALOM), frozenset({1}), "left -> right, flat")
+        monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_, found=promise: lambda _: found)
         result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
-        assert result.remarks.endswith("so the start is from scratch, which led to nothing faster")
-
-
-def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
-    good = started(optimum(SLALOM), QUICK)
-    monkeypatch.setattr(
-        FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a route that saves about 0.03 s"
-    )
-    scratch = {
-        Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
-        Stage.TRANSFER_FUNCTION: dataclasses.replace(
-            good, stage=Stage.TRANSFER_FUNCTION, outcome=Status.NOT_CERTIFIED, message="no"
-        ),
-    }
-    monkeypatch.setattr(FidelityContinuation, "solve_stage", lambda _, stage, session: scratch[stage])
-    run = optimize(
-        *(WINDY, QUICK),
-        until=Stage.TRANSFER_FUNCTION,
-        threads=1,
-        start=[optimum(SLALOM)],
-        start_name="calm.h5",
-        progress=Silent(),
-    )
-    faster, spare, failed = itertools.islice(run, 4)
-    assert faster.remarks.endswith("so the start is from scratch")
-    assert spare.remarks == f"{faster.remarks}, which led to nothing faster"
-    assert spare.trajectory.race_time == good.trajectory.race_time
-    assert (failed.stage, failed.remarks) == (Stage.TRANSFER_FUNCTION, "no")
+        assert result.remarks == ""
 
 
 def slower(result: StageResult) -> StageResult:
