@@ -96,7 +96,8 @@ def start_from(
 ) -> tuple[StageResult | None, str]:
     """Solve the highest of these stages from another run's optimum of it, and on a faster route if there is one near.
 
-    Where the optimum leads to nothing, what the search around it has found by the point mass is what to go on from.
+    The alternatives of that optimum are solved likewise, for another one may have become the fastest. Where none leads
+    to an optimum, what the search around it has found by the point mass is what to go on from.
 
     Args:
         another: the other run.
@@ -106,8 +107,9 @@ def start_from(
         session: what is solved with.
 
     Returns:
-        The better of both optima, else that of the point mass; None where there is nothing to go on from. And one
-        sentence for users where it is not the highest stage on the stored route, else empty.
+        The fastest of these optima, as many slower ones as there were alternatives beside it; else that of the point
+        mass; None where there is nothing to go on from. And one sentence for users where it is not the highest stage on
+        the stored route, else empty.
 
     Raises:
         UsageError: the other run has no optimum of these stages that holds, or flies other passings.
@@ -119,22 +121,28 @@ def start_from(
         obstacles.append((optimum.stage, obstacle))
     else:
         return None, _remark(another, obstacles, "the start is from scratch")
-    stage = optimum.stage
-    session.progress.stage_started(stage)
-    continuation.preload(stage, session.service)
+    session.progress.stage_started(optimum.stage)
+    continuation.preload(optimum.stage, session.service)
+    stored = (optimum, *(one for one in optimum.alternatives if not _obstacle(continuation, one)))
     with session.search_in_background(continuation.search_around(optimum)) as search:
-        continued = _from_optimum(continuation, session, optimum, another.name)
+        main, *others = (_from_optimum(continuation, session, one, another.name) for one in stored)
         around = search.result()
-    if isinstance(continued, StageResult):
-        remark = _remark(another, obstacles, f"the start is its {stage.value}")
-        if around is None or not around.phases:
-            return continued, remark
-        other = _on_other_route(continuation, session, continued, around, another.name)
-        if other is None or other.trajectory.race_time >= continued.trajectory.race_time:
-            return replace(continued, attempts=tuple(session.attempts), timings=session.timings()), remark
-        faster = f"{another.name}: another route has become the faster one: {around.text}"
-        return other, "; ".join(text for text in (remark, faster) if text)
-    obstacles.append((stage, continued))
+    flights = [one for one in (main, *others) if isinstance(one, StageResult)]
+    faster, what = None, f"its {optimum.stage.value}"
+    if isinstance(main, str):
+        obstacles.append((optimum.stage, main))
+        what = "an alternative of that"
+    elif around is not None and around.phases:
+        faster = _on_other_route(continuation, session, main, around, another.name)
+        flights += [faster] if faster else []
+    if flights:
+        best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
+        kept, log = tuple(slower[: len(optimum.alternatives)]), tuple(session.attempts)
+        remark = _remark(another, obstacles, f"the start is {what}")
+        if best is not main and not isinstance(main, str):
+            route = around.text if around and best is faster else "an alternative of the stored one"
+            remark = "; ".join([*filter(None, [remark]), f"{another.name}: another route has become faster: {route}"])
+        return replace(best, alternatives=kept, attempts=log, timings=session.timings()), remark
     if around is not None:
         point_mass = continuation.refine_route(around.best, session)
         if point_mass.holds:

@@ -264,7 +264,7 @@ def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResu
 
 def test_run_started_from_a_flight_the_wrong_way_round_has_the_optimum_that_it_has_from_scratch() -> None:
     result = started(optimum(SLALOM, OFF), QUICK)
-    assert result.remarks.startswith("calm.h5: another route has become the faster one: ")
+    assert result.remarks.startswith("calm.h5: another route has become faster: ")
     assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
 
 
@@ -282,11 +282,12 @@ def test_faster_route_is_put_into_a_flight_of_higher_fidelity() -> None:
 def test_flight_that_leads_nowhere_is_followed_by_what_the_point_mass_makes_of_it_and_not_by_another_search(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    stored, scratch = optimum(SLALOM), optimum(WINDY)
     monkeypatch.setattr(restart, "ITERATIONS_MAX", 1)  # not enough to lead anywhere
     monkeypatch.delattr(FidelityContinuation, "_search_routes")
-    result = started(optimum(SLALOM), QUICK)
+    result = started(stored, QUICK)
     assert result.remarks.endswith("so the start is what the point mass makes of it")
-    assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
+    assert result.trajectory.race_time == pytest.approx(scratch.trajectory.race_time, abs=SAME)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -327,6 +328,15 @@ def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
         pytest.raises(ZeroDivisionError),
     ):
         search.result()
+
+
+def test_alternative_that_has_become_the_fastest_changes_places_with_the_stored_flight() -> None:
+    """As one that is slower from the beginning has."""
+    result = started(dataclasses.replace(optimum(SLALOM, OFF), alternatives=(optimum(SLALOM),)), OFF)
+    assert result.remarks.endswith("another route has become faster: an alternative of the stored one")
+    assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
+    (slower,) = result.alternatives
+    assert slower.trajectory.race_time > result.trajectory.race_time + 5.0
 
 
 def test_without_exploring_a_start_is_taken_as_it_is() -> None:
