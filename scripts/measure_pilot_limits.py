@@ -15,7 +15,7 @@ COLUMNS = {
     "race": {"rules.pilot": "race"},
     "display": {"rules.pilot": "display"},
     "load factor near the ground": {"rules.pilot.n_z_min_low": 0.0},
-    "load factor at the ends": {"rules.pilot.n_z_min_ends": 0.5},
+    "load factor at the ends": {"rules.pilot.n_z_min_ends": 0.25},
     "onset at gates": {"rules.pilot.gate_onset_max_g_s": 10.0},
     "roll rate at gates": {"rules.pilot.gate_roll_rate_max_deg_s": 90.0},
     "steady turn at the start": {"rules.pilot.steady_turn": "start"},

@@ -69,7 +69,8 @@ LOW_HEIGHT = 50.0
 #   second" to stop a roll there (P. McLeod, airrace.redbull.com, What it takes). At 90 and 45 deg/s an error of 0.05 s
 #   is 4.5 and 2.3 deg of bank. The aircraft rolls at 420 deg/s (the same page).
 # - least load factors: -1 g is discomfort (FAA-AM-72-28, table of tolerances), so a race pilot does not push below
-#   weightlessness near the ground; a display pilot keeps half of the weight.
+#   weightlessness near the ground; a display pilot keeps half of the weight. Over the ends it is no number that a
+#   steady turn asks for as well, or nobody could tell what each of the two limits costs.
 # - onset: 10 g/s is from level flight to the 10 g of the race in 0.9 s; 5 g/s is half of it.
 PRESETS = {
     "none": PilotEntry(),
@@ -77,7 +78,7 @@ PRESETS = {
         preset="race",
         n_z_min_low=0.0,
         low_height_m=LOW_HEIGHT,
-        n_z_min_ends=0.5,
+        n_z_min_ends=0.25,
         gate_onset_max_g_s=10.0,
         gate_roll_rate_max_deg_s=90.0,
         steady_turn="start",
@@ -87,7 +88,7 @@ PRESETS = {
         preset="display",
         n_z_min_low=0.5,
         low_height_m=LOW_HEIGHT,
-        n_z_min_ends=0.5,
+        n_z_min_ends=0.75,
         gate_onset_max_g_s=5.0,
         gate_roll_rate_max_deg_s=45.0,
         steady_turn="both",
