@@ -14,6 +14,7 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
+from enum import Enum
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results.flight import Basis, Flight
 from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
-from airrace.track.course import Rules
+from airrace.track.course import PilotLimits, Rules
 from airrace.trajectory import Array
 
 DIFFERENCES_MAX = 4
@@ -161,10 +162,12 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
         yield "wind", _wind(reference.air), _wind(other.air)
     if replace(reference.air, wind=None) != replace(other.air, wind=None):
         yield "air of the day", _day(reference.air), _day(other.air)
-    for field in fields(Rules):
-        first, second = (getattr(flight.course.rules, field.name) for flight in (reference, other))
-        if first != second:
-            yield f"rules: {field.name}", _bounds_text(first), _bounds_text(second)
+    rules, others = reference.course.rules, other.course.rules
+    for kind, mine, its in ((Rules, rules, others), (PilotLimits, rules.pilot, others.pilot)):
+        for field in fields(kind):
+            first, second = getattr(mine, field.name), getattr(its, field.name)
+            if first != second and not isinstance(first, PilotLimits):
+                yield f"rules: {field.name}", _rule_text(first), _rule_text(second)
     for what, here, there in (
         ("safety lines", reference.course.safety_lines, other.course.safety_lines),
         ("people", reference.course.crowd, other.course.crowd),
@@ -190,8 +193,16 @@ def _day(air: Air) -> str:
     return f"{air.temperature_offset:+.1f} K and {air.pressure_offset / 100.0:+.1f} hPa from the standard{thermals}"
 
 
-def _bounds_text(value: Interval | float) -> str:
-    return f"{value.lower:g} to {value.upper:g}" if isinstance(value, Interval) else f"{value:g}"
+def _rule_text(value: Interval | Enum | float) -> str:
+    match value:
+        case Interval():
+            return f"{value.lower:g} to {value.upper:g}"
+        case Enum():
+            return str(value.value)
+        case bool():
+            return "yes" if value else "no"
+        case _:
+            return f"{value:g}"
 
 
 NAMES_MAX = 3

@@ -23,6 +23,7 @@ from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.procedure import results_api
 from airrace.procedure.result import Status
+from airrace.quantities import Interval
 from airrace.report.flight_page import flight_page, legs_section
 from airrace.results import Basis, Flight, laps_of, legs_of
 from airrace.results.clearances import Clearance, distances, least, near_misses
@@ -30,7 +31,7 @@ from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Source, TimedCrossing
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.json_objects import comparison_object, legs_object
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import ClearanceRule, Crowd, CrowdShape, PilotLimits, SafetyLine, StartSpeed
 from airrace.track.element import PYLON_HEIGHT
 from airrace.track.polygons import Point
 
@@ -408,6 +409,22 @@ def test_conditions_that_differ_are_told() -> None:
     assert list(conditions(flight, other)) == [("safety lines", "none", "beach"), ("people", "none", "stands")]
     moved = replace(other, race=replace(other.race, course=replace(course, crowd=(replace(crowd, distance=40.0),))))
     assert list(conditions(other, moved)) == [("people", "stands", "stands otherwise")]
+
+
+def test_every_rule_that_differs_is_told_in_words() -> None:
+    flight = half_cuban().flight()
+    pilot = PilotLimits(n_z_low=0.5, steady_start=True)
+    rules = replace(flight.course.rules, pilot=pilot, n_z=Interval(-1.0, 9.0), p=3.0)
+    rules = replace(rules, clearance=ClearanceRule.FLIGHT, start_speed=StartSpeed.TRUE)
+    other = replace(flight, race=replace(flight.race, course=replace(flight.course, rules=rules)))
+    told = {what: (first, second) for what, first, second in conditions(flight, other)}
+    assert told["rules: clearance"] == ("crossing", "flight")
+    assert told["rules: start_speed"] == ("ground", "true")
+    assert told["rules: n_z"] == ("-2 to 10", "-1 to 9")
+    assert told["rules: p"] == ("inf", "3")
+    assert told["rules: n_z_low"] == ("-inf", "0.5")
+    assert told["rules: steady_start"] == ("no", "yes")
+    assert len(told) == 6
 
 
 @pytest.mark.parametrize(
