@@ -238,6 +238,7 @@ def test_nothing_flies_on_when_the_parent_is_killed(cluster: Cluster, tmp_path: 
     wait_until_gone(*log.processes())
 
 
+@pytest.mark.slow  # on one machine it goes on by the same loop
 def test_an_interrupted_batch_goes_on_later(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     arguments = ("--sweep", "notes=fine,hang-once", "--json")
     with started(cluster, tmp_path, log, *arguments) as running:

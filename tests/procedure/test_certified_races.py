@@ -167,7 +167,7 @@ def test_a_gate_that_is_passed_again_at_once_is_come_back_to() -> None:
     assert again.trajectory.race_time > flown(300.0, 600.0).trajectory.race_time + 2.0
 
 
-@pytest.mark.parametrize("turned", [0.0, 60.0])
+@pytest.mark.parametrize("turned", [pytest.param(0.0, marks=pytest.mark.slow), 60.0])
 def test_one_height_alone_can_be_kept(turned: float) -> None:
     """Straight on and in a turn."""
     kept = dataclasses.replace(RULES, height=Interval.exactly(HEIGHT))
