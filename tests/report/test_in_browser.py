@@ -48,7 +48,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     one.run(
         """() => addEventListener('beforeprint', () => {
           window.pictures = [...document.querySelectorAll('#pictures img')].map(one => one.src.length);
-          window.valid_results = document.querySelector('#pictures').innerText;
+          window.printed = document.querySelector('#pictures').innerText;
         })"""
     )
     one.page.pdf(path=artefacts / "printed.pdf", format="A4", print_background=True)
@@ -56,10 +56,10 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     pictures = one.run("() => window.pictures")
     assert len(pictures) == 3
     assert min(pictures) > 10_000
-    told = one.run("() => window.valid_results")
-    assert re.search(r"above, \d+ m wide; the aircraft at 0\.00 s", told)
-    assert re.search(r"orbit, grid \d+ m; the aircraft at 0\.00 s", told)
-    assert re.search(r"Load factor from .*\d to \d+\.\d g", told)
+    printed = one.run("() => window.printed")
+    assert re.search(r"above, \d+ m wide; the aircraft at 0\.00 s", printed)
+    assert re.search(r"orbit, grid \d+ m; the aircraft at 0\.00 s", printed)
+    assert re.search(r"Load factor from .*\d to \d+\.\d g", printed)
     assert one.run("() => window.theme") == "light"
     assert one.run("() => document.documentElement.dataset.theme") == "dark"
     assert one.page.locator("#pictures img").count() == 0
@@ -109,7 +109,7 @@ def test_the_ghost_is_behind_by_what_the_comparison_says(laptop: Opened) -> None
         })""",
         times,
     )
-    assert laptop.run("() => airrace.strips.strips[0].valid_results.title") == "Difference of time"
+    assert laptop.run("() => airrace.strips.strips[0].quantity.title") == "Difference of time"
     # The strip shows milliseconds, at the sample before.
     assert read == pytest.approx(expected, abs=0.01)
 
@@ -202,7 +202,7 @@ def test_a_leg_alone_is_shown_in_the_strips(laptop: Opened) -> None:
 def test_every_strip_has_three_numbers_along_its_axis(laptop: Opened) -> None:
     """With fewer it cannot be read."""
     numbers = laptop.run(
-        "() => airrace.strips.strips.map(({ told, plot }) => [told.title, plot.axes[1]._values.length])"
+        "() => airrace.strips.strips.map(({ quantity, plot }) => [quantity.title, plot.axes[1]._values.length])"
     )
     assert [title for title, count in numbers if count < 3] == []
 

@@ -42,7 +42,7 @@ export class Controls {
       mark.textContent = marks[i];
     });
     // What stands before the ramp and behind it, on paper.
-    this.told = [`${scale.title} from ${marks[0]}`, ` to ${marks[2]} ${scale.unit}`];
+    this.legend = [`${scale.title} from ${marks[0]}`, ` to ${marks[2]} ${scale.unit}`];
     this.element.querySelector(".marks i").textContent = scale.unit;
   }
 

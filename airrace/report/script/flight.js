@@ -12,13 +12,13 @@ export function placed(north, east, height, target = new Vector3()) {
 }
 
 export class Flight {
-  constructor(told, number) {
+  constructor(flight, number) {
     this.number = number;
-    this.label = told.label;
-    this.aircraft = told.aircraft;
-    this.passings = told.passings;
-    this.time = numbersOf(told.time);
-    this.histories = new Map(Object.entries(told.histories).map(([name, text]) => [name, numbersOf(text)]));
+    this.label = flight.label;
+    this.aircraft = flight.aircraft;
+    this.passings = flight.passings;
+    this.time = numbersOf(flight.time);
+    this.histories = new Map(Object.entries(flight.histories).map(([name, text]) => [name, numbersOf(text)]));
     this.count = this.time.length;
     this.duration = this.time[this.count - 1];
     this.visible = true;

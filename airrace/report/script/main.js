@@ -11,17 +11,17 @@ import { linkFlights, linkTables, showReadings } from "./tables.js";
 import { Transport, watchKeys } from "./transport.js";
 
 function begin() {
-  const told = JSON.parse(document.getElementById("contents").textContent);
-  const flights = told.flights.map((one, number) => new Flight(one, number));
+  const contents = JSON.parse(document.getElementById("contents").textContent);
+  const flights = contents.flights.map((one, number) => new Flight(one, number));
   const [lead] = flights;
   const clock = new Clock(Math.max(...flights.map((one) => one.duration)));
   const [sceneElement, stripsElement, transportElement] = ["scene", "strips", "transport"].map((id) =>
     document.getElementById(id),
   );
-  const scene = sceneOrNone(sceneElement, told, flights, clock);
-  const strips = new Strips(stripsElement, told.strips, flights, clock, told.differences);
+  const scene = sceneOrNone(sceneElement, contents, flights, clock);
+  const strips = new Strips(stripsElement, contents.strips, flights, clock, contents.differences);
   const transport = new Transport(transportElement, lead, clock);
-  const controls = scene === null ? null : new Controls(sceneElement, scene, lead, told.colours);
+  const controls = scene === null ? null : new Controls(sceneElement, scene, lead, contents.colours);
   showReadings(sceneElement, lead, clock);
   linkTables(document.getElementById("tables"), lead, clock);
   linkFlights(document, flights, () => {
@@ -42,9 +42,9 @@ function begin() {
 }
 
 /** The scene, or null where the browser has no WebGL: the drawing of the course then stands in its place. */
-function sceneOrNone(element, told, flights, clock) {
+function sceneOrNone(element, contents, flights, clock) {
   try {
-    return new RaceScene(element, told.course, flights, clock);
+    return new RaceScene(element, contents.course, flights, clock);
   } catch (reason) {
     console.info(`no picture in space: ${reason.message}`);
     document.documentElement.classList.add("flat");

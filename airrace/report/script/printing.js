@@ -46,7 +46,7 @@ function keyOf(controls) {
   const ramp = document.createElement("i");
   ramp.style.background = controls.ramp;
   key.className = "key";
-  const [before, behind] = controls.told;
+  const [before, behind] = controls.legend;
   key.append(before, ramp, behind);
   return key;
 }

@@ -27,49 +27,49 @@ export class Strips {
   }
 
   /** One strip, or null where no flight has any of its histories. */
-  strip(told, values) {
+  strip(quantity, values) {
     const series = [];
-    for (const [place, line] of told.lines.entries())
+    for (const [place, line] of quantity.lines.entries())
       for (const flight of this.flights) {
         // Of the flights beside the first only the main line of each strip is shown.
         if (!flight.history(line.history) || (flight.number > 0 && place > 0)) continue;
         series.push({ ...line, flight, place, data: values(line, flight) });
       }
-    return series.length ? this.made(told, series) : null;
+    return series.length ? this.made(quantity, series) : null;
   }
 
   differenceStrip(differences) {
-    const told = { title: "Difference of time", unit: "s", digits: 3, limits: [{ value: 0, label: "" }], signed: true };
+    const quantity = { title: "Difference of time", unit: "s", digits: 3, limits: [{ value: 0, label: "" }], signed: true };
     const series = differences.map(({ flight, at }) => {
       const known = (time) => time <= this.flights[0].duration && Number.isFinite(at(time));
       const data = Array.from(this.grid, (time) => (known(time) ? at(time) : null));
       return { label: this.flights[flight].label, flight: this.flights[flight], place: 0, data };
     });
-    return this.made(told, series);
+    return this.made(quantity, series);
   }
 
-  made(told, series) {
+  made(quantity, series) {
     const figure = document.createElement("figure");
     figure.className = "strip";
     const head = document.createElement("figcaption");
     const title = document.createElement("b");
-    title.textContent = told.title;
+    title.textContent = quantity.title;
     const unit = document.createElement("i");
-    unit.textContent = told.unit;
+    unit.textContent = quantity.unit;
     head.append(title, unit);
     const values = series.map((one) => valueOf(head, one));
     figure.append(head);
     this.element.append(figure);
-    const plot = new uPlot(this.options(told, series), [this.grid, ...series.map((one) => one.data)], figure);
+    const plot = new uPlot(this.options(quantity, series), [this.grid, ...series.map((one) => one.data)], figure);
     const now = document.createElement("div");
     now.className = "now";
     plot.over.append(now);
     this.scrub(plot);
-    return { told, series, values, plot, now };
+    return { quantity, series, values, plot, now };
   }
 
-  options(told, series) {
-    const range = () => rangeOf(told, series.filter((one) => one.flight.visible));
+  options(quantity, series) {
+    const range = () => rangeOf(quantity, series.filter((one) => one.flight.visible));
     const axis = { stroke: () => themed("muted"), grid: { stroke: () => themed("rule"), width: 1 }, ticks: { show: false } };
     const font = `11px ${getComputedStyle(document.body).fontFamily}`;
     return {
@@ -81,10 +81,10 @@ export class Strips {
       scales: { x: { time: false, range: () => this.shown() }, y: { range } },
       axes: [
         { ...axis, font, size: 22, gap: 2, values: (_, ticks) => ticks.map((tick) => `${tick} s`) },
-        { ...axis, font, size: 46, gap: 4, space: 17, ...(told.wraps ? { splits: () => [-2, -1, 0, 1, 2].map((one) => (one * told.wraps) / 4) } : {}) },
+        { ...axis, font, size: 46, gap: 4, space: 17, ...(quantity.wraps ? { splits: () => [-2, -1, 0, 1, 2].map((one) => (one * quantity.wraps) / 4) } : {}) },
       ],
       series: [{}, ...series.map(lineOf)],
-      hooks: { drawClear: [(plot) => drawGates(plot, this.flights[0])], draw: [(plot) => drawLimits(plot, told.limits)] },
+      hooks: { drawClear: [(plot) => drawGates(plot, this.flights[0])], draw: [(plot) => drawLimits(plot, quantity.limits)] },
     };
   }
 
@@ -123,11 +123,11 @@ export class Strips {
       this.leg = leg;
       this.redraw();
     }
-    for (const { told, series, values, plot, now } of this.strips) {
+    for (const { quantity, series, values, plot, now } of this.strips) {
       now.style.transform = `translateX(${plot.valToPos(time, "x").toFixed(1)}px)`;
       series.forEach((one, i) => {
-        const value = one.history ? one.flight.value(one.history, time, told.wraps ?? 0) : (one.data[indexBefore(this.grid, time)] ?? NaN);
-        values[i].textContent = told.signed ? signed(value, told.digits) : written(value, told.digits);
+        const value = one.history ? one.flight.value(one.history, time, quantity.wraps ?? 0) : (one.data[indexBefore(this.grid, time)] ?? NaN);
+        values[i].textContent = quantity.signed ? signed(value, quantity.digits) : written(value, quantity.digits);
       });
     }
   }
@@ -173,8 +173,8 @@ function sampled(flight, history, grid, wraps) {
 }
 
 /** For every other flight its number, and a function from the first flight's time to the time lost until there, s. */
-function differencesOf(told) {
-  return told.map(({ flight, time, difference }) => {
+function differencesOf(differences) {
+  return differences.map(({ flight, time, difference }) => {
     const [times, lost] = [numbersOf(time), numbersOf(difference)];
     return { flight, at: (now) => interpolated(times, lost, now) };
   });
@@ -212,14 +212,14 @@ function lineOf({ label, flight, place }) {
 }
 
 /** The extent of the data, and of the limits that are near it. */
-function rangeOf(told, series) {
-  if (told.wraps) return [-0.53 * told.wraps, 0.53 * told.wraps];
+function rangeOf(quantity, series) {
+  if (quantity.wraps) return [-0.53 * quantity.wraps, 0.53 * quantity.wraps];
   const [least, largest] = extent(series.flatMap((one) => extent(one.data.filter((value) => value !== null)) ?? [])) ?? [0, 1];
-  const reach = Math.max(largest - least, told.least ?? 1e-3);
+  const reach = Math.max(largest - least, quantity.least ?? 1e-3);
   const isNear = (value) => value > least - NEAR * reach && value < largest + NEAR * reach;
-  const near = told.limits.map(({ value }) => value).filter(isNear);
+  const near = quantity.limits.map(({ value }) => value).filter(isNear);
   const [low, high] = extent([least, largest, ...near]);
-  const lacking = Math.max((told.least ?? 1e-3) - (high - low), 0);
+  const lacking = Math.max((quantity.least ?? 1e-3) - (high - low), 0);
   const margin = 0.5 * lacking + 0.08 * (high - low + lacking);
   return [low - margin, high + margin];
 }
