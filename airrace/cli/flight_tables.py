@@ -69,9 +69,6 @@ _PASSINGS = (
 )
 
 
-KEY_MAX = 36
-"""The longest key that stays on one line where lines are folded, characters."""
-
 _STORED = (
     *("key", "group", "unit", "value", "s_per_unit", "s_per_unit_up", "s_per_unit_down"),
     *("usual_step", "step_up_s", "step_down_s", "activity", "note"),
@@ -112,7 +109,7 @@ def sensitivities_text(result: StageResult, sensitivities: Sequence[Sensitivity]
         if one.activity is Activity.ONE_SIDED:
             key += "*"
             sided.append(f"{one.key}: {_cost(one.cost_up)}, {_cost(one.cost_down)} ms ({one.note})")
-        if folds and len(key) > KEY_MAX:  # on two lines, cut after a dot
+        if folds and len(key) > 36:  # on two lines, cut after a dot
             section, dot, name = key.rpartition(".")
             key = f"{section}{dot}\n  {name}"
         step = f"{one.usual_step:.3g}{unit}"

@@ -29,8 +29,6 @@ DM: Callable[..., Any] = ca.DM
 
 FOLLOWER = 50.0
 """The rate constant with which commands and deflections, which are states, follow their wanted values, 1/s."""
-THROTTLE = 4.0
-"""The rate constant with which an error of the throttle is corrected, 1/s."""
 
 Named = dict[str, Scalar]
 
@@ -96,7 +94,7 @@ class Plant:
         # At least 0.05 g per full travel, so that no error is divided by zero.
         effect = maximum(jacobian(self.load.n_x, x["delta_T"]), 0.05)
         wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
-        rate = command.delta_T_dot + THROTTLE * (wanted - x["delta_T"])
+        rate = command.delta_T_dot + 4.0 * (wanted - x["delta_T"])  # 1/s
         throttle = ca.SX.sym("delta_T_cmd")
         followed = self.motion(x, {"delta_T_cmd": throttle})[0]["delta_T"]
         slope = jacobian(followed, throttle)

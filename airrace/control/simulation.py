@@ -39,8 +39,6 @@ Rovinj, Abu Dhabi, Chiba and the half Cuban eight took 426 thousand iterations t
 """
 SPACING = 0.01
 """The spacing at which the reference is tabulated, s."""
-CHUNK = 200
-"""The number of steps in one call."""
 LOST = 500.0
 """The distance from the reference beyond which a simulation has departed and is ended, m."""
 K_COUNTER = 1.0
@@ -212,7 +210,7 @@ def _simulate(simulator: TrackingSimulator, reference: Reference) -> _Simulated:
     n_x, n_u = len(system.states), len(system.controls)
     y = ca.MX.sym("y", n_x + 1)  # (x, s)
     after: Any = simulator.advance(y, lookup(y[-1]), lookup(y[-1] + step))  # Any: the stub does not know of two outputs
-    advance = ca.Function("step", [y], list(after)).mapaccum("flight", CHUNK)
+    advance = ca.Function("step", [y], list(after)).mapaccum("flight", 200)  # steps in one call
     begin = trimmed_states(system, simulator.inner, at(reference, np.zeros(1))).ravel()
     now = np.append(begin, 0.0)
     before: list[Array] = []

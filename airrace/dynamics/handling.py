@@ -18,12 +18,6 @@ from airrace.dynamics.state_space_inversion import GAINS, solve
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.quantities import Interval
 
-LEAST_INDEPENDENCE = 1e-3
-"""The least determinant of the moments due to ailerons and rudder, as a part of the product of their own moments (1).
-
-Below it their effects cannot be distinguished.
-"""
-
 Fault = tuple[str, str, str]
 """A fault: group and key of the aircraft file that is to blame, and what is wrong."""
 
@@ -68,7 +62,8 @@ def _elevator_faults(aircraft: Aircraft) -> Iterator[Fault]:
 def _lateral_faults(aircraft: Aircraft) -> Iterator[Fault]:
     roll, yaw = aircraft.roll, aircraft.yaw
     own = roll.C_lxi * yaw.C_nzeta
-    if own - roll.C_lzeta * yaw.C_nxi <= LEAST_INDEPENDENCE * own:
+    # Below it the effects of ailerons and rudder cannot be distinguished.
+    if own - roll.C_lzeta * yaw.C_nxi <= 1e-3 * own:
         yield (
             "yaw",
             "C_nzeta",

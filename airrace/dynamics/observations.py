@@ -54,8 +54,6 @@ VERTICAL = 1e-3
 """The angle from the vertical (rad) within which the climb angle is rounded off, for it has an edge there."""
 CLIP_WIDTH = 0.02
 """The width of the smooth clip, as a part of the required distance (1)."""
-LEAST_DISTANCE = 0.1
-"""The distance (m) that the widths are relative to where a crowd may be approached more closely than that."""
 TINY = 1e-6
 """A length (m) that keeps the distance from an edge differentiable on the edge."""
 
@@ -322,7 +320,7 @@ def crowd_values(crowd: Crowd) -> tuple[float, ...]:
     if crowd.shape is CrowdShape.AREA and area(corners) < 0.0:
         corners.reverse()
     places = (one for corner in corners for one in (corner.north, corner.east))
-    return (crowd.height, max(crowd.distance, LEAST_DISTANCE), *places)
+    return (crowd.height, max(crowd.distance, 0.1), *places)  # widths are relative to it
 
 
 def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: bool) -> Observation:

@@ -92,10 +92,6 @@ def _operand(term: Term) -> Element:
     return element("value", text=repr(float(term)))  # repr gives a number that reads back exactly
 
 
-FLAT_RADIUS = 1e9
-"""The radius of the flat planet, m; positions of 1e9 m still resolve 1e-7 m, and gravity falls by 2e-6 over 1000 m."""
-
-
 @record
 class Planet:
     """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) of the flights."""
@@ -138,7 +134,8 @@ def write_model(folder: Path, aircraft: InnerLoopParameters[float], planet: Plan
 
 
 def _flat_planet(planet: Planet) -> Element:
-    radius, gravity = FLAT_RADIUS / FOOT, g0 / FOOT
+    # A radius of 1e9 m is flat: positions still resolve 1e-7 m, and gravity falls by 2e-6 over 1000 m.
+    radius, gravity = 1e9 / FOOT, g0 / FOOT
     return element(
         "planet",
         _quantity("semimajor_axis", radius, "FT"),

@@ -35,8 +35,6 @@ ACCELERATIONS = (
 """The names and units of the accelerations that are zero at a settled start or finish."""
 SETTLED = 1e-6
 """The largest value of a quantity that is at rest at a settled start or finish, in its SI unit."""
-MOMENT = 0.05
-"""The time in which the excess of a load factor's rate may add up to the allowed excess of the load factor, s."""
 
 
 @record
@@ -107,7 +105,8 @@ def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
     """
     return (
         Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
-        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, SETTLED),
+        # In 0.05 s the excess of the rate may add up to that of the load factor.
+        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / 0.05, SETTLED),
         Tolerance("length", ("m",), limits.length, limits.gate_length),
         Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
         Tolerance("angular_rate", ("rad/s",), limits.angle, SETTLED),

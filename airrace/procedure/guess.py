@@ -23,8 +23,6 @@ from airrace.trajectory import Array
 
 SMOOTHING = 0.25
 """The time of flight to either side over which the curvature is averaged, s."""
-COUNT_MAX = 120
-"""The largest number of intervals in a phase of a first mesh; where that is too coarse, the mesh is refined."""
 LONG_RACE = 300.0
 """The planned duration up to which a first mesh has intervals of the length that the settings name, s.
 
@@ -80,7 +78,8 @@ def counts_of(seconds: Sequence[float], settings: MeshSettings, stretched: float
     """Return the numbers of intervals, longer by a factor, that phases of some durations (s) begin with."""
     interval = stretched * settings.interval
     counts = [max(settings.intervals_min, math.ceil(s / interval)) for s in seconds]
-    return [min(COUNT_STEP * math.ceil(count / COUNT_STEP), COUNT_MAX) for count in counts]
+    # Where that is too coarse, the mesh is refined.
+    return [min(COUNT_STEP * math.ceil(count / COUNT_STEP), 120) for count in counts]
 
 
 def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:

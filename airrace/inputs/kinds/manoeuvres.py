@@ -16,8 +16,6 @@ from airrace.quantities import Interval
 from airrace.track.course import Roll, Turning
 from airrace.track.gates import INVERTED, Manoeuvre
 
-VERTICAL_DEG = 89.0
-"""The steepest climb angle, degrees, at which a path still has a course and a bank angle to speak of."""
 STEEP_DEG = 45.0
 """The least climb angle, degrees, of a line for a vertical roll."""
 
@@ -62,7 +60,8 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
             reporter.key(
                 path, "a manoeuvre needs at least one condition: climb_deg, bank_deg, inverted, heading_deg, ..."
             )
-        if self.climb_deg is not None and abs(self.climb_deg) > VERTICAL_DEG:
+        # A steeper path has no course and no bank to speak of.
+        if self.climb_deg is not None and abs(self.climb_deg) > 89.0:
             for key in ("bank_deg", "inverted", "heading_deg"):
                 if reporter.find((*path, key)) is not None:
                     reporter.value((*path, key), "has no meaning on a vertical line; leave it out")

@@ -22,8 +22,6 @@ from airrace.records import record
 
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)
 """A feasible flight is enough."""
-CLAIM_ITERATIONS_MAX = 300
-"""The iterations in which a solver may claim that there is no flight; IPOPT took 90 to 260 where it did."""
 REACH = 2
 """The number of legs before and after the infeasible one in a window."""
 POSITION = ("along", "right", "height", "x", "y", "z")
@@ -67,7 +65,7 @@ def find_local_infeasibility(
     if not primary_only and not others:
         return None
     worst = ""
-    options = dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX)
+    options = dataclasses.replace(OPTIONS, iterations_max=300)  # IPOPT took 90 to 260 where it claimed so
     for solver in (primary,) if primary_only else (primary, *others):
         for guess in guesses:
             window, start, _ = _window(problem, phase, guess)
