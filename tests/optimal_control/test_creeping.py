@@ -157,16 +157,49 @@ def test_ipopt_goes_on_where_steps_lead_nowhere(missing: str, monkeypatch: pytes
     assert solution.objective == pytest.approx(expected.objective, abs=1e-6)
 
 
-def test_steps_go_on_where_a_solve_with_known_multipliers_has_no_iterations_left() -> None:
+NOTHING = Multipliers(np.zeros(LAYOUT.constraints), np.zeros(LAYOUT.unknowns))
+
+
+def optimum_with_known_multipliers() -> Solution:
+    prepared = PreparedProblem(LAYOUT, KERNELS, "fatrop", replace(OPTIONS, barrier=1e-2))
+    return prepared.solve(LAYOUT, random_iterate(PROBLEM, 1), NOTHING)
+
+
+def test_a_solve_with_known_multipliers_is_handed_over_early(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = optimum()
-    prepared = PreparedProblem(LAYOUT, KERNELS, "fatrop", replace(OPTIONS, iterations_max=14, barrier=1e-2))
-    nothing = Multipliers(np.zeros(LAYOUT.constraints), np.zeros(LAYOUT.unknowns))
-    solution = prepared.solve(LAYOUT, random_iterate(PROBLEM, 1), nothing)
+    reached: list[FatropResult] = []
+    found: list[SolverResult] = []
+    recorded(monkeypatch, FatropSolver, [], reached)
+    recorded(monkeypatch, PredictorCorrector, [], found)
+    solution = optimum_with_known_multipliers()
+    assert [one.ending for one in reached] == [Ending.ITERATION_LIMIT]
     assert solution.success
-    assert "handed over by fatrop after 15 iterations" in solution.status
+    assert solution.iterations == reached[0].iterations + found[0].iterations
+    assert f"handed over by fatrop after {reached[0].iterations} iterations" in solution.status
     assert solution.objective == pytest.approx(expected.objective, abs=1e-6)
-    alone = prepared.solve(LAYOUT, random_iterate(PROBLEM, 1))
-    assert alone.ending is Ending.ITERATION_LIMIT  # without known multipliers that is the end
+
+
+def test_fatrop_goes_on_from_its_own_iterate_where_steps_lead_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = optimum()
+    monkeypatch.setattr(
+        predictor_corrector, "PARAMETERS", replace(predictor_corrector.PARAMETERS, iterations_max=0, nearly_optimal=0.0)
+    )
+    asked: list[Any] = []
+    reached: list[FatropResult] = []
+    recorded(monkeypatch, FatropSolver, asked, reached)
+    solution = optimum_with_known_multipliers()
+    first, second = reached
+    assert first.ending is Ending.ITERATION_LIMIT
+    assert (asked[1][0] == first.w).all()
+    assert (asked[1][3] == np.concatenate([first.lam_g, first.lam_w])).all()
+    assert solution.success
+    assert solution.iterations == first.iterations + second.iterations < expected.iterations + 40
+    assert solution.objective == pytest.approx(expected.objective, abs=1e-6)
+
+
+def test_without_known_multipliers_the_last_iteration_is_the_end() -> None:
+    prepared = PreparedProblem(LAYOUT, KERNELS, "fatrop", replace(OPTIONS, iterations_max=14, barrier=1e-2))
+    assert prepared.solve(LAYOUT, random_iterate(PROBLEM, 1)).ending is Ending.ITERATION_LIMIT
 
 
 def unread(_: CreepingDetector, text: str) -> None:

@@ -88,7 +88,9 @@ class FatropSolver:
         self._options = dict(options)
         self._exact = exact
 
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None = None) -> FatropResult:
+    def solve(
+        self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None = None, **changed: float
+    ) -> FatropResult:
         """Solve from a guess.
 
         Args:
@@ -96,6 +98,7 @@ class FatropSolver:
             bounds: of unknowns and constraints.
             p: the parameters.
             multipliers: a guess of those of (g, w), shape (n_g + n_w,); None if nothing is known of them.
+            changed: options of this solve alone.
 
         Raises:
             SolverCrash: the library is not what it should be.
@@ -103,7 +106,7 @@ class FatropSolver:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        options, start = self._options, None
+        options, start = self._options | changed, None
         if multipliers is not None:
             self._functions.w[:] = guess
             self._functions.values()
