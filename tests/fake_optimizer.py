@@ -4,6 +4,7 @@ Run as a script it is `airrace` with this procedure in the place of the real one
 """
 
 import dataclasses
+import math
 import os
 import sys
 import time
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.errors import InputError, SolverCrash
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.planning.race import Race
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Stage, StageProvenance, StageResult, Status, Timings
@@ -53,6 +54,7 @@ def certificate(*, kkt_error: float = 1e-9) -> Certificate:
             Item("bank_between_nodes", 0.001, 0.0035, "rad", "phase 1"),
             Item("race_time_change", 0.001, 0.005, "s"),
         ),
+        SecondOrder(Curvature.POSITIVE, 1e-4, math.nan, "", "", 12, 3),
     )
 
 

@@ -15,7 +15,7 @@
     first_node, durations
     constraint_multipliers, bound_multipliers
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
-    certificate/solver_status, items   (absent where the stage is not certified by design)
+    certificate/solver_status, items, second_order   (absent where the stage is not certified by design)
     splits, attempts, timings, provenance    tables, SI and radians
     search/routes, loops, summary         tables: other routes that were tried
     suggested_changes                   table: what would resolve conflicts of limits; only where there are any
@@ -33,7 +33,7 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.group_reader import GroupReader, ensure_possible
 from airrace.checkpoint.hdf5 import Attribute, Group, Node, Series, StoredTable, table_of
 from airrace.errors import CheckpointError
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import (
     OUTCOMES,
     Attempt,
@@ -55,7 +55,7 @@ from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 5
+SCHEMA = 6
 """The version of this layout; a reader refuses every other."""
 CONTENT = "content"
 """The attribute that tells files of another kind from runs, which have none."""
@@ -76,6 +76,34 @@ class NoteRow:
 
     kind: str
     text: str
+
+
+@record
+class SecondOrderRow:
+    """The one row that says what the curvature tells, see `SecondOrder`; `curvature` is the value of a `Curvature`."""
+
+    curvature: str
+    threshold: float
+    least: float
+    phase: str
+    quantity: str
+    active: int
+    weakly_active: int
+
+    @classmethod
+    def of(cls, one: SecondOrder) -> "SecondOrderRow":
+        """Return the row of a verdict."""
+        where = one.phase, one.quantity
+        return cls(one.curvature.value, one.threshold, one.least, *where, one.active, one.weakly_active)
+
+    def verdict(self) -> SecondOrder:
+        """Return the verdict of the row.
+
+        Raises:
+            ValueError: the curvature is of an unknown kind.
+        """
+        kind, where = Curvature(self.curvature), (self.phase, self.quantity)
+        return SecondOrder(kind, self.threshold, self.least, *where, self.active, self.weakly_active)
 
 
 @record
@@ -173,8 +201,14 @@ def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
     if result.suggested_changes:
         members["suggested_changes"] = table_of(SuggestedChange, result.suggested_changes)
     if result.certificate is not None:
-        items = table_of(Item, result.certificate.items)
-        members["certificate"] = Group({"solver_status": result.certificate.solver_status, "items": items})
+        items, judged = table_of(Item, result.certificate.items), result.certificate.second_order
+        members["certificate"] = Group(
+            {
+                "solver_status": result.certificate.solver_status,
+                "items": items,
+                "second_order": table_of(SecondOrderRow, [] if judged is None else [SecondOrderRow.of(judged)]),
+            }
+        )
     return members
 
 
@@ -278,8 +312,7 @@ def _decode_result(place: GroupReader, stage: Stage) -> StageResult:
         raise CheckpointError(f"{place.path}/notes: {str(error)[:80]}") from error
     certificate = None
     if "certificate" in place.node.members:
-        group = place.group("certificate").expecting("solver_status", "items")
-        certificate = Certificate(group.text("solver_status"), group.rows("items", Item))
+        certificate = _decode_certificate(place.group("certificate"))
     search = place.group("search").expecting("routes", "loops", "summary")
     summary = search.row("summary", SearchSummary)
     result = StageResult(
@@ -322,6 +355,18 @@ def _decode_mesh(place: GroupReader, intervals: int) -> MeshRecord:
     if not np.isin(why, [reason.value for reason in RefinementReason]).all() or not np.isin(coarser, (0, 1)).all():
         raise CheckpointError(f"{place.path}: has unknown entries")
     return MeshRecord(why.astype(np.int8), coarser.astype(np.bool_), defect, drift)
+
+
+def _decode_certificate(place: GroupReader) -> Certificate:
+    place.expecting("solver_status", "items", "second_order")
+    try:
+        judged = [row.verdict() for row in place.rows("second_order", SecondOrderRow)]
+    except ValueError as error:
+        raise CheckpointError(f"{place.path}/second_order: {str(error)[:80]}") from error
+    if len(judged) > 1:
+        raise CheckpointError(f"{place.path}/second_order: has {len(judged)} rows")
+    items = place.rows("items", Item)
+    return Certificate(place.text("solver_status"), items, judged[0] if judged else None)
 
 
 def _decode_trajectory(place: GroupReader) -> Trajectory:

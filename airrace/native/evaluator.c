@@ -1,6 +1,7 @@
 /* Functions and steps of models at many intervals, LANES in a batch: gathered, evaluated, scattered. */
 #include "evaluator.h"
 
+#include "null_space.h"
 #include "products.h"
 #include "riccati.h"
 #include "step.h"
@@ -157,4 +158,5 @@ const struct evaluator VARIANT_NAME(evaluator) = {
     gemm_nt,
     gemv_n,
     gemv_t,
+    null_space_riccati,
 };

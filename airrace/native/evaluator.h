@@ -59,6 +59,11 @@ struct evaluator {
     void (*gemv_t)(
         int kmax, const double *alpha, int offset, const double *A, int width, const double *x, const double *beta,
         const double *y, double *z);
+    /* see null_space.c */
+    int (*null_space_riccati)(
+        int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
+        const unsigned char *kept, const double *weights, double shift, double *gains, double *costs, double *ahead,
+        int *free);
 };
 
 /* The variant of a name, or the widest that this processor executes; null where it does not execute that variant. */

@@ -58,6 +58,10 @@ class _Evaluator(ctypes.Structure):
             "gemv_t",
             ctypes.CFUNCTYPE(None, ctypes.c_int, _POINTER, ctypes.c_int, _POINTER, ctypes.c_int, *[_POINTER] * 4),
         ),
+        (
+            "null_space_riccati",
+            ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int] * 2, *[_POINTER] * 7, ctypes.c_double, *[_POINTER] * 4),
+        ),
     ]
 
 

@@ -4,11 +4,65 @@ A result is certified only if every item holds and one of them compares it with 
 """
 
 import math
+from enum import Enum
 
 from airrace.records import record
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
+
+
+class Curvature(Enum):
+    """The kind of a stationary point, by the least curvature along directions that keep the limits.
+
+    `SINGULAR` is within the threshold of zero, or hangs on limits that are weakly active: as far as can be told, there
+    are directions that cost nothing.
+    """
+
+    POSITIVE = "positive"
+    SINGULAR = "singular"
+    INDEFINITE = "indefinite"
+
+
+@record
+class SecondOrder:
+    """The verdict of the conditions of second order, see `second_order.py`.
+
+    Attributes:
+        curvature: the kind of point.
+        threshold: the curvature that counts as zero, in the objective's unit.
+        least: the curvature along a direction of little curvature, not always the very least; NaN where all is above
+            the threshold.
+        phase, quantity: the phase in which that direction begins, and what changes most, for people; empty without one.
+        active: number of limits that are kept as equalities, for their multipliers exceed their slacks.
+        weakly_active: number of limits of which multiplier and slack are within a factor of 100, kept or not.
+    """
+
+    curvature: Curvature
+    threshold: float
+    least: float
+    phase: str
+    quantity: str
+    active: int
+    weakly_active: int
+
+    @property
+    def where(self) -> str:
+        """The place of the direction, for people."""
+        return f"{self.phase}, {self.quantity}" if self.phase else ""
+
+    @property
+    def hangs_on_weak_limits(self) -> bool:
+        """Whether it is only singular because nobody knows whether the weakly active limits hold."""
+        return self.curvature is Curvature.SINGULAR and self.least < -self.threshold
+
+    def __str__(self) -> str:
+        """Return the verdict in a clause."""
+        weak = f"; {self.active} limits active, {self.weakly_active} weakly active or not" if self.weakly_active else ""
+        if self.curvature is Curvature.POSITIVE:
+            return f"positive, above {self.threshold:.1e} s{weak}"
+        within = f"{self.least:.1e} s along {self.quantity} in {self.phase}, with {self.threshold:.1e} s as zero"
+        return f"{self.curvature.value}, {within}{weak}"
 
 
 @record
@@ -37,10 +91,11 @@ class Item:
 
 @record
 class Certificate:
-    """All measured items of one result, and the solver's own words."""
+    """All measured items of one result, the solver's own words, and what the curvature tells where it is known."""
 
     solver_status: str
     items: tuple[Item, ...]
+    second_order: SecondOrder | None = None
 
     @property
     def holds(self) -> bool:

@@ -45,11 +45,13 @@ class Evaluation:
         self._calls = [_KernelEvaluation(calls, threads) for calls in assembly.calls]
         self._final = None if assembly.final is None else _FinalCostEvaluation(assembly.final)
         self._evaluated_at: Array | None = None
+        self._curved_at: tuple[float, Array] | None = None
+        self._curved: list[Array] = []
 
     def forget(self) -> None:
         """Forget what was evaluated, because parameters have changed."""
         self.seconds = 0.0
-        self._evaluated_at = None
+        self._evaluated_at = self._curved_at = None
         padded = np.append(self.p, 0.0)
         for calls in self._calls:
             calls.take_parameters(padded)
@@ -63,10 +65,12 @@ class Evaluation:
         self.seconds += time.perf_counter() - started
 
     def at(self, w: Array, p: Array) -> None:
-        """Evaluate the objective and the constraints at a point."""
+        """Evaluate the objective and the constraints at a point, unless they are already those of it."""
+        there = self._evaluated_at is not None and np.array_equal(self._evaluated_at, w) and np.array_equal(self.p, p)
         self.w[:], self.p[:] = w, p
-        self.forget()
-        self.values()
+        if not there:
+            self.forget()
+            self.values()
 
     def values(self) -> None:
         """Evaluate f and g, unless they are already those of the same unknowns."""
@@ -116,12 +120,18 @@ class Evaluation:
             return np.concatenate(blocks)
 
     def _hessian_blocks(self, unscaled: Array) -> list[Array]:
-        """Evaluate the gradient of the Lagrangian, and return the nonzeros of the kernels' Hessians."""
-        multipliers = np.append(self.lam_g, 0.0)
+        """Evaluate the gradient of the Lagrangian, and return the nonzeros of the kernels' Hessians, unless they are
+        already those of the same unknowns and multipliers."""
+        multipliers, at = np.append(self.lam_g, 0.0), np.concatenate([self.w, self.lam_g])
+        known = self._curved_at
+        if known is not None and known[0] == self.lam_f and np.array_equal(known[1], at):
+            return list(self._curved)
+        self._curved_at = None
         curved = [calls.hessians(unscaled, multipliers) for calls in self._calls]
         adjoint = self.assembly.adjoint.column(np.concatenate([*(gradient for gradient, _ in curved), self.lam_g]))
         self.gradient[:] = self.lam_f * self._objective_gradient(unscaled) + adjoint
-        return [nonzeros for _, nonzeros in curved]
+        self._curved, self._curved_at = [nonzeros for _, nonzeros in curved], (self.lam_f, at)
+        return list(self._curved)
 
     def _unscale(self) -> Array:
         return self.w * self.assembly.layout.scale

@@ -18,22 +18,28 @@ of D binds x alone: it is handed on to the stage before [Vanroye et al. 2023]. T
 by Cholesky's method, whose first pivot that is not positive gives a direction of that little curvature from that stage
 on. There is no division by any other pivot, so errors are those of Cholesky's method. Costs are linear in the number of
 stages.
+
+Where controls move a limited quantity through several lags, to keep it node by node is unstable: what the last of them
+can still do costs the more the longer it is kept. So directions of x that cost very much are handed on as rows, too.
 """
 
-from enum import Enum
-from typing import NamedTuple, TypeVar
+import ctypes
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.stage_matrices import StageMatrices
+from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -48,71 +54,35 @@ Number = TypeVar("Number", np.float64, np.bool_)
 
 RANK = 1e-6
 """The size of what is left of a row of length 1 below which it depends on others, or no u can keep it (1)."""
+STIFF = 1e6
+"""The cost of a change of the states by 1 from which on they are held, in the objective's unit.
+
+Of costs from 1e9 on, rounding alone exceeds what a change at a single stage costs; and to hold what costs 1e6 changes
+the curvature of nothing else by more than a millionth of the square of its slope.
+"""
 LIKELY = 100.0
 """The ratio of multiplier and slack, or of slack and multiplier, below which a limit is weakly active (1)."""
 RESOLUTION = 1e-8
 """The size of multipliers and slacks, scaled, below which nothing is known of them: as solvers leave them (1)."""
 
 
-class Curvature(Enum):
-    """The kind of a stationary point, by the least curvature along directions that keep the limits.
-
-    `SINGULAR` is within the threshold of zero, or hangs on limits that are weakly active: as far as can be told, there
-    are directions that cost nothing.
-    """
-
-    POSITIVE = "positive"
-    SINGULAR = "singular"
-    INDEFINITE = "indefinite"
-
-
-@record
-class SecondOrder:
-    """The verdict of the conditions of second order.
-
-    Attributes:
-        curvature: the kind of point.
-        threshold: the curvature that counts as zero, in the objective's unit.
-        least: the curvature along `direction`, which need not be the very least; NaN where all is above the threshold.
-        direction: of that little curvature, in scaled unknowns, the largest 1; zeros where there is none; shape (n_w,).
-        where: the phase in which the direction begins, and the quantity that changes most; empty where there is none.
-        active: number of limits that are kept as equalities, for their multipliers exceed their slacks.
-        weakly_active: number of limits of which multiplier and slack are within a factor of 100, kept or not.
-    """
-
-    curvature: Curvature
-    threshold: float
-    least: float
-    direction: Array
-    where: str
-    active: int
-    weakly_active: int
-
-    def __str__(self) -> str:
-        """Return the verdict in a clause."""
-        weak = f"; {self.weakly_active} limits weakly active" if self.weakly_active else ""
-        if self.curvature is Curvature.POSITIVE:
-            return f"positive, above {self.threshold:.1e}{weak}"
-        return f"{self.curvature.value}, {self.least:.1e} in {self.where}{weak}"
-
-
-def second_order(problem: Problem, iterate: Iterate, constraint_multipliers: Array) -> SecondOrder:
-    """Judge an optimum of a problem by its own functions, as `judge` does.
+def second_order(problem: Problem, iterate: Iterate, constraint_multipliers: Array) -> tuple[SecondOrder, Array] | None:
+    """Judge an optimum of a problem by its own functions; arguments besides as of `judge`.
 
     Args:
         problem: any.
         iterate: a point that satisfies the conditions of first order, SI.
         constraint_multipliers: of the scaled program, shape (n_g,).
-
-    Raises:
-        SolverCrash: the program could not be evaluated.
     """
     layout = Layout(problem)
     functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme)))
-    return judge(functions, layout.pack(iterate), layout.parameter_values(), constraint_multipliers)
+    matrices, p = StageMatrices(functions.assembly), layout.parameter_values()
+    return judge(functions, matrices, layout, layout.pack(iterate), p, constraint_multipliers)
 
 
-def judge(functions: Evaluation, w: Array, p: Array, lam_g: Array) -> SecondOrder:
+def judge(
+    functions: Evaluation, matrices: StageMatrices, layout: Layout, w: Array, p: Array, lam_g: Array
+) -> tuple[SecondOrder, Array] | None:
     """Judge a point that satisfies the conditions of first order.
 
     A limit is kept as an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
@@ -123,18 +93,23 @@ def judge(functions: Evaluation, w: Array, p: Array, lam_g: Array) -> SecondOrde
 
     Args:
         functions: of the program.
+        matrices: of its stages, written anew.
+        layout: with the bounds of the problem that was solved.
         w: scaled unknowns, shape (n_w,).
         p: the parameters.
         lam_g: multipliers of the constraints, shape (n_g,). Those of the simple bounds are what balances them.
 
+    Returns:
+        The verdict, and a direction of little curvature in scaled unknowns, the largest 1, zeros where there is none;
+        shape (n_w,). None where the derivatives are not finite.
+
     Raises:
         SolverCrash: the program could not be evaluated.
     """
-    layout = functions.assembly.layout
     functions.at(w, p)
     functions.lam_f, functions.lam_g[:] = 1.0, lam_g
-    matrices = StageMatrices(functions.assembly)
-    matrices.write(functions.jacobian_sources(), functions.hessian_sources())
+    if not matrices.write(functions.jacobian_sources(), functions.hessian_sources()):
+        return None
     rows, lam_x = layout.row_index, -functions.gradient
     sides = zip(layout.constraint_bounds(), layout.unknown_bounds(), strict=True)
     lower, upper = (np.concatenate([of_rows[rows], of_unknowns]) for of_rows, of_unknowns in sides)
@@ -144,27 +119,28 @@ def judge(functions: Evaluation, w: Array, p: Array, lam_g: Array) -> SecondOrde
     active = ~equal & (size > slack)
     vague = size + RESOLUTION, slack + RESOLUTION
     weak = ~equal & (vague[0] < LIKELY * vague[1]) & (vague[1] < LIKELY * vague[0])
-    form = stage_quadratic(matrices, equal | active, _shares(layout, w))
+    form = StageQuadratic.of(matrices, equal | active, _shares(layout, w))
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
     threshold = THRESHOLD * largest / MULTIPLIER_SCALE
-    reduced = ReducedQuadratic(form)
-    found, curvature = reduced.direction_below(threshold), Curvature.POSITIVE
+    found, curvature = direction_below(form, threshold), Curvature.POSITIVE
     if found is not None:
-        curvature = Curvature.SINGULAR
-        if reduced.direction_below(-threshold) is not None:
-            certain = stage_quadratic(matrices, equal | active | weak, form.weights)
-            negative = ReducedQuadratic(certain).direction_below(-threshold)
+        curvature, less = Curvature.SINGULAR, direction_below(form, -threshold)
+        if less is not None:
+            found = less
+            negative = direction_below(replace(form, kept=equal | active | weak), -threshold)
             if negative is not None and form.curvature(negative) < 0.0:  # measured, whatever was rounded on the way
                 curvature, found = Curvature.INDEFINITE, negative
-    return SecondOrder(
+    phase, quantity = ("", "") if found is None else _place(layout, found)
+    verdict = SecondOrder(
         curvature=curvature,
         threshold=threshold,
         least=np.nan if found is None else form.curvature(found),
-        direction=np.zeros(layout.unknowns) if found is None else _unit_maximum(found),
-        where="" if found is None else _place(layout, found),
+        phase=phase,
+        quantity=quantity,
         active=int(active.sum()),
         weakly_active=int(weak.sum()),
     )
+    return verdict, np.zeros(layout.unknowns) if found is None else found / found[np.abs(found).argmax()]
 
 
 def _shares(layout: Layout, w: Array) -> Array:
@@ -176,127 +152,152 @@ def _shares(layout: Layout, w: Array) -> Array:
     return np.append(shares, shares[-1])
 
 
-def _unit_maximum(direction: list[Array]) -> Array:
-    whole = np.concatenate(direction)
-    return whole / whole[np.abs(whole).argmax()]
-
-
-def _place(layout: Layout, direction: list[Array]) -> str:
-    """Return the phase in which a direction begins, and the quantity that it changes most, for people."""
+def _place(layout: Layout, direction: Array) -> tuple[str, str]:
+    """Return the phase in which a direction begins, and what it changes most, for people."""
     system = layout.problem.system
-    names = [*(one.name for one in system.states), "duration", *(one.name for one in system.controls), "next duration"]
-    begin = next(stage for stage, z in enumerate(direction) if z.any())
-    most = max(direction, key=lambda z: float(np.abs(z).max(initial=0.0)))
-    phase = layout.problem.phase_of(min(begin, layout.intervals - 1))
-    return f"{phase.name}, {names[int(np.abs(most).argmax())]}"
+    words = [one.text or one.name for one in (*system.states, *system.controls)]
+    names = [*words[: len(system.states)], "duration", *words[len(system.states) :], "next duration"]
+    stage_of, most = layout.stage_of_unknown, int(np.abs(direction).argmax())
+    begin = int(np.min(stage_of[direction != 0.0]))
+    place = int(np.sum(stage_of[:most] == stage_of[most]))
+    return layout.problem.phase_of(min(begin, layout.intervals - 1)).name, names[place]
 
 
 @record
 class StageQuadratic:
     """A quadratic form on directions of a program of N intervals; z_k = (x_k, u_k) has n_k entries, x_k m of them.
 
+    All but the weights lie as in `StageMatrices`.
+
     Attributes:
-        hessian: of each stage, N + 1 of shape (n_k, n_k).
-        dynamics: `x_next = F z` of each interval, N of shape (m, n_k).
-        rows: that are zero at each stage, N + 1 of shape (any number, n_k).
-        held: unknowns that are zero at each stage, N + 1 of shape (n_k,).
-        weights: of each stage in the norm of directions, shape (N + 1,).
-    """
-
-    hessian: list[Array]
-    dynamics: list[Array]
-    rows: list[Array]
-    held: list[NDArray[np.bool_]]
-    weights: Array
-
-    def curvature(self, direction: list[Array]) -> float:
-        """Return the curvature along a direction, given by stage."""
-        cost = sum(float(z @ H @ z) for z, H in zip(direction, self.hessian, strict=True))
-        return cost / sum(float(weight * (z @ z)) for z, weight in zip(direction, self.weights, strict=True))
-
-
-def stage_quadratic(matrices: StageMatrices, kept: NDArray[np.bool_], weights: Array) -> StageQuadratic:
-    """Return the quadratic form of a program's Lagrangian.
-
-    Args:
-        matrices: of the stages.
+        states: m.
+        sizes: n_k, shape (N + 1,).
+        hessian: of each stage, (n_k, n_k).
+        dynamics: `x_next = F z` of each interval, (m, n_k), column by column.
+        row_counts: number of rows of each stage, shape (N + 1,).
+        rows: of each stage, row by row.
         kept: which (rows, unknowns) are zero, shape (n_r + n_w,).
         weights: of each stage in the norm of directions, shape (N + 1,).
     """
-    sizes, m = matrices.sizes.astype(np.int64), matrices.states
-    hessian = [block.reshape(n, n) for block, n in zip(_blocks(matrices.hessian.doubles, sizes**2), sizes, strict=True)]
-    gaps, rows = np.split(matrices.constraints.doubles, [matrices.gap_size])
-    dynamics = [block.reshape(n, m).T for block, n in zip(_blocks(gaps, m * sizes[:-1]), sizes[:-1], strict=True)]
-    of_rows, held = np.split(kept, [matrices.rows])
-    counts = matrices.row_counts.astype(np.int64)
-    chosen = [
-        block.reshape(-1, n)[keep]
-        for block, n, keep in zip(_blocks(rows, counts * sizes), sizes, _blocks(of_rows, counts), strict=True)
-    ]
-    return StageQuadratic(hessian, dynamics, chosen, _blocks(held, sizes), weights)
+
+    states: int
+    sizes: NDArray[np.int32]
+    hessian: Array
+    dynamics: Array
+    row_counts: NDArray[np.int32]
+    rows: Array
+    kept: NDArray[np.bool_]
+    weights: Array
+
+    @classmethod
+    def of(cls, matrices: StageMatrices, kept: NDArray[np.bool_], weights: Array) -> "StageQuadratic":
+        """Return the form of a program's Lagrangian, which refers to the matrices."""
+        gaps, rows = np.split(matrices.constraints.doubles, [matrices.gap_size])
+        sizes, counts = matrices.sizes, matrices.row_counts
+        return cls(matrices.states, sizes, matrices.hessian.doubles, gaps, counts, rows, kept, weights)
+
+    def curvature(self, direction: Array) -> float:
+        """Return the curvature along a direction, shape (n_w,)."""
+        moved = [one for one in zip(_blocks(direction, self.sizes), self.hessians, strict=True) if one[0].any()]
+        cost = sum(float(z @ H @ z) for z, H in moved)
+        return cost / float(np.repeat(self.weights, self.sizes) @ direction**2)
+
+    @property
+    def hessians(self) -> list[Array]:
+        """H of each stage."""
+        sizes = self.sizes.astype(np.int64)
+        return [block.reshape(n, n) for block, n in zip(_blocks(self.hessian, sizes**2), sizes, strict=True)]
+
+    @property
+    def steps(self) -> list[Array]:
+        """F of each interval."""
+        sizes, m = self.sizes[:-1].astype(np.int64), self.states
+        return [block.reshape(n, m).T for block, n in zip(_blocks(self.dynamics, m * sizes), sizes, strict=True)]
 
 
-def _blocks(values: NDArray[Number], sizes: Indices) -> list[NDArray[Number]]:
+def direction_below(form: StageQuadratic, shift: float) -> Array | None:
+    """Return a direction of no more curvature than that, shape (n_w,); None where every one has more."""
+    native, rows = library(), int(form.row_counts.max()) + 2 * form.states
+    fits = int(form.sizes.max()) <= MOST_UNKNOWNS and rows <= 2 * MOST_UNKNOWNS
+    end = _native_recursion(native.evaluator, form, shift) if native and fits else _recursion(form, shift)
+    if end is None:
+        return None
+    stage, z, gains = end
+    direction: list[Array] = [*(np.zeros(n) for n in form.sizes[:stage]), z]
+    for F, gain in zip(form.steps[stage:], gains, strict=True):
+        direction.append(gain @ (F @ direction[-1]))
+    return np.concatenate(direction)
+
+
+class _Beginning(NamedTuple):
+    """Where a direction begins: the stage, its unknowns there, and the gains that lead from x to z behind it."""
+
+    stage: int
+    z: Array
+    gains: list[Array]
+
+
+def _native_recursion(native: Any, form: StageQuadratic, shift: float) -> _Beginning | None:  # Any: made by ctypes
+    m, sizes = form.states, form.sizes.astype(np.int64)
+    gains, costs, ahead = (np.empty(size) for size in (len(form.hessian), int(sizes.max()) ** 2, 2 * m * m))
+    given = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.kept, form.weights)
+    arrays, count = [np.ascontiguousarray(one) for one in given], ctypes.c_int()
+    found = (gains.ctypes.data, costs.ctypes.data, ahead.ctypes.data, ctypes.byref(count))
+    stage: int = native.null_space_riccati(len(sizes), m, *(one.ctypes.data for one in arrays), shift, *found)
+    n, blocks = count.value, _blocks(gains, sizes**2)
+    behind = [block[: size * m].reshape(size, m) for block, size in zip(blocks, sizes, strict=True)]
+    if stage >= 0:
+        basis = blocks[stage][: int(sizes[stage]) * n].reshape(-1, n)
+        return _Beginning(stage, basis @ _least_direction(costs[: n * n].reshape(n, n)), behind[stage + 1 :])
+    return _first(costs[: m * m].reshape(m, m), ahead[: n * m].reshape(n, m), behind)
+
+
+def _first(costs: Array, bound: Array, gains: list[Array]) -> _Beginning | None:
+    """Return where a direction begins at the first stage, whose states cost that much; None where none does."""
+    free = _null_space(bound)
+    reduced = free.T @ costs @ free
+    if len(reduced) == 0 or _cholesky(reduced) is not None:
+        return None
+    return _Beginning(0, gains[0] @ (free @ _least_direction(reduced)), gains[1:])
+
+
+def _recursion(form: StageQuadratic, shift: float) -> _Beginning | None:
+    """Do what `null_space.c` does."""
+    m, sizes = form.states, form.sizes.astype(np.int64)
+    counts = form.row_counts.astype(np.int64)
+    of_rows, of_unknowns = np.split(form.kept, [len(form.kept) - int(sizes.sum())])
+    hessians, steps = form.hessians, form.steps
+    rows, kept, held = _blocks(form.rows, counts * sizes), _blocks(of_rows, counts), _blocks(of_unknowns, sizes)
+    costs: Array = np.zeros((m, m))
+    ahead: Array = np.zeros((0, m))
+    gains: list[Array] = []  # the last stage first
+    for k in range(len(sizes) - 1, -1, -1):
+        n = int(sizes[k])
+        ends: Array = steps[k] if k < len(steps) else np.zeros((m, n))
+        own = rows[k].reshape(-1, n)[kept[k]]
+        T, ahead = _eliminate(np.concatenate([own, ahead @ ends]), held[k], m)
+        F: Array = ends @ T
+        M: Array = T.T @ hessians[k] @ T - shift * form.weights[k] * (T.T @ T) + F.T @ costs @ F
+        costs, free = M[:m, :m], M[m:, m:]
+        if len(free) == 0:
+            gains.append(T)
+            costs, ahead = _hold_stiff(costs, ahead)
+            continue
+        root = _cholesky(free)
+        if root is None:
+            return _Beginning(k, T[:, m:] @ _least_direction(free), gains[::-1])
+        half = np.linalg.solve(root, M[m:, :m])
+        costs = costs - half.T @ half
+        costs = 0.5 * (costs + costs.T)  # rounding that is not symmetric would grow from stage to stage
+        gains.append(T[:, :m] - T[:, m:] @ np.linalg.solve(root.T, half))
+        costs, ahead = _hold_stiff(costs, ahead)
+    return _first(costs, ahead, gains[::-1])
+
+
+def _blocks(values: NDArray[Number], sizes: Indices | NDArray[np.int32]) -> list[NDArray[Number]]:
     """Return blocks of these sizes that lie one behind the other."""
-    return np.split(values, np.cumsum(sizes)[:-1])
-
-
-class _ReducedStage(NamedTuple):
-    """A stage without the controls that rows determine: `z = T (x, v)`, v free; H, W and F in terms of (x, v)."""
-
-    T: Array
-    H: Array
-    W: Array
-    F: Array
-
-
-class ReducedQuadratic:
-    """A quadratic form on the directions that keep all gaps and rows."""
-
-    def __init__(self, form: StageQuadratic) -> None:
-        self._form = form
-        self._states = m = len(form.dynamics[0])
-        ahead = np.zeros((0, m))
-        self._stages: list[_ReducedStage] = []  # the last one first
-        for k in range(len(form.hessian) - 1, -1, -1):
-            H, held, rows = form.hessian[k], form.held[k], form.rows[k]
-            F = form.dynamics[k] if k < len(form.dynamics) else np.zeros((m, len(H)))
-            if len(ahead):
-                rows = np.concatenate([rows, ahead @ F])
-            T, ahead = _eliminate(rows, held, m)
-            self._stages.append(_ReducedStage(T, T.T @ H @ T, form.weights[k] * (T.T @ T), F @ T))
-        self._first = _null_space(ahead)
-
-    def direction_below(self, shift: float) -> list[Array] | None:
-        """Return a direction of no more curvature than that, by stage; None where every one has more."""
-        m, gains = self._states, list[Array]()  # gains lead from x to z, the last stage first
-        costs = np.zeros((m, m))  # P of what follows
-        for T, H, W, F in self._stages:
-            M = H - shift * W + F.T @ costs @ F
-            costs, free = M[:m, :m], M[m:, m:]
-            if len(free) == 0:
-                gains.append(T)
-                continue
-            root = _cholesky(free)
-            if root is None:
-                return self._roll_out(T[:, m:] @ _least_direction(free), gains)
-            half = np.linalg.solve(root, M[m:, :m])
-            costs = costs - half.T @ half
-            costs = 0.5 * (costs + costs.T)  # rounding that is not symmetric would grow from stage to stage
-            gains.append(T[:, :m] - T[:, m:] @ np.linalg.solve(root.T, half))
-        first = self._first.T @ costs @ self._first
-        if len(first) == 0 or _cholesky(first) is not None:
-            return None
-        return self._roll_out(gains.pop() @ self._first @ _least_direction(first), gains)
-
-    def _roll_out(self, z: Array, gains: list[Array]) -> list[Array]:
-        """Return the direction that begins with z before the stages of the gains, and goes on at least cost."""
-        form = self._form
-        begin = len(form.hessian) - 1 - len(gains)
-        direction = [np.zeros(len(one)) for one in form.hessian[:begin]] + [z]
-        for F, gain in zip(form.dynamics[begin:], reversed(gains), strict=True):
-            direction.append(gain @ (F @ direction[-1]))
-        return direction
+    ends = np.cumsum(sizes).tolist()
+    return [values[begin:end] for begin, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Array]:
@@ -308,7 +309,7 @@ def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Arr
         m: the number of states.
 
     Returns:
-        T of `z = T (x, v)` with free v, and orthonormal rows that bind x, which are handed on to the stage before.
+        T of `z = T (x, v)` with free v, and rows that bind x, which are handed on to the stage before.
     """
     free, n = m + np.flatnonzero(~held[m:]), len(held)
     states = np.eye(m)
@@ -327,6 +328,19 @@ def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Arr
     return T[:, : m + len(free) - rank], np.concatenate([bound, on_states[rank:]])
 
 
+def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
+    """Take the squares of changes of the states off the costs as long as one costs more than `STIFF`, and let these
+    changes be zero, as rows that are handed on."""
+    for _ in costs:
+        most = int(costs.diagonal().argmax())
+        if not costs[most, most] > STIFF:
+            break
+        change = costs[most] / np.sqrt(costs[most, most])
+        costs = costs - np.outer(change, change)
+        ahead = np.concatenate([ahead, change[None] / np.linalg.norm(change)])
+    return costs, ahead
+
+
 def _row_space(rows: Array) -> Array:
     """Return orthonormal rows that span the same; what is left of a row below `RANK` of it is left out."""
     lengths = np.sqrt((rows * rows).sum(axis=1))
@@ -339,8 +353,9 @@ def _row_space(rows: Array) -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis of the null space of orthonormal rows, as columns."""
-    return np.linalg.svd(rows, full_matrices=True)[2][len(rows) :].T
+    """Return an orthonormal basis of the null space of rows of length 1, as columns."""
+    _, S, Vt = np.linalg.svd(rows, full_matrices=True)
+    return Vt[int((S > RANK).sum()) :].T
 
 
 def _cholesky(matrix: Array) -> Array | None:

@@ -7,6 +7,9 @@ from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.sparse_assembly import Entries, Memory, StageAssembly, unique_rows
 from airrace.trajectory import Array
 
+MOST_UNKNOWNS = 64
+"""The largest number of unknowns of a stage for which the native library has room, `dense.h`."""
+
 
 class StageMatrices:
     """The matrices of a program (n_w unknowns, n_r rows, n_y gaps), which lie one behind the other.

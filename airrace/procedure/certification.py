@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints
 from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
@@ -72,6 +72,7 @@ def certify(
     claim: Item,
     status: str,
     kkt_error: float,
+    second_order: SecondOrder | None,
     coarser_race_time: float | None,
     clearance: Item | None = None,
 ) -> Certificate:
@@ -81,6 +82,7 @@ def certify(
         claim: what the solver says, as an item.
         status: its own words.
         kkt_error: of the conditions of optimality, scaled.
+        second_order: what the curvature tells; None where it could not be measured, which never holds.
         coarser_race_time: of the optimum on a mesh of at most half the intervals everywhere, s; NaN if none was found,
             which never holds; None if none was looked for, which leaves the item out.
         clearance: the item on the wing's distance from pylons; None leaves it out.
@@ -88,13 +90,22 @@ def certify(
     kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
     replayed, *between = evidence.check.items
     items = (
-        *(claim, kkt, replayed, _missed_gates(problem, iterate, limits), *between),
+        *(claim, kkt, negative_curvature(second_order), replayed, _missed_gates(problem, iterate, limits), *between),
         *(() if clearance is None else (clearance,)),
         _hamiltonian(problem, iterate, evidence.drift, limits),
         *_race_time_change(iterate, coarser_race_time, limits),
         *variations(problem, iterate, limits),
     )
-    return Certificate(status, items)
+    return Certificate(status, items, second_order)
+
+
+def negative_curvature(second_order: SecondOrder | None) -> Item:
+    """Return the item of the curvature by which an optimum is a saddle: nothing where it is none, NaN where unknown."""
+    if second_order is None:
+        return Item("negative_curvature", math.nan, 0.0, "s", "")
+    indefinite = second_order.curvature is Curvature.INDEFINITE
+    value, where = (-second_order.least, second_order.where) if indefinite else (0.0, "")
+    return Item("negative_curvature", value, second_order.threshold, "s", where)
 
 
 def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:

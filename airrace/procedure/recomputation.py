@@ -13,13 +13,15 @@ import numpy as np
 
 from airrace.errors import CheckpointError
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Item, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.refinement import Marks, restrict
+from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
@@ -71,6 +73,7 @@ class Measured:
         regularisation: its share of the objective, s.
         defect, drift: of every interval, see `MeshRecord`; shape (N,).
         items: of the certificate, but for what the solver says.
+        second_order: what the curvature tells; None where it is not finite.
     """
 
     trajectory: Trajectory
@@ -80,6 +83,7 @@ class Measured:
     defect: Array
     drift: Array
     items: tuple[Item, ...]
+    second_order: SecondOrder | None
 
 
 def recompute(
@@ -129,7 +133,7 @@ def _recomputed(race: Race, settings: Settings, result: StageResult, service: So
         trajectory=found.trajectory,
         splits=found.splits,
         bound_multipliers=found.bound_multipliers,
-        certificate=Certificate(status, (_claim(result.attempts, status), *found.items)),
+        certificate=Certificate(status, (_claim(result.attempts, status), *found.items), found.second_order),
         provenance=replace(result.provenance, regularisation=found.regularisation),
         mesh=replace(result.mesh, defect=found.defect, drift=found.drift),
     )
@@ -160,6 +164,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
     kernels = build_kernels(problem.system, problem.scheme)
     functions, w, p = Evaluation(Assembly(layout, kernels)), layout.pack(iterate), layout.parameter_values()
     error, bound_multipliers, _ = kkt_error(functions, layout, w, p, trusted.multipliers)
+    judged = judge(functions, StageMatrices(functions.assembly), layout, w, p, trusted.multipliers)
     evidence = examine(problem, iterate, trusted.multipliers, settings.certificate)
     certificate = certify(
         problem,
@@ -169,6 +174,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         claim=Item("solver", math.nan, 0.0),
         status="",
         kkt_error=error.largest,
+        second_order=None if judged is None else judged[0],
         coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
         clearance=clearance_item(flight, problem, iterate, evidence.replay, settings.certificate),
     )
@@ -181,6 +187,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         defect=evidence.check.defect,
         drift=evidence.drift,
         items=certificate.items[1:],
+        second_order=certificate.second_order,
     )
 
 

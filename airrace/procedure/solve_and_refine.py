@@ -170,6 +170,7 @@ class Refined:
             claim=Item("solver", 0.0, 0.0, "", solution.status),
             status=f"{solution.solver}: {solution.status}",
             kkt_error=solution.kkt.largest,
+            second_order=solution.second_order,
             coarser_race_time=without if coarser is None else coarser.race_time,
             clearance=clearance_item(
                 self.flight,

@@ -224,7 +224,10 @@ class SolverSession:
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
         near = multipliers is not None and barrier.near_optimum
         algorithm = "predictor-corrector" if near else "line-search"
-        options = SolverOptions(max(chosen.tolerance, rough), most, barrier.value, algorithm=algorithm)
+        judged = not (rough or passing)
+        options = SolverOptions(
+            max(chosen.tolerance, rough), most, barrier.value, algorithm=algorithm, curvature=judged
+        )
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers or self.solvers, options, multipliers):
             found = self.attempt(problem, guess, purpose, solver, allowed, known)
@@ -236,7 +239,7 @@ class SolverSession:
         if rough or passing or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
         tolerance = POLISH * chosen.tolerance
-        options = SolverOptions(tolerance, chosen.iterations_max, tolerance, exact=True)
+        options = SolverOptions(tolerance, chosen.iterations_max, tolerance, exact=True, curvature=True)
         closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
         better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
         return closer if better else solution

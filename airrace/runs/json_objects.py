@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.logs.violations import Violation
-from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, near_misses
@@ -133,6 +133,20 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
             }
             for item in certificate.items
         ],
+        "second_order": None if certificate.second_order is None else second_order_object(certificate.second_order),
+    }
+
+
+def second_order_object(judged: SecondOrder) -> dict[str, object]:
+    """Return the object of what the curvature tells; phase and quantity are null where there is no such direction."""
+    return {
+        "curvature": judged.curvature.value,
+        "threshold_s": finite(judged.threshold),
+        "least_s": finite(judged.least),
+        "phase": judged.phase or None,
+        "quantity": judged.quantity or None,
+        "active_limits": judged.active,
+        "weakly_active_limits": judged.weakly_active,
     }
 
 

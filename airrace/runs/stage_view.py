@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
-    from airrace.optimal_control.second_order import SecondOrder
     from airrace.results.duals import ConstraintMultipliers, NamedArray
 
 
@@ -326,17 +325,6 @@ class StageView:
 
         problem, _ = self._discretised
         return multipliers(problem, self.result)
-
-    def second_order(self) -> "SecondOrder":
-        """Judge whether the optimum is a minimum, by the curvature of its Lagrangian; errors as of `costates`.
-
-        Examples:
-            >>> run["point-mass"].second_order().curvature.value != "indefinite"
-            True
-        """
-        from airrace.optimal_control.second_order import second_order  # takes kernels, which no reader of runs needs
-
-        return second_order(*self._discretised, self.result.constraint_multipliers)
 
     def to_casadi(self) -> "CasadiNlp":
         """Return the discretised problem as a nonlinear program of CasADi that begins at this optimum; errors as of

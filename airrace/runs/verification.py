@@ -12,7 +12,7 @@ from dataclasses import fields
 import numpy as np
 
 from airrace.errors import NotCertified
-from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import wanted_stages
@@ -39,6 +39,11 @@ SOLVED_AGAIN = 2e-2
 Optima that are found from different starts, all within the solver's tolerance, differ by what an interior point method
 leaves of its barrier. Measured: 7e-7 s on a course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
 """
+COUNTED = 1e-2
+"""The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as a
+fraction of the one that counts as zero."""
+BORDERLINE = 0.2
+"""The distance from the curvature that counts as zero, as a fraction of it, within which nothing is decided."""
 CLAUSES_MAX = 4
 """The number of discrepancies that a sentence tells one by one."""
 
@@ -132,6 +137,10 @@ def _certificate(stored: Certificate, again: Certificate) -> Iterator[str]:
         return
     for mine, its in zip(stored.items, again.items, strict=True):
         yield from _item(mine, its)
+    if stored.second_order is not None and again.second_order is not None:
+        yield from _second_order(stored.second_order, again.second_order)
+    elif stored.second_order is not again.second_order:
+        yield "the curvature is stored, and could not be measured" if stored.second_order else "no curvature is stored"
 
 
 def _item(mine: Item, its: Item) -> Iterator[str]:
@@ -145,6 +154,29 @@ def _item(mine: Item, its: Item) -> Iterator[str]:
     if mine.unit != its.unit or elsewhere:
         before, found = (" ".join((one.unit, one.where)).strip() or "nothing" for one in (mine, its))
         yield f"certificate, unit and place of {its.name}: {before} is stored, {found} was measured"
+
+
+def _second_order(mine: SecondOrder, its: SecondOrder) -> Iterator[str]:
+    """Yield what differs.
+
+    Rounding decides between kinds, and between directions, where the least curvature is near to one that counts as
+    zero, and of some limits whether multiplier or slack is larger.
+    """
+    zero = its.threshold
+    near = abs(abs(its.least) - zero) < BORDERLINE * zero and not abs(mine.least) > (1.0 + BORDERLINE) * zero
+    before, found = ((one.curvature.value, one.where) for one in (mine, its))
+    saddle = Curvature.INDEFINITE in (mine.curvature, its.curvature)
+    if before != found and (saddle or not near):
+        yield f"curvature: {' '.join(before).strip()} is stored, {' '.join(found).strip()} was measured"
+    if not math.isclose(mine.threshold, zero, rel_tol=ROUNDED):
+        yield _two("curvature that counts as zero", mine.threshold, zero)
+    same = abs(mine.least - its.least) <= COUNTED * zero + INTEGRATED * abs(its.least)
+    if not (near or same or (math.isnan(mine.least) and math.isnan(its.least))):
+        yield _two("least curvature", mine.least, its.least)
+    for name in ("active", "weakly_active"):
+        number, measured = getattr(mine, name), getattr(its, name)
+        if not abs(number - measured) <= COUNTED * max(its.active, 1.0 / COUNTED):
+            yield _two(f"number of limits, {name}", number, measured)
 
 
 def _two(name: str, stored: float, measured: float) -> str:

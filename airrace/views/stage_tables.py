@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.certificate import Certificate, Curvature
 from airrace.procedure.result import GateSplit, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.views.tables import Cell, Column, Table
@@ -62,7 +62,8 @@ def certificate_table(certificate: Certificate, title: str, notes: Sequence[str]
         holds = Cell("yes") if item.holds else Cell("NO", bad=True)
         where = item.where if item.value else ""
         rows.append((item.name, factor * item.value, factor * item.limit, unit, holds, where))
-    return Table(title, _CERTIFICATE, rows, notes)
+    judged = [] if certificate.second_order is None else [f"Curvature: {certificate.second_order}."]
+    return Table(title, _CERTIFICATE, rows, [*notes, *judged])
 
 
 _SEARCH = (
@@ -74,7 +75,8 @@ _SEARCH = (
 
 
 LIMITS_OF_CLAIM = (
-    "It is a local optimum: the first-order conditions hold, small changes gain nothing; another route may be faster.",
+    "It is a local optimum: small changes gain nothing, as far as first and second derivatives tell; "
+    "another route may be faster.",
     "The routes are those that the search evaluated on a coarse mesh; it says nothing of those that it did not try.",
     "The limits are those of course, rules and aircraft, in the air of the inputs.",
     "The aircraft is the model of this stage, as true as its numbers.",
@@ -86,7 +88,7 @@ LIMITS_OF_CLAIM = (
 def claim(results: Sequence[StageResult]) -> str:
     """Return what is claimed of the last of some stages; empty where it does not hold.
 
-    It says e.g. `certified: a local optimum, all limits measured, the best of 23 routes`.
+    It says e.g. `certified: a local minimum, all limits measured, the best of 23 routes`.
 
     Args:
         results: the stage and those before it, of which the last one that searched tells how many routes there were.
@@ -97,7 +99,17 @@ def claim(results: Sequence[StageResult]) -> str:
     verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
     count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
     routes = f"the best of {count} routes" if count > 1 else "no other route was evaluated"
-    return f"{verdict}: a local optimum, all limits measured{meshes}, {routes}"
+    return f"{verdict}: {_optimum(results[-1].certificate)}, all limits measured{meshes}, {routes}"
+
+
+def _optimum(certificate: Certificate | None) -> str:
+    """Return what an optimum that holds is, as far as its curvature tells."""
+    judged = None if certificate is None else certificate.second_order
+    if judged is None or judged.hangs_on_weak_limits:
+        return "a local optimum" if judged is None else "a local optimum, by limits that hardly press"
+    if judged.curvature is Curvature.POSITIVE:
+        return "a local minimum"
+    return f"a local minimum but for changes that cost nothing, as of the {judged.quantity} on {judged.phase}"
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.checkpoint.group_reader import LARGEST
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, Stage, StageResult, Status, Timings
 from airrace.procedure.stage import STAGES
 from airrace.quantities import Quantity
@@ -46,7 +46,9 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
         constraint_multipliers=np.linspace(-1.0, 1.0, 9),
         bound_multipliers=np.zeros(0),
         certificate=Certificate(
-            "Solve_Succeeded", (Item("kkt_error", 1e-8, 1e-6), Item("replay", 1e-5, 1e-4, "", "g1"))
+            "Solve_Succeeded",
+            (Item("kkt_error", 1e-8, 1e-6), Item("replay", 1e-5, 1e-4, "", "g1")),
+            SecondOrder(Curvature.SINGULAR, 1e-4, 2e-7, "g1 -> finish", "how fast it sinks", 5, 2),
         ),
         splits=(GateSplit("1:g1", 1.5, 91.5, 21.5, 4.0, 0.1, 0.0, 3.0),),
         attempts=(Attempt("joint", "fatrop", "0", True, 41, 0.5),),

@@ -17,6 +17,7 @@ CERTIFICATE = {
     "clearance",
     "solver",
     "kkt_error",
+    "negative_curvature",
     "replay_defect",
     "replay_gate",
     "path_load_factor",

@@ -9,23 +9,19 @@ import scipy.linalg
 import scipy.sparse
 from small_problems import PROBLEMS, random_point
 
+from airrace.native.library import library
+from airrace.optimal_control import second_order as second_order_module
 from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
-from airrace.optimal_control.second_order import (
-    THRESHOLD,
-    Curvature,
-    ReducedQuadratic,
-    SecondOrder,
-    StageQuadratic,
-    second_order,
-    stage_quadratic,
-)
+from airrace.optimal_control.second_order import THRESHOLD, StageQuadratic, direction_below, second_order
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.solver import Solution
+from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedProblem, Solution
 from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
@@ -33,31 +29,64 @@ from airrace.system import System
 exactly = Interval.exactly
 
 
+@pytest.fixture(params=["numpy", "native"])
+def recursion(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both implementations of the recursion, where there is a native library."""
+    if request.param == "numpy":
+        monkeypatch.setattr(second_order_module, "library", lambda: None)
+    elif library() is None:
+        pytest.skip("there is no native library")
+
+
+def form_of(
+    hessian: list[np.ndarray], dynamics: list[np.ndarray], rows: list[np.ndarray], held: list[np.ndarray]
+) -> StageQuadratic:
+    """The form with these matrices by stage, of which every row is kept, and equal weights."""
+    counts = [len(block) for block in rows]
+    return StageQuadratic(
+        states=len(dynamics[0]),
+        sizes=np.array([len(block) for block in hessian], dtype=np.int32),
+        hessian=np.concatenate([block.ravel() for block in hessian]),
+        dynamics=np.concatenate([F.T.ravel() for F in dynamics]),
+        row_counts=np.array(counts, dtype=np.int32),
+        rows=np.concatenate([block.ravel() for block in rows]),
+        kept=np.concatenate([np.ones(sum(counts), dtype=bool), *held]),
+        weights=np.ones(len(hessian)),
+    )
+
+
 def random_form(random: np.random.Generator, intervals: int, m: int, u: int) -> StageQuadratic:
-    """Any quadratic form, with up to three rows and with unknowns that are held at some stages."""
-    sizes = [m + u] * intervals + [m]
+    """Any quadratic form, with rows of which some are kept, now and then dependent, and unknowns that are held."""
+    sizes = [m + random.integers(0, u + 1) for _ in range(intervals)] + [m]
     hessian = [block + block.T for block in (random.normal(size=(n, n)) for n in sizes)]
     dynamics = [random.normal(size=(m, n)) / np.sqrt(n) for n in sizes[:-1]]
-    rows = [random.normal(size=(random.integers(0, 4) * (random.random() < 0.3), n)) for n in sizes]
-    held = [random.random(n) < 0.15 for n in sizes]
-    return StageQuadratic(hessian, dynamics, rows, held, random.uniform(0.1, 2.0, len(sizes)))
+    rows = [random.normal(size=(random.integers(0, 4) * (random.random() < 0.4), n)) for n in sizes]
+    rows = [np.concatenate([one, one[:1] * 3.0]) if random.random() < 0.3 else one for one in rows]
+    form = form_of(hessian, dynamics, rows, [random.random(n) < 0.15 for n in sizes])
+    number = sum(len(one) for one in rows)
+    kept = np.concatenate([random.random(number) < 0.8, form.kept[number:]])
+    return replace(form, kept=kept, weights=random.uniform(0.1, 2.0, len(sizes)))
+
+
+def shifted(form: StageQuadratic, shift: float) -> StageQuadratic:
+    """The form with so much curvature taken off everywhere."""
+    pairs = zip(form.hessians, form.weights, strict=True)
+    return replace(form, hessian=np.concatenate([(H - shift * w * np.eye(len(H))).ravel() for H, w in pairs]))
 
 
 def dense(form: StageQuadratic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The whole Hessian, all that is kept, and the weights of the norm."""
-    sizes = [len(block) for block in form.hessian]
-    begins, m = np.cumsum([0, *sizes]), len(form.dynamics[0])
-    kept = []
-    for k, F in enumerate(form.dynamics):
-        gap = np.zeros((m, begins[-1]))
-        gap[:, begins[k] : begins[k + 1]] = F
-        gap[:, begins[k + 1] : begins[k + 1] + m] -= np.eye(m)
-        kept.append(gap)
-    for k, (rows, held) in enumerate(zip(form.rows, form.held, strict=True)):
-        own = np.zeros((len(rows) + held.sum(), begins[-1]))
-        own[:, begins[k] : begins[k + 1]] = np.concatenate([rows, np.eye(sizes[k])[held]])
-        kept.append(own)
-    return scipy.linalg.block_diag(*form.hessian), np.concatenate(kept), np.repeat(form.weights, sizes)
+    begins, m = np.cumsum([0, *form.sizes]), form.states
+    number = len(form.kept) - begins[-1]
+    gaps = np.zeros((m * len(form.steps), begins[-1]))
+    for k, F in enumerate(form.steps):
+        gaps[k * m : (k + 1) * m, begins[k] : begins[k + 1]] = F
+        gaps[k * m : (k + 1) * m, begins[k + 1] : begins[k + 1] + m] -= np.eye(m)
+    blocks = np.split(form.rows, np.cumsum(form.row_counts * form.sizes)[:-1])
+    rows = scipy.linalg.block_diag(*(one.reshape(-1, n) for one, n in zip(blocks, form.sizes, strict=True)))
+    held = np.eye(begins[-1])[form.kept[number:]]
+    kept = np.concatenate([gaps, rows[form.kept[:number]], held])
+    return scipy.linalg.block_diag(*form.hessians), kept, np.repeat(form.weights, form.sizes)
 
 
 def curvatures(H: np.ndarray, kept: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -66,6 +95,7 @@ def curvatures(H: np.ndarray, kept: np.ndarray, weights: np.ndarray) -> np.ndarr
     return scipy.linalg.eigh(Z.T @ H @ Z, Z.T @ (weights[:, None] * Z), eigvals_only=True)
 
 
+@pytest.mark.usefixtures("recursion")
 @pytest.mark.parametrize("seed", range(60))
 def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None:
     """With it planted at zero, the recursion finds all directions above a little less, and one below a little more."""
@@ -74,39 +104,50 @@ def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None
     H, kept, weights = dense(form)
     found = curvatures(H, kept, weights)
     if len(found) == 0:  # nothing can move
-        assert ReducedQuadratic(form).direction_below(1e9) is None
+        assert direction_below(form, 1e9) is None
         return
-    hessian = [block - found[0] * w * np.eye(len(block)) for block, w in zip(form.hessian, form.weights, strict=True)]
-    planted = replace(form, hessian=hessian)
+    planted = shifted(form, found[0])
     margin = 1e-6 * max(1.0, np.abs(found).max())
-    reduced = ReducedQuadratic(planted)
-    assert reduced.direction_below(-margin) is None
-    direction = reduced.direction_below(margin)
+    assert direction_below(planted, -margin) is None
+    direction = direction_below(planted, margin)
     assert direction is not None
     assert planted.curvature(direction) <= 1.001 * margin
-    whole = np.concatenate(direction)
-    assert np.abs(kept @ whole).max() < 1e-9 * np.abs(whole).max()
+    assert np.abs(kept @ direction).max() < 1e-9 * np.abs(direction).max()
 
 
+@pytest.mark.skipif(library() is None, reason="there is no native library")
+@pytest.mark.parametrize("seed", range(30))
+def test_both_implementations_find_the_same_direction(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to its sign: a direction begins in the least one of a stage, whatever basis its free controls have."""
+    random = np.random.default_rng(seed)
+    form = random_form(random, *random.integers([1, 1, 0], [30, 8, 5]))
+    native = direction_below(form, -0.5)
+    monkeypatch.setattr(second_order_module, "library", lambda: None)
+    numpy = direction_below(form, -0.5)
+    assert (native is None) == (numpy is None)
+    if native is not None and numpy is not None:
+        most = np.abs(numpy).argmax()
+        assert native / native[most] == pytest.approx(numpy / numpy[most], abs=1e-7)
+
+
+@pytest.mark.usefixtures("recursion")
 @pytest.mark.parametrize("seed", range(20))
 def test_negative_curvature_is_found_in_whichever_stage_it_hides(seed: int) -> None:
     """A definite form with a dent in a direction that all rows allow, of which no single stage knows."""
     random = np.random.default_rng(seed)
     form = random_form(random, 6, 3, 2)
-    hessian = [block @ block.T + np.eye(len(block)) for block in form.hessian]
-    form = replace(form, hessian=hessian)
-    assert ReducedQuadratic(form).direction_below(0.0) is None
-    H, kept, weights = dense(form)
-    least = curvatures(H, kept, weights)[0]
-    shifted = replace(
-        form,
-        hessian=[h - 1.01 * least * w * np.eye(len(h)) for h, w in zip(hessian, form.weights, strict=True)],
-    )
-    direction = ReducedQuadratic(shifted).direction_below(0.0)
+    form = replace(form, hessian=np.concatenate([(H @ H.T + np.eye(len(H))).ravel() for H in form.hessians]))
+    assert direction_below(form, 0.0) is None
+    found = curvatures(*dense(form))
+    if len(found) == 0:
+        return
+    dented = shifted(form, 1.01 * found[0])
+    direction = direction_below(dented, 0.0)
     assert direction is not None
-    assert shifted.curvature(direction) < 0.0
+    assert dented.curvature(direction) < 0.0
 
 
+@pytest.mark.usefixtures("recursion")
 def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
     """Four integrators: of the first one's end all but the last four controls decide; what is left is free."""
     m, intervals = 4, 7
@@ -117,10 +158,32 @@ def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
     held = [np.zeros(n, dtype=bool) for n in sizes]
     held[0][:m] = True  # from rest
     hessian = [np.diag([0.0] * m + [1.0] * (n - m)) for n in sizes]
-    form = StageQuadratic(hessian, [F] * intervals, rows, held, np.ones(len(sizes)))
-    (least, *_), reduced = curvatures(*dense(form)), ReducedQuadratic(form)
-    assert reduced.direction_below(0.999 * least) is None
-    assert reduced.direction_below(1.001 * least) is not None
+    form = form_of(hessian, [F] * intervals, rows, held)
+    least, *_ = curvatures(*dense(form))
+    assert direction_below(form, 0.999 * least) is None
+    assert direction_below(form, 1.001 * least) is not None
+
+
+@pytest.mark.usefixtures("recursion")
+@pytest.mark.parametrize("kept", [5, 15, 30])
+def test_a_limit_behind_three_lags_that_is_kept_for_long_hides_nothing(kept: int) -> None:
+    """Keeping the last of three integrators at every node is unstable by 3.7 per node [Astrom 1984]; a lever beside it
+    costs next to nothing, and less than nothing once."""
+    F = np.array([[1.0, 1.0, 0.5, 1.0 / 6.0, 0.0], [0.0, 1.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 1.0, 0.0]])
+    sizes, begin = [5] * 40 + [3], 4
+    held = [np.zeros(n, dtype=bool) for n in sizes]
+    for one in held[begin : begin + kept]:
+        one[0] = True
+    hessian = [np.diag([1.0, 1.0, 1.0, 1e-3, 1e-7][:n]) for n in sizes]
+    form = form_of(hessian, [F] * 40, [np.zeros((0, n)) for n in sizes], held)
+    assert direction_below(form, 0.99e-7) is None
+    assert direction_below(form, 1.01e-7) is not None
+    hessian[2] = np.diag([1.0, 1.0, 1.0, 1e-3, -1e-7])
+    dented = replace(form, hessian=np.concatenate([block.ravel() for block in hessian]))
+    assert direction_below(dented, -1.01e-7) is None
+    found = direction_below(dented, -0.99e-7)
+    assert found is not None
+    assert dented.curvature(found) == pytest.approx(-1e-7)
 
 
 @pytest.mark.parametrize("name", sorted(PROBLEMS))
@@ -136,7 +199,7 @@ def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
     assert matrices.write(functions.jacobian_sources(), functions.hessian_sources())
     random = np.random.default_rng(4)
     kept = random.random(len(layout.row_index) + layout.unknowns) < 0.1
-    form = stage_quadratic(matrices, kept, np.full(layout.intervals + 1, 0.3))
+    form = StageQuadratic.of(matrices, kept, np.full(layout.intervals + 1, 0.3))
     functions.linearise()
     functions.curve()
     H, J = (
@@ -150,10 +213,9 @@ def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
     places = np.concatenate([layout.gap_index.ravel(), layout.row_index[of_rows]])
     whole = np.concatenate([J[places], np.eye(layout.unknowns)[held]])
     found = curvatures(H, whole, np.full(layout.unknowns, 0.3))
-    reduced = ReducedQuadratic(form)
     margin = 1e-6 * np.abs(found).max()
-    assert reduced.direction_below(found[0] - margin) is None
-    assert reduced.direction_below(found[0] + margin) is not None
+    assert direction_below(form, found[0] - margin) is None
+    assert direction_below(form, found[0] + margin) is not None
 
 
 def swing(stiffness: float, intervals: int = 20, lean: float = 0.0, low: float = -3.0) -> Problem:
@@ -181,8 +243,11 @@ def solved(problem: Problem, solver: str, middle: float) -> Solution:
     return solution
 
 
-def judged(problem: Problem, solution: Solution) -> SecondOrder:
-    return second_order(problem, solution.iterate, solution.multipliers.constraints)
+def judged(problem: Problem, solution: Solution) -> tuple[SecondOrder, np.ndarray]:
+    """The verdict and the direction."""
+    found = second_order(problem, solution.iterate, solution.multipliers.constraints)
+    assert found is not None
+    return found
 
 
 SADDLE, MINIMUM = 1.25 * np.pi**2, 0.8 * np.pi**2
@@ -193,21 +258,21 @@ def test_a_saddle_at_which_a_solver_claims_success_is_indefinite(solver: str) ->
     problem = swing(SADDLE)
     solution = solved(problem, solver, 0.0)
     assert np.abs(solution.iterate.state[0]).max() < 1e-6  # it stayed
-    verdict = judged(problem, solution)
+    verdict, direction = judged(problem, solution)
     assert verdict.curvature is Curvature.INDEFINITE
     assert verdict.least < -THRESHOLD
-    assert verdict.where.startswith("swing, ")
-    y = verdict.direction[Layout(problem).state_index[:, 0]]
+    assert verdict.phase == "swing"
+    y = direction[Layout(problem).state_index[:, 0]]
     assert y[[0, -1]] == pytest.approx(0.0, abs=1e-9)  # it keeps the ends
 
 
 @pytest.mark.parametrize("intervals", [20, 40, 80])
 def test_the_same_point_is_a_minimum_before_the_conjugate_point_on_every_mesh(intervals: int) -> None:
     problem = swing(MINIMUM, intervals)
-    verdict = judged(problem, solved(problem, "fatrop", 0.0))
+    verdict, direction = judged(problem, solved(problem, "fatrop", 0.0))
     assert verdict.curvature is Curvature.POSITIVE
     assert np.isnan(verdict.least)
-    assert not verdict.direction.any()
+    assert not direction.any()
 
 
 def test_a_step_along_the_direction_leads_to_less_and_to_a_minimum() -> None:
@@ -215,14 +280,14 @@ def test_a_step_along_the_direction_leads_to_less_and_to_a_minimum() -> None:
     saddle = solved(problem, "ipopt", 0.0)
     best = solved(problem, "ipopt", 0.5)
     assert best.objective < saddle.objective - 0.01
-    assert judged(problem, best).curvature is Curvature.POSITIVE
+    assert judged(problem, best)[0].curvature is Curvature.POSITIVE
 
 
 @pytest.mark.parametrize(("lean", "expected"), [(1.0, Curvature.POSITIVE), (0.0, Curvature.SINGULAR)])
 def test_a_limit_that_presses_holds_the_direction(lean: float, expected: Curvature) -> None:
     """To y >= 0 a lean presses every y; without one the limit is touched but idle: nobody knows what it holds."""
     stationary = solved(swing(SADDLE), "ipopt", 0.0)
-    verdict = judged(swing(SADDLE, lean=lean, low=0.0), stationary)
+    verdict, _ = judged(swing(SADDLE, lean=lean, low=0.0), stationary)
     assert verdict.curvature is expected
     assert (verdict.weakly_active > 0) == (lean == 0.0)
 
@@ -232,10 +297,10 @@ def test_a_shift_that_costs_nothing_is_singular() -> None:
     free = swing(0.0)
     start = replace(free.start, bounds={"cost": exactly(0.0)})
     problem = replace(free, start=start, phases=(replace(free.phases[0], end=Boundary("end")),))
-    verdict = judged(problem, solved(problem, "ipopt", 0.0))
+    verdict, direction = judged(problem, solved(problem, "ipopt", 0.0))
     assert verdict.curvature is Curvature.SINGULAR
     assert abs(verdict.least) < THRESHOLD
-    y = verdict.direction[Layout(problem).state_index[:, 0]]
+    y = direction[Layout(problem).state_index[:, 0]]
     assert y == pytest.approx(np.ones(len(y)), abs=1e-2)
 
 
@@ -271,7 +336,7 @@ def test_straight_through_a_slow_corridor_is_a_saddle_of_time(solver: str, chang
     solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
     assert solution.success
     assert solution.objective == pytest.approx(2.0 * duration, rel=1e-6)
-    assert judged(problem, solution).curvature is expected
+    assert judged(problem, solution)[0].curvature is expected
 
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])
@@ -279,6 +344,47 @@ def test_verdict_is_told_with_its_threshold(factor: float) -> None:
     """The threshold is relaxed with the multipliers, as the KKT error is."""
     problem = swing(MINIMUM)
     weighed = replace(problem, objective=replace(problem.objective, terminal={"cost": 1e3 * factor}))
-    verdict = judged(weighed, solved(weighed, "ipopt", 0.0))
+    verdict, _ = judged(weighed, solved(weighed, "ipopt", 0.0))
     assert verdict.threshold >= THRESHOLD
-    assert str(verdict) == f"positive, above {verdict.threshold:.1e}"
+    assert str(verdict) == f"positive, above {verdict.threshold:.1e} s"
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("step", [0.001, STEP_FROM_SADDLE, 1.0])
+def test_a_saddle_is_left_for_a_minimum(solver: str, step: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long the first step is: straight through the slow corridor, and to stay on the swing."""
+    monkeypatch.setattr(solver_module, "STEP_FROM_SADDLE", step)
+    straight = interpolate(corridor(-0.5), [2.0] * 2, [[-1.0, 0.0, 1.0], [0.0] * 3], [0.0])
+    stay = interpolate(swing(SADDLE), [1.0], [[0.0, 0.0], [0.0, 0.0]], [0.0])
+    for problem, guess in ((corridor(-0.5), straight), (swing(SADDLE), stay)):
+        layout = Layout(problem)
+        saddle, beyond = (
+            PreparedProblem(
+                layout,
+                casadi_kernels(problem.system, problem.scheme),
+                solver,
+                SolverOptions(tolerance=1e-9, curvature=curvature),
+            ).solve(layout, guess)
+            for curvature in (False, True)
+        )
+        assert saddle.success
+        assert saddle.second_order is None
+        assert beyond.success
+        assert beyond.objective < saddle.objective - 0.01
+        assert beyond.iterations > saddle.iterations
+        assert beyond.status.endswith(", beyond a saddle")
+        assert beyond.second_order is not None
+        assert beyond.second_order.curvature is Curvature.POSITIVE
+        assert beyond.kkt.largest < 1e-7
+
+
+def test_a_saddle_from_which_no_way_leads_down_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a step the solver comes back to it."""
+    monkeypatch.setattr(solver_module, "STEP_FROM_SADDLE", 0.0)
+    problem = swing(SADDLE)
+    layout, kernels = Layout(problem), casadi_kernels(problem.system, problem.scheme)
+    guess = interpolate(problem, [1.0], [[0.0, 0.0], [0.0, 0.0]], [0.0])
+    found = PreparedProblem(layout, kernels, "ipopt", SolverOptions(curvature=True)).solve(layout, guess)
+    assert found.success
+    assert found.second_order is not None
+    assert found.second_order.curvature is Curvature.INDEFINITE

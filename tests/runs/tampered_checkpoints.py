@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from airrace.checkpoint import Checkpoint
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import Certificate, Curvature, Item
 from airrace.procedure.result import MeshRecord, Note, NoteKind, Stage, StageProvenance, StageResult, Status
 from airrace.runs.run import run_of_checkpoint
 from airrace.trajectory import Trajectory
@@ -203,6 +203,14 @@ def texts(old: str, new: str) -> Tampering:
     return changed
 
 
+def second_order(**changed: object) -> Change:
+    def told(one: Certificate) -> Certificate:
+        assert one.second_order is not None
+        return replace(one, second_order=replace(one.second_order, **changed))
+
+    return certificate(told)
+
+
 def million(item: Item) -> Item:
     return replace(item, value=item.value / 1e6)
 
@@ -259,6 +267,12 @@ FOUND: dict[str, Tampering] = {
     "name of an item": last(items(lambda item: replace(item, name="kkt"), "kkt_error")),
     "words of the solver": last(certificate(lambda one: replace(one, solver_status="fatrop: perfect"))),
     "words of the solver in its item": last(items(lambda item: replace(item, where="perfect"), "solver")),
+    "kind of the curvature": last(second_order(curvature=Curvature.INDEFINITE)),
+    "place of the curvature": at(POINT_MASS, second_order(phase="g99")),
+    "curvature that counts as zero": last(second_order(threshold=1e-3)),
+    "least curvature": last(second_order(least=1e-3)),
+    "number of weakly active limits": last(second_order(weakly_active=0)),
+    "no curvature": last(certificate(lambda one: replace(one, second_order=None))),
     "an item missing": last(
         certificate(lambda one: replace(one, items=tuple(i for i in one.items if i.name != "hamiltonian_drift")))
     ),

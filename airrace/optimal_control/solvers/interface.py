@@ -20,6 +20,7 @@ class SolverOptions:
         exact: whether bounds hold as they are, which fatrop relaxes by 1e-8.
         algorithm: `predictor-corrector` for a start near the optimum with known multipliers; fatrop's line search is
             asked where these steps fail.
+        curvature: whether the curvature of an optimum is judged, and a saddle is left where there is a way down.
     """
 
     tolerance: float = 1e-7
@@ -27,6 +28,7 @@ class SolverOptions:
     barrier: float = 0.1
     exact: bool = False
     algorithm: Literal["line-search", "predictor-corrector"] = "line-search"
+    curvature: bool = False
 
 
 @record

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.stage_matrices import StageMatrices
+from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.trajectory import Array
 
 
 def available(assembly: Assembly) -> bool:
     """Return whether the steps of a program can be solved here."""
     layout = assembly.layout
-    # `riccati.c` has room for 64 unknowns of a stage.
-    return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= 64
+    return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
 
 
 class StageSystem(StageMatrices):

@@ -12,17 +12,20 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, kkt_error
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
 from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
+from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -46,6 +49,7 @@ class Solution:
         derivative_seconds: how many of them were spent in the program's functions.
         replay_error: largest distance between an interval integrated again, by an independent integrator, and the next
             node, in scaled units; NaN where nobody has asked for it.
+        second_order: what the curvature of an optimum tells; None where nobody has asked for it, or it is not finite.
     """
 
     solver: str
@@ -61,6 +65,7 @@ class Solution:
     seconds: float
     derivative_seconds: float
     replay_error: float = np.nan
+    second_order: SecondOrder | None = None
 
     @property
     def infeasible(self) -> bool:
@@ -270,6 +275,15 @@ SOLVERS: Mapping[str, type[Solver]] = {"fatrop": Fatrop, "ipopt": Ipopt}
 """The solvers by the names that settings know."""
 
 
+STEP_FROM_SADDLE = 0.1
+"""The largest change of a scaled unknown (1) in the step along negative curvature that leaves a saddle.
+
+From the saddles of the tests a hundredth of it and ten times as much lead to the same minima.
+"""
+OPTIMAL = 1e-6
+"""The largest errors of the first-order conditions, scaled, of an optimum whose solver does not claim it."""
+
+
 class PreparedProblem:
     """A problem's structure made ready for one solver; parameters, bounds and guesses may change between solves.
 
@@ -282,6 +296,7 @@ class PreparedProblem:
     ) -> None:
         self._functions = Evaluation(Assembly(layout, kernels), threads)
         self._name = solver if isinstance(solver, str) else solver.__name__
+        self._options = options
         self._solver = (SOLVERS[solver] if isinstance(solver, str) else solver)(self._functions, options)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
@@ -298,6 +313,12 @@ class PreparedProblem:
             result = self._solver.solve(start, bounds, p, multipliers)
             seconds = time.perf_counter() - started
         error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
+        second_order: SecondOrder | None = None
+        if self._options.curvature and (result.success or error.largest <= OPTIMAL):
+            reached = result
+            result, second_order = self._beyond_saddles(layout, bounds, p, reached)
+            if result is not reached:
+                error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
         return Solution(
             solver=self._name,
             ending=result.ending,
@@ -311,7 +332,34 @@ class PreparedProblem:
             iterations=result.iterations,
             seconds=seconds,
             derivative_seconds=result.derivative_seconds,
+            second_order=second_order,
         )
+
+    @cached_property
+    def _matrices(self) -> StageMatrices:
+        return StageMatrices(self._functions.assembly)
+
+    def _beyond_saddles(
+        self, layout: Layout, bounds: Bounds, p: Array, result: SolverResult
+    ) -> tuple[SolverResult, SecondOrder | None]:
+        """Judge an optimum by its curvature; from a saddle solve again, from a step to either side of it.
+
+        Returns:
+            The better optimum, else the one that is given, and the verdict on it.
+        """
+        judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
+        for side in (STEP_FROM_SADDLE, -STEP_FROM_SADDLE):
+            if judged is None or judged[0].curvature is not Curvature.INDEFINITE:
+                break
+            start = np.clip(result.w + side * judged[1], bounds.lower, bounds.upper)
+            found = self._solver.solve(start, bounds, p, None)
+            better = found.success and found.objective < result.objective
+            spent = result.iterations + found.iterations
+            result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
+            result = replace(result, iterations=spent)
+            if better:
+                judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
+        return result, None if judged is None else judged[0]
 
     def _refusal(self, start: Array, bounds: Bounds, p: Array) -> Ending | None:
         """Return why no solver is to be asked: crossed bounds, or a guess without finite values."""
