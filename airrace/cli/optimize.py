@@ -47,7 +47,13 @@ def optimize(
         typer.Option(help="How much is tried to find the fastest route; the settings say quick by default."),
     ] = None,
     alternatives: Annotated[
-        int | None, typer.Option(min=1, max=20, metavar="K", help="Take the K best routes through all stages.")
+        int | None,
+        typer.Option(
+            min=1,
+            max=20,
+            metavar="K",
+            help="Take the K best routes through all stages; by default the best, and another that is hardly slower.",
+        ),
     ] = None,
     mesh_check: MeshChecked = None,
     until: LastStage = None,

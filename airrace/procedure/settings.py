@@ -100,14 +100,14 @@ class CertificateLimits:
 class Settings:
     """The settings of a run.
 
-    `alternatives` is how many of the best routes are taken through all stages; `regularisation` weighs the integral
-    of squared, scaled control rates against seconds of race time; `mesh_check` is which stages of a run are solved
-    on a second mesh as well.
+    `alternatives` is how many of the best routes are taken through all stages, None for the best one and one more if
+    that is hardly slower; `regularisation` weighs the integral of squared, scaled control rates against seconds of race
+    time; `mesh_check` is which stages of a run are solved on a second mesh as well.
     """
 
     guess: GuessKind = GuessKind.HOMOTOPY
     search: SearchEffort = SearchEffort.QUICK
-    alternatives: int = 1
+    alternatives: int | None = None
     mesh_check: MeshCheck = MeshCheck.LAST
     regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)

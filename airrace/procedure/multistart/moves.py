@@ -1,12 +1,17 @@
 """The moves around a flight: other routes through a segment of it, each with a guess through a window around it."""
 
+import bisect
 import dataclasses
 import itertools
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+
+import numpy as np
 
 from airrace.frames import angle_between
 from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.replay import interval_durations
 from airrace.planning.decisions_from_solution import decisions_from_solution
 from airrace.planning.plan import Plan, plan
 from airrace.planning.planning_model import PlanningModel
@@ -14,10 +19,12 @@ from airrace.planning.route_decisions import RouteDecisions
 from airrace.planning.waypoints import Waypoint, candidates
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, intervals
+from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
 from airrace.procedure.multistart.tilted_turns import tilt_turn
 from airrace.procedure.multistart.window import EvaluatedMove, Move
 from airrace.procedure.phase_segments import phase_piece
+from airrace.procedure.start import InitialBarrier
 from airrace.records import record
 from airrace.track.course import Course, Turning
 
@@ -32,6 +39,8 @@ class MoveSettings:
         turn_min: from which on the opposite turn is proposed, rad. Shorter ones that were forced to the other side, on
             Rovinj, came back to where they were.
         long_turn: from which on a way over the top is proposed, rad.
+        reach: time before and after a roll that its window holds, s.
+        fewest: number of intervals of a phase from which on they are left out of a window.
         high: rise above both ends from which on a turn is no longer flat, m.
         plan_penalty_max: largest extra time of a move's plan with which it is proposed, whatever the budget, s. On
             Rovinj and Air Race X moves with 2 s and more were slower by 3.7 to 12 s in their windows.
@@ -39,6 +48,8 @@ class MoveSettings:
     """
 
     margin: int = 2
+    reach: float = 3.5
+    fewest: int = 4
     turn_min: float = math.radians(60.0)
     long_turn: float = math.radians(100.0)
     high: float = 40.0
@@ -67,7 +78,7 @@ class MoveGenerator:
         plan_penalty_max: float = SETTINGS.plan_penalty_max,
     ) -> None:
         self.segments = segments_of(course)
-        self._base, self._course, self._pace, self._plan_penalty_max = base, course, pace, plan_penalty_max
+        self.base, self._course, self._pace, self._plan_penalty_max = base, course, pace, plan_penalty_max
         self._decisions = self._decisions_of(base)
         self._plan = plan(course, pace, self._decisions)
 
@@ -84,7 +95,7 @@ class MoveGenerator:
         for segment in self.segments if segments is None else segments:
             if changed.isdisjoint(range(*self._window(segment, segment))):
                 continue
-            shape = shape_of(self._base, segment)
+            shape = shape_of(self.base, segment)
             yield from self._opposite_turn(segment, shape)
             if segment.number == 0:
                 yield from self._other_crossing(segment, segment.first)
@@ -93,6 +104,35 @@ class MoveGenerator:
             yield from self._other_course(segment)
             if shapes:
                 yield from self._other_shapes(segment, shape)
+
+    def rolls(self, changed: Set[int]) -> Iterator[Move]:
+        """Yield each roll from side to side flown the other way, in windows that hold a phase that has changed."""
+        base, nodes, numbers = self.base, self.base.problem.first_node, Counter[tuple[int, str]]()
+        flight, steps = (
+            dataclasses.replace(base.flight, plan=self._plan),
+            interval_durations(base.problem, base.iterate.durations),
+        )
+        time: list[float] = [0.0, *np.cumsum(steps).tolist()]
+        for one in rerolls(base.problem, base.iterate):
+            inside = [each for each in self.segments if one.first < nodes[each.last] and nodes[each.first] < one.last]
+            own, segment = range(inside[0].first, inside[-1].last), inside[0]
+            numbers[segment.number, one.kind] += 1
+            begin = bisect.bisect_left(time, time[one.first] - SETTINGS.reach)
+            end = min(bisect.bisect_left(time, time[one.last] + SETTINGS.reach), len(time) - 1)
+            first = min(own[0], bisect.bisect_right(nodes[1:-1], begin))
+            last = max(own[-1], bisect.bisect_left(nodes[1:-1], end)) + 1
+            if changed.isdisjoint(range(first, last)):
+                continue
+            kind = f"{one.kind} ({numbers[segment.number, one.kind]})"
+            pieces = [phase_piece(one.flight, base.problem, index) for index in range(first, last)]
+            spare = (self._spare(first, begin - nodes[first]), self._spare(last - 1, nodes[last] - end))
+            barrier = InitialBarrier.PIECES
+            yield Move(base, first, last, flight, pieces, segment, kind, barrier=barrier, spare=spare, own=own)
+
+    def _spare(self, phase: int, count: int) -> int:
+        """Return how many of so many intervals at an end of a phase need not be in a window."""
+        whole, counting = len(self.base.problem.phases[phase].fractions), self.base.problem.phases[phase].bounds
+        return 0 if counting or count < SETTINGS.fewest or count >= whole else count
 
     def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
         """Return the route of another flight through neighbouring segments."""
@@ -107,7 +147,7 @@ class MoveGenerator:
         inside = {segment.number: one for one, segment in move.inside(self.segments)}
 
         def is_same_route(number: int, later: int = 0) -> bool:
-            return same_route(move.as_solution, inside[number], self._base, self.segments[number + later])
+            return same_route(move.as_solution, inside[number], self.base, self.segments[number + later])
 
         changed = {number for number in inside if not is_same_route(number)}
         for later in range(1 - len(self.segments), len(self.segments)):
@@ -124,7 +164,7 @@ class MoveGenerator:
         found: list[Segment] = []
         for segment in self.segments:
             known = (one for one in found if self._same_place(one, segment))
-            if not any(same_route(self._base, one, self._base, segment) for one in known):
+            if not any(same_route(self.base, one, self.base, segment) for one in known):
                 found.append(segment)
         return found
 
@@ -264,7 +304,7 @@ class MoveGenerator:
     def _move(self, first: Segment, last: Segment, planned: Plan, pieces: Mapping[int, Iterate], kind: str) -> Move:
         """Return a move in a window with room around what changes."""
         begin, end = self._window(first, last)
-        base = self._base
+        base = self.base
         flight = dataclasses.replace(base.flight, plan=planned)
         window = [
             pieces[index] if index in pieces else phase_piece(base.iterate, base.problem, index)

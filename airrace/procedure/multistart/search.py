@@ -87,7 +87,7 @@ QUICK = SearchBudget(
     plan_penalty_max=2.0,
     iterations=3,
     alternatives=1,
-    elite=2,
+    elite=3,
     homotopy=False,
 )
 THOROUGH = SearchBudget(
@@ -163,21 +163,60 @@ class Search:
         self._failed = len(found) - len(self._flights)
         if self._flights:
             self.improve(min(self._flights, key=lambda one: one.race_time))
+        return self.result()
+
+    def improve(self, best: CoarseSolution) -> CoarseSolution:
+        """Return the flight that moves lead to from another one, each of them faster than the one before."""
+        segments = segments_of(self._course)
+        return self._repeat(
+            best, "routes", lambda generator, changed: self._other_routes(best, generator, changed), segments
+        )
+
+    def improve_rolls(self, flight: CoarseSolution, unlike: CoarseSolution | None = None) -> CoarseSolution:
+        """Return the fastest flight that is found by flying the rolls of one the other way.
+
+        Args:
+            flight: with the rolls.
+            unlike: a flight whose rolls were tried already; where it takes the same route, that is not done again.
+        """
+        segments = segments_of(self._course)
+        return self._repeat(
+            flight,
+            "rolls",
+            lambda generator, changed: list(generator.rolls(changed)),
+            segments if unlike is None else differing(flight, unlike, segments),
+        )
+
+    def result(self) -> SearchResult:
+        """Return what was found so far."""
         flights = sorted(self._flights, key=lambda one: one.race_time)
         moves = tuple(one for one in self._moves if one not in self._joint)
         return SearchResult(tuple(flights), moves, self._failed)
 
-    def improve(self, best: CoarseSolution) -> CoarseSolution:
-        """Return the flight that moves lead to from another one, each of them faster than the one before."""
-        changed = set(range(len(self._course.passages) - 1))
+    def _repeat(
+        self,
+        best: CoarseSolution,
+        what: str,
+        propose: Callable[[MoveGenerator, Set[int]], list[Move]],
+        different: Sequence[Segment],
+    ) -> CoarseSolution:
+        """Make moves around the best flight until none gains time; return the flight.
+
+        Args:
+            best: the flight to begin with.
+            what: is changed, in words.
+            propose: returns moves, from the phases whose route differs from when moves were tried last; the others need
+                no new trial.
+            different: the segments whose route is to be changed first.
+        """
         for number in range(self._budget.iterations):
-            self._report(f"other routes, {number + 1}: {best.race_time:.2f} s so far")
-            better = self._improve(best, changed, first=number == 0)
+            self._report(f"other {what}, {number + 1}: {best.race_time:.2f} s so far")
+            generator = MoveGenerator(best, self._course, self._budget.planning_radius.scale(self._pace))
+            changed = {phase for one in different for phase in range(one.first, one.last)}
+            better = self._improve(best, generator, propose(generator, changed))
             if better is None:
                 break
-            different = differing(best, better, segments_of(self._course))
-            changed = {phase for one in different for phase in range(one.first, one.last)}
-            best = better
+            different, best = differing(best, better, generator.segments), better
         return best
 
     def _planned_starts(self) -> list[InitialGuess]:
@@ -194,24 +233,17 @@ class Search:
                 found.append(mirrored)
         return found
 
-    def _improve(self, base: CoarseSolution, changed: Set[int], *, first: bool) -> CoarseSolution | None:
-        """Return a faster flight, from other routes through the segments of a flight; None if none was found.
+    def _other_routes(self, first: CoarseSolution, generator: MoveGenerator, changed: Set[int]) -> list[Move]:
+        """Return other routes through the segments of a flight; around the first those of the other starts as well."""
+        begins = generator.base is first
+        distinct = generator.distinct_segments() if begins and self._budget.local else None
+        around = generator.moves(changed, segments=distinct)
+        moves = [one for one in around if one.plan_penalty <= self._budget.plan_penalty_max]
+        return moves + self._from_other_starts(first, generator) if begins else moves
 
-        Args:
-            base: the flight.
-            changed: phases whose route differs from when moves were tried last; the others need no new trial.
-            first: whether the routes of the other starts are to be tried as well.
-        """
-        generator = MoveGenerator(base, self._course, self._budget.planning_radius.scale(self._pace))
-        distinct = generator.distinct_segments() if first and self._budget.local else None
-        moves = [
-            one
-            for one in generator.moves(changed, segments=distinct)
-            if one.plan_penalty <= self._budget.plan_penalty_max and (one.segment.number, one.kind) not in self._tabu
-        ]
-        if first:
-            moves += self._from_other_starts(base, generator)
-        improving = self._improving(moves)
+    def _improve(self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]) -> CoarseSolution | None:
+        """Return a faster flight, from some moves; None if none was found."""
+        improving = self._improving([one for one in moves if (one.segment.number, one.kind) not in self._tabu])
         improving += self._improving(
             [again for one in improving for again in generator.replicate_in_other_laps(one, one.move.kind)]
         )
@@ -219,7 +251,7 @@ class Search:
 
     def _improving(self, moves: Sequence[Move]) -> list[EvaluatedMove]:
         """Evaluate all moves, and return those that save time."""
-        barrier = InitialBarrier.PIECES if self._budget.local else InitialBarrier.COLD
+        barrier = InitialBarrier.PIECES if self._budget.local else None
         found = self._pool.work(moves, lambda service, move: evaluate(service, move, barrier))
         for move, evaluated in zip(moves, found, strict=True):
             if evaluated is None or evaluated.saved < -TABU_LOSS:
@@ -252,7 +284,7 @@ class Search:
         """
         together: list[EvaluatedMove] = []
         for one in moves:
-            if all(set(one.move.phases).isdisjoint(other.move.phases) for other in together):
+            if all(set(one.move.changed).isdisjoint(other.move.changed) for other in together):
                 together.append(one)
         groups = [together] if len(together) == 1 else [together, together[:1]]
         groups += [[one] for one in moves if one not in together][: self._budget.alternatives]

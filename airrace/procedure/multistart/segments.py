@@ -10,6 +10,7 @@ from airrace.frames import rotation
 from airrace.planning.decisions_from_solution import ATTITUDE, POSITION, track_turn
 from airrace.planning.plan import stops_of
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
+from airrace.procedure.multistart.rolls import Reversal, reversals
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
@@ -73,6 +74,7 @@ class SegmentShape:
         gain: height of its end above its start, m.
         overhead: whether the aircraft is upside down at the top.
         length: of its track over ground, m.
+        rolls: from one side to the other, that begin on it.
     """
 
     turn: float
@@ -83,9 +85,13 @@ class SegmentShape:
     gain: float
     overhead: bool
     length: float
+    rolls: tuple[Reversal, ...] = ()
 
     def describe(self) -> str:
         """Return how the segment is taken, in words."""
+        return ", ".join([self._track(), *(one.describe() for one in self.rolls)])
+
+    def _track(self) -> str:
         side = f"to the {'right' if self.turn > 0.0 else 'left'}"
         high = f"{round(self.height, -1):.0f} m high"
         if self.rise > SETTINGS.flat and self.steepest > SETTINGS.steep and self.overhead:
@@ -104,6 +110,7 @@ def shape_of(coarse: CoarseSolution, segment: Segment) -> SegmentShape:
     """Return the shape of one segment of a flight."""
     r, q = _position_and_attitude(coarse, segment.first, segment.last)
     height, turn, R = -r[2], track_turn(r), rotation(list(q))
+    nodes, (_, whole) = coarse.problem.first_node, _position_and_attitude(coarse, 0, len(coarse.problem.phases))
     return SegmentShape(
         turn=turn.angle,
         lateral_turn=turn.lateral,
@@ -113,6 +120,7 @@ def shape_of(coarse: CoarseSolution, segment: Segment) -> SegmentShape:
         gain=float(height[-1] - height[0]),
         overhead=bool(R[2][2][int(height.argmax())] < 0.0),
         length=float(np.hypot(*np.diff(r[:2])).sum()),
+        rolls=tuple(one for one in reversals(whole) if nodes[segment.first] <= one.first < nodes[segment.last]),
     )
 
 
@@ -133,14 +141,20 @@ def neighbours(segments: Iterable[Segment]) -> list[list[Segment]]:
 
 
 def same_route(one: CoarseSolution, segment: Segment, other: CoarseSolution, counterpart: Segment) -> bool:
-    """Return whether two flights take a segment alike, which may begin at other phases of them."""
+    """Return whether two flights take a segment alike, which may begin at other phases of them.
+
+    Where a roll goes the other way, a quaternion ends with the other sign than that of a flight alike.
+    """
+    signs = set[float]()
     phases = zip(range(segment.first, segment.last), range(counterpart.first, counterpart.last), strict=True)
     for here, there in phases:
         (r, q), (other_r, other_q) = _samples(one, here), _samples(other, there)
         apart = float(np.linalg.norm(r - other_r, axis=0).max())
-        cosine = float(np.abs((q * other_q).sum(axis=0)).min())
+        cosines = (q * other_q).sum(axis=0)
+        signs |= set(np.sign(cosines).tolist())
         close = apart <= SETTINGS.position_tolerance
-        if not close or not 2.0 * math.acos(min(1.0, cosine)) <= SETTINGS.attitude_tolerance:
+        angle = 2.0 * math.acos(min(1.0, float(np.abs(cosines).min())))
+        if not close or not angle <= SETTINGS.attitude_tolerance or len(signs) > 1:
             return False
     return True
 

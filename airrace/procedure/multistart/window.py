@@ -7,10 +7,12 @@ by its costate. So a move is evaluated in tenths of a second, and what is faster
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (
@@ -21,7 +23,7 @@ from airrace.procedure.multistart.coarse_solution import (
     try_solve,
 )
 from airrace.procedure.multistart.segments import Segment
-from airrace.procedure.phase_segments import QUATERNION, concatenate, phase_piece
+from airrace.procedure.phase_segments import QUATERNION, align_quaternions, concatenate, phase_piece
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
@@ -49,6 +51,9 @@ class Move:
         segment: whose route changes.
         kind: what is different.
         plan_penalty: by how much its plan takes longer than the flight's own, s.
+        barrier: the first value of the barrier parameter with which its window is solved.
+        spare: numbers of intervals at the start of the first phase and at the end of the last that stay as they are.
+        own: the phases that are put into the flight; None for all of the window. Others only give way.
     """
 
     base: CoarseSolution
@@ -59,6 +64,14 @@ class Move:
     segment: Segment
     kind: str
     plan_penalty: float = 0.0
+    barrier: InitialBarrier = InitialBarrier.COLD
+    spare: tuple[int, int] = (0, 0)
+    own: range | None = None
+
+    @property
+    def changed(self) -> range:
+        """The indices of the phases that are put into the flight."""
+        return self.phases if self.own is None else self.own
 
     @property
     def phases(self) -> range:
@@ -87,25 +100,24 @@ class EvaluatedMove:
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def evaluate(service: SolverService, move: Move, barrier: InitialBarrier = InitialBarrier.COLD) -> EvaluatedMove | None:
+def evaluate(service: SolverService, move: Move, barrier: InitialBarrier | None = None) -> EvaluatedMove | None:
     """Return the fastest flight through a window near its guess; None if there is none within the budget.
 
     Args:
         service: what solves.
         move: the window.
-        barrier: the first value of the barrier parameter.
+        barrier: the first value of the barrier parameter; None for the move's.
     """
-    problem, start, speed_costate = _problem(move)
-    solution = try_solve(service, problem, start, barrier, ITERATIONS_MAX)
+    window = _Window.of(move)
+    solution = try_solve(service, window.problem, window.guess, barrier or move.barrier, ITERATIONS_MAX)
     if solution is None or not solution.success:
         return None
-    base, found = move.base, solution.iterate
+    base, found, problem = move.base, solution.iterate, window.problem
     speed = [one.name for one in problem.system.states].index(SPEED)
-    before = (base.iterate.durations + base.error_penalty)[move.first : move.last].sum()
+    before = window.seconds + base.error_penalty[move.first : move.last].sum()
     after = found.durations.sum() + objective_error(problem, solution).sum()
-    last = base.problem.first_node[move.last]
-    saved = before - after + speed_costate * (base.iterate.state[speed, last] - found.state[speed, -1])
-    return EvaluatedMove(move, found, problem, float(saved)) if math.isfinite(saved) else None
+    saved = before - after + window.speed_costate * (base.iterate.state[speed, window.last] - found.state[speed, -1])
+    return EvaluatedMove(move, *window.whole(found), float(saved)) if math.isfinite(saved) else None
 
 
 def apply_moves(
@@ -122,31 +134,90 @@ def apply_moves(
     pieces = [phase_piece(base.iterate, base.problem, index) for index in range(len(base.problem.phases))]
     mesh = base.problem.mesh
     for one in moves:
-        for place, index in enumerate(one.move.phases):
+        for index in one.move.changed:
+            place = index - one.move.first
             pieces[index] = phase_piece(one.iterate, one.problem, place)
             mesh[index] = one.problem.phases[place].fractions
     return solve_coarse(service, InitialGuess(flight, mesh, concatenate(pieces), InitialBarrier.COARSE))
 
 
-def _problem(move: Move) -> tuple[Problem, Iterate, float]:
-    """Return the window as a problem of its own, its guess, and the costate of the speed at its end, s per m/s."""
-    base, first, last = move.base, move.first, move.last
-    mesh, nodes = base.problem.mesh, base.problem.first_node
-    for index, piece in zip(move.phases, move.pieces, strict=True):
-        count = piece.control.shape[1]
-        mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
-    whole = move.flight.problem(mesh)
-    start = concatenate(move.pieces)
-    begin = whole.start if first == 0 else fixed_state(move.flight, base.iterate.state[:, nodes[first]])
-    phases = whole.phases[first:last]
-    if last == len(whole.phases):
-        return replace(whole, start=begin, phases=phases), start, 0.0
-    names = [one.name for one in whole.system.states]
-    costate = float(base.costates[names.index(SPEED), nodes[last] - 1])
-    end = _continuation(names, base.iterate.state[:, nodes[last]], start)
-    objective = replace(whole.objective, terminal={SPEED: costate})
-    phases = (*phases[:-1], replace(phases[-1], end=end))
-    return replace(whole, start=begin, phases=phases, objective=objective), start, costate
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The part of a flight that is solved for a move, from node `first` to node `last`, as a problem of its own.
+
+    It has a guess, the costate of the speed at its end, s per m/s, and what the flight takes for it, s.
+    """
+
+    move: Move
+    phases: Problem
+    problem: Problem
+    guess: Iterate
+    first: int
+    last: int
+    speed_costate: float
+    seconds: float
+
+    @classmethod
+    def of(cls, move: Move) -> Self:
+        """Return the window of a move."""
+        base, first, last = move.base, move.first, move.last
+        mesh, nodes = base.problem.mesh, base.problem.first_node
+        for index, piece in zip(move.phases, move.pieces, strict=True):
+            count = piece.control.shape[1]
+            mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
+        whole = move.flight.problem(mesh)
+        phases, guess = list(whole.phases[first:last]), concatenate(move.pieces)
+        head, tail = move.spare
+        begin, end = nodes[first] + head, nodes[last] - tail
+        seconds = float(base.iterate.durations[first:last].sum())
+        steps = interval_durations(base.problem, base.iterate.durations)
+        durations = guess.durations.copy()
+        for place, kept in ((0, slice(head, None)), (-1, slice(None, -tail or None))):
+            fractions = np.array(phases[place].fractions)[kept]
+            durations[place] *= fractions.sum()
+            phases[place] = replace(phases[place], fractions=tuple((fractions / fractions.sum()).tolist()))
+        if head or tail:
+            seconds -= float(steps[nodes[first] : begin].sum() + steps[end : nodes[last]].sum())
+            columns = guess.control.shape[1]
+            guess = Iterate(
+                durations, guess.state[:, head : columns - tail + 1], guess.control[:, head : columns - tail]
+            )
+        start = whole.start if begin == 0 else fixed_state(move.flight, base.iterate.state[:, begin])
+        whole = replace(whole, start=start)
+        objective, costate = whole.objective, 0.0
+        if end < nodes[-1]:
+            names = [one.name for one in whole.system.states]
+            costate = float(base.costates[names.index(SPEED), end - 1])
+            objective = replace(objective, terminal={SPEED: costate})
+            there = _continuation(names, base.iterate.state[:, end], guess)
+            phases[-1] = replace(phases[-1], end=there)
+        problem = replace(whole, phases=tuple(phases), objective=objective)
+        full = replace(whole, phases=whole.phases[first:last])
+        return cls(move, full, problem, guess, begin, end, costate, seconds)
+
+    def whole(self, found: Iterate) -> tuple[Iterate, Problem]:
+        """Return what was found with the parts of its phases that have stayed as they were."""
+        if self.move.spare == (0, 0):
+            return found, self.problem
+        base, (head, tail) = self.move.base, self.move.spare
+        before, behind = self.first - head, self.last + tail
+        flown, steps = base.iterate, interval_durations(base.problem, base.iterate.durations)
+        own = interval_durations(self.problem, found.durations)
+        state = np.hstack(
+            [flown.state[:, before : self.first], found.state, flown.state[:, self.last + 1 : behind + 1]]
+        )
+        align_quaternions(state)
+        control = np.hstack(
+            [flown.control[:, before : self.first], found.control, flown.control[:, self.last : behind]]
+        )
+        steps = np.concatenate([steps[before : self.first], own, steps[self.last : behind]])
+        pieces = np.split(steps, self.phases.first_node[1:-1])
+        phases = tuple(
+            replace(phase, fractions=tuple((piece / piece.sum()).tolist()))
+            for phase, piece in zip(self.phases.phases, pieces, strict=True)
+        )
+        durations = np.array([piece.sum() for piece in pieces])
+        return Iterate(durations, state, control), replace(self.phases, phases=phases)
 
 
 def _continuation(names: Sequence[str], state: np.ndarray, start: Iterate) -> Boundary:

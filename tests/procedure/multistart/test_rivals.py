@@ -48,7 +48,7 @@ def test_rivals_are_certified_and_slower() -> None:
 
 
 def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
-    alone = search_optimum(HALF_CUBAN)
+    alone = search_optimum(HALF_CUBAN, dataclasses.replace(QUICK, alternatives=1))
     assert alone.alternatives == ()
     assert seconds(search_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
 
@@ -123,13 +123,14 @@ def first_stage(
     found: int,
     *verdicts: StageResult,
     search: SearchReport = NOT_SEARCHED,
+    near: int = 1,
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
     """The point mass where the search has found so many starts: the result, what was asked, and those starts."""
     coarse = planned_coarse_solution(SMALL)
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search, near))
     monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
@@ -141,6 +142,20 @@ def test_every_solver_is_asked_of_the_best_way_before_another_start(monkeypatch:
     result, asked, found = first_stage(monkeypatch, QUICK, 2, taking(9.0))
     assert asked == [[found[0]]]
     assert seconds(result) == pytest.approx(9.0)
+
+
+def test_ways_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_hardly_slower_is_carried_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    verdicts = taking(9.06), taking(9.03), taking(9.0)
+    result, asked, found = first_stage(monkeypatch, QUICK, 4, *verdicts, near=3)
+    assert asked == [[one] for one in found[:3]]
+    assert seconds(result) == pytest.approx(9.0)
+    assert [seconds(one) for one in result.alternatives] == [pytest.approx(9.03)]
+    alone, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.06), taking(9.0), near=2)
+    assert alone.alternatives == ()
+    same, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.0), taking(9.0001), near=2)
+    assert same.alternatives == ()
 
 
 def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified(

@@ -1,0 +1,141 @@
+"""The rolls of a flight from one side to the other, and how each is flown the other way.
+
+A roll leads through level or through inverted flight, a full turn about the velocity apart. Where an aircraft pulls
+down, banked beyond the vertical, it can do so on either side. Each choice is a local optimum of its own.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.dynamics.point_mass import PointMassState
+from airrace.frames import product, rotation
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.replay import interval_durations
+from airrace.procedure.phase_segments import QUATERNION
+from airrace.records import record
+from airrace.trajectory import Array
+
+BANKED = math.sin(math.radians(30.0))
+"""The sine of the bank from which on a flight is banked to a side (1)."""
+OVERBANKED = math.cos(math.radians(105.0))
+"""The cosine of the bank beyond which an aircraft pulls down (1). In hard level turns it is banked by up to 104 deg."""
+OVERBANKED_MAX = 2.5
+"""The longest time for which an aircraft that could do so on either side pulls down, s; else it turns meanwhile."""
+LONGEST = 2.0
+"""The longest roll that is flown the other way, s; through level flight it may be a weave, which needs no roll."""
+BLEND = 0.4
+"""The time in which a guess changes sides before and after that, s."""
+ROLL_RATE = PointMassState.names().index("p_Kbar")
+
+
+@record
+class Reversal:
+    """A roll from one side to the other.
+
+    Attributes:
+        first: the last node that is banked to the one side.
+        last: the first node that is banked to the other.
+        angle: rolled between them, rad, positive to the right.
+        inverted: whether the aircraft is upside down on the way.
+    """
+
+    first: int
+    last: int
+    angle: float
+    inverted: bool
+
+    def describe(self) -> str:
+        """Return the roll in words."""
+        side, way = "right" if self.angle > 0.0 else "left", "inverted" if self.inverted else "level"
+        return f"rolling {side} through {way}"
+
+
+@record
+class Reroll:
+    """A flight on which one roll is flown the other way; `first` and `last` are the nodes between which it differs."""
+
+    first: int
+    last: int
+    kind: str
+    flight: Iterate
+
+
+def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
+    """Yield a flight with each of its rolls the other way, in turn, in the order of the nodes."""
+    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate)]
+    yield from sorted(found, key=lambda one: (one.first, one.last))
+
+
+def reversals(q: Array) -> list[Reversal]:
+    """Return the rolls from one side to the other in a history of attitudes (4, n), in order."""
+    right, bank = rotation(list(q))[2][1], _bank(q)
+    banked = np.flatnonzero(np.abs(right) > BANKED).tolist()
+    return [
+        Reversal(a, b, angle := float(bank[b] - bank[a]), (angle > 0.0) != bool(right[b] > 0.0))
+        for a, b in itertools.pairwise(banked)
+        if right[a] * right[b] < 0.0
+    ]
+
+
+def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
+    """Yield each roll from side to side through inverted instead of level flight, or the other way round."""
+    time = _time(problem, iterate)
+    fastest = problem.system.states[ROLL_RATE].upper
+    for one in reversals(iterate.state[QUATERNION]):
+        turn, first, last = -math.copysign(math.tau, one.angle), one.first, one.last
+        if time[last] - time[first] > LONGEST:
+            continue
+        while time[last] - time[first] < abs(one.angle + turn) / fastest and (first > 0 or last < len(time) - 1):
+            first, last = max(0, first - 1), min(len(time) - 1, last + 1)
+        share = np.clip((time - time[first]) / (time[last] - time[first]), 0.0, 1.0)
+        added = turn * share**2 * (3.0 - 2.0 * share)
+        kind = f"roll through {'level' if one.inverted else 'inverted'}"
+        yield Reroll(one.first, one.last, kind, _rolled(problem, iterate, added))
+
+
+def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
+    """Yield each short pull down banked to the other side."""
+    time, q = _time(problem, iterate), iterate.state[QUATERNION]
+    R, bank = rotation(list(q)), _bank(q)
+    turned = {node for one in reversals(q) if one.inverted for node in (one.first, one.last)}
+    for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > BANKED)):
+        if turned.intersection(range(first, last + 1)):
+            continue
+        if R[2][2][first : last + 1].min() > OVERBANKED or time[last] - time[first] > OVERBANKED_MAX:
+            continue
+        away = np.maximum(np.maximum(time[first] - time, time - time[last]), 0.0)
+        nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
+        added = -2.0 * (bank + nearest) * np.clip(1.0 - away / BLEND, 0.0, 1.0)
+        yield Reroll(first, last, "pull on the other side", _rolled(problem, iterate, added))
+
+
+def _rolled(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
+    """Return a flight rolled further by an angle (rad) at each node."""
+    fastest, time = problem.system.states[ROLL_RATE].upper, _time(problem, iterate)
+    state, control, half = iterate.state.copy(), iterate.control.copy(), 0.5 * added
+    turned = [np.cos(half), np.sin(half), np.zeros_like(half), np.zeros_like(half)]
+    state[QUATERNION] = np.array(product(list(state[QUATERNION]), turned))
+    state[ROLL_RATE] = np.clip(state[ROLL_RATE] + np.gradient(added, time), -fastest, fastest)
+    names = [one.rate_of for one in problem.system.controls]
+    control[names.index(PointMassState.names()[ROLL_RATE])] = np.diff(state[ROLL_RATE]) / np.diff(time)
+    return Iterate(iterate.durations, state, control)
+
+
+def _bank(q: Array) -> Array:
+    """Return the bank along a history of attitudes, without jumps, rad."""
+    R = rotation(list(q))
+    return np.unwrap(np.arctan2(R[2][1], R[2][2]))
+
+
+def _time(problem: Problem, iterate: Iterate) -> Array:
+    return np.concatenate([[0.0], np.cumsum(interval_durations(problem, iterate.durations))])
+
+
+def _runs(holds: NDArray[np.bool_]) -> Sequence[tuple[int, int]]:
+    """Return the first and the last of all nodes in a row at which something holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
+    return [(int(first), int(behind) - 1) for first, behind in edges.reshape(-1, 2)]

@@ -1,0 +1,105 @@
+"""Rolls from one side to the other, flown the other way, and the words for them."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from races import DEGREE, SMALL
+from search_races import SLALOM, open_session, planned_coarse_solution
+from test_moves import each_small_race, own_window
+from transformations import mirrored
+
+from airrace.frames import quaternion, rotation
+from airrace.planning.race import Race
+from airrace.procedure.multistart.coarse_solution import CoarseSolution
+from airrace.procedure.multistart.moves import MoveGenerator
+from airrace.procedure.multistart.rolls import ROLL_RATE, rerolls, reversals
+from airrace.procedure.multistart.search import QUICK
+from airrace.procedure.multistart.segments import differing, segments_of
+from airrace.procedure.multistart.window import Move, evaluate
+from airrace.procedure.phase_segments import QUATERNION, align_quaternions
+from airrace.trajectory import Array
+
+
+def attitudes(banks: Array) -> Array:
+    """Attitudes on a course of 30 degrees, climbing by 10, at banks in degrees."""
+    state = np.zeros((max(QUATERNION) + 1, len(banks)))
+    state[QUATERNION] = np.transpose([quaternion(30 * DEGREE, 10 * DEGREE, bank * DEGREE) for bank in banks])
+    align_quaternions(state)
+    return state[QUATERNION]
+
+
+@pytest.mark.parametrize(
+    ("end", "angle", "words"),
+    [
+        (-80.0, -160.0, "rolling left through level"),
+        (280.0, 200.0, "rolling right through inverted"),
+    ],
+)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_roll_leads_through_level_or_through_inverted_flight(end: float, angle: float, words: str, side: float) -> None:
+    banks = side * np.concatenate([np.linspace(0.0, 80.0, 9), np.linspace(80.0, end, 21)])
+    (found,) = reversals(attitudes(banks))
+    assert 0.3 * abs(angle) * DEGREE < side * math.copysign(1.0, angle) * found.angle <= abs(angle) * DEGREE
+    expected = words if side > 0.0 else words.replace("left", "?").replace("right", "left").replace("?", "right")
+    assert found.describe() == expected
+    assert found.inverted is ("inverted" in words)
+
+
+def test_bank_that_stays_on_one_side_is_no_roll() -> None:
+    assert reversals(attitudes(np.array([0.0, 60.0, 90.0, 120.0, 60.0, 5.0, -10.0, 20.0, 80.0]))) == []
+
+
+@each_small_race
+def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) -> None:
+    base = planned_coarse_solution(race)
+    own = base.iterate.state
+    for one in rerolls(base.problem, base.iterate):
+        state = one.flight.state
+        other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE)]
+        assert state[other_rows] == pytest.approx(own[other_rows])
+        for here, there in zip(rotation(list(own[QUATERNION])), rotation(list(state[QUATERNION])), strict=True):
+            assert there[0] == pytest.approx(here[0], abs=1e-9)  # the direction of flight
+        cosine = (own[QUATERNION] * state[QUATERNION]).sum(axis=0)
+        assert cosine[0] == pytest.approx(1.0)
+        assert cosine[-1] == pytest.approx(-1.0 if one.kind.startswith("roll") else 1.0)
+
+
+def rolls(base: CoarseSolution, race: Race) -> list[Move]:
+    generator = MoveGenerator(base, race.course, QUICK.planning_radius.scale(base.flight.plan.cruise))
+    return list(generator.rolls(set(range(len(base.problem.phases)))))
+
+
+@each_small_race
+def test_rolls_are_tried_like_those_of_the_mirrored_flight(race: Race) -> None:
+    image = mirrored(race)
+    own, seen = (rolls(planned_coarse_solution(one), one) for one in (race, image))
+    assert [(one.segment, one.kind) for one in seen] == [(one.segment, one.kind) for one in own]
+
+
+def test_flights_that_differ_in_a_roll_alone_are_on_different_routes() -> None:
+    base, segments = planned_coarse_solution(SLALOM), segments_of(SLALOM.course)
+    found = [one for one in rerolls(base.problem, base.iterate) if one.kind.startswith("roll")]
+    assert found
+    for one in found:
+        other = dataclasses.replace(base, iterate=one.flight)
+        different = differing(base, other, segments)
+        assert different
+        assert different == differing(other, base, segments)
+        nodes = base.problem.first_node
+        assert all(nodes[each.first] < one.last and one.first < nodes[each.last] for each in different)
+
+
+def test_window_that_leaves_out_intervals_saves_nothing_on_the_own_route_and_fits_into_the_flight() -> None:
+    base = planned_coarse_solution(SMALL)
+    whole = own_window(base, 0, 3)
+    nodes = base.problem.first_node
+    with open_session() as session:
+        found = evaluate(session.service, dataclasses.replace(whole, spare=(4, 5)))
+    assert found is not None
+    assert abs(found.saved) < 3e-3
+    assert found.problem.intervals == base.problem.intervals
+    assert found.iterate.durations == pytest.approx(base.iterate.durations, abs=0.01)
+    outside = [*range(4), *range(nodes[3] - 5, nodes[3] + 1)]
+    assert found.iterate.state[:, outside] == pytest.approx(base.iterate.state[:, outside], abs=1e-9)
