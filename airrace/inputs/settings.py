@@ -95,7 +95,7 @@ class SettingsEntry(Schema):
     )
     search: Literal["off", "quick", "thorough"] | None = optional("how much is tried to find the fastest route")
     alternatives: Annotated[int, Ge(1), Le(20)] | None = optional(
-        "how many of the best routes are taken through all stages; without it the best, and another that is hardly slower"
+        "how many of the best routes are taken through all stages; else the best and one hardly slower"
     )
     mesh_check: Literal["last", "all"] | None = optional(
         "which stages have their race time confirmed on a second mesh: the last one of a run, or all"
