@@ -101,5 +101,5 @@ def test_window_that_leaves_out_intervals_saves_nothing_on_the_own_route_and_fit
     assert abs(found.saved) < 3e-3
     assert found.problem.intervals == base.problem.intervals
     assert found.iterate.durations == pytest.approx(base.iterate.durations, abs=0.01)
-    outside = [*range(4), *range(nodes[3] - 5, nodes[3] + 1)]
+    outside = [*range(4), *range(nodes[3] - 4, nodes[3] + 1)]
     assert found.iterate.state[:, outside] == pytest.approx(base.iterate.state[:, outside], abs=1e-9)
