@@ -54,7 +54,7 @@ class SecondOrder:
     @property
     def hangs_on_weak_limits(self) -> bool:
         """Whether it is only singular because nobody knows whether the weakly active limits hold."""
-        return self.curvature is Curvature.SINGULAR and self.least < -self.threshold
+        return self.curvature is Curvature.SINGULAR and self.least <= -self.threshold
 
     def __str__(self) -> str:
         """Return the verdict in a clause."""

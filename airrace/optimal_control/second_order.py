@@ -122,19 +122,19 @@ def judge(
     form = StageQuadratic.of(matrices, equal | active, _shares(layout, w))
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
     threshold = THRESHOLD * largest / MULTIPLIER_SCALE
-    found, curvature = direction_below(form, threshold), Curvature.POSITIVE
+    found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if found is not None:
-        curvature, less = Curvature.SINGULAR, direction_below(form, -threshold)
+        curvature, less, least = Curvature.SINGULAR, direction_below(form, -threshold), form.curvature(found)
         if less is not None:
-            found = less
+            found, least = less, min(form.curvature(less), -threshold)  # however the direction is rounded
             negative = direction_below(replace(form, kept=equal | active | weak), -threshold)
-            if negative is not None and form.curvature(negative) < 0.0:  # measured, whatever was rounded on the way
-                curvature, found = Curvature.INDEFINITE, negative
+            if negative is not None and form.curvature(negative) < -threshold:  # a saddle only where it is measured
+                curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
     phase, quantity = ("", "") if found is None else _place(layout, found)
     verdict = SecondOrder(
         curvature=curvature,
         threshold=threshold,
-        least=np.nan if found is None else form.curvature(found),
+        least=least,
         phase=phase,
         quantity=quantity,
         active=int(active.sum()),
