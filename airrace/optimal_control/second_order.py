@@ -124,9 +124,10 @@ def judge(
     threshold = THRESHOLD * largest / MULTIPLIER_SCALE
     found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if found is not None:
-        curvature, less, least = Curvature.SINGULAR, direction_below(form, -threshold), form.curvature(found)
+        curvature, least = Curvature.SINGULAR, min(form.curvature(found), threshold)  # however the direction is rounded
+        less = direction_below(form, -threshold)
         if less is not None:
-            found, least = less, min(form.curvature(less), -threshold)  # however the direction is rounded
+            found, least = less, min(form.curvature(less), -threshold)
             negative = direction_below(replace(form, kept=equal | active | weak), -threshold)
             if negative is not None and form.curvature(negative) < -threshold:  # a saddle only where it is measured
                 curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
