@@ -28,6 +28,7 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "over_the_top": ("abu_dhabi_2016", *POINT_MASS),
     "flat": ("abu_dhabi_2016", *NO_LINE, *POINT_MASS),
     "half_cuban_eight": ("half_cuban_eight", *PLAN),
+    "race_pilot": ("half_cuban_eight", *PLAN, "--set", "rules.pilot=race"),
     "sprint": ("sprint.yaml", *POINT_MASS),
 }
 """What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes."""
@@ -43,6 +44,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "aircraft": ("compare", "rovinj.h5:point-mass", "pc9.h5", "--plot"),
     "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
     "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
+    "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),
     "routes": ("compare", "over_the_top.h5", "flat.h5", "--plot"),
 }
 """The command that draws a picture, up to the name of its file."""

@@ -47,13 +47,15 @@ def _rules(race: Race) -> Iterator[Parameter[Race]]:
     fastest = min(START_SPEED_MAX, math.floor(envelope.V.upper / KNOT))
     yield rule("start_speed_max_kt", "passages.0.speed.upper", "start speed", 10.0, fastest)
     pilot = race.course.rules.pilot
-    yield rule("pilot.n_z_min_low", "rules.pilot.n_z_low", "load factor near the ground", -0.5, envelope.n_z.lower)
-    yield rule("pilot.n_z_min_ends", "rules.pilot.n_z_ends", "load factor over the ends", -0.5, envelope.n_z.lower)
-    yield rule("pilot.gate_onset_max_g_s", "rules.pilot.onset", "onset at gates", 5.0, ONSET_MAX)
+    yield rule("pilot.n_z_min_low", "rules.pilot.n_z_low", "the load factor near the ground", -0.5, envelope.n_z.lower)
+    yield rule(
+        "pilot.n_z_min_ends", "rules.pilot.n_z_ends", "the load factor over start and finish", -0.5, envelope.n_z.lower
+    )
+    yield rule("pilot.gate_onset_max_g_s", "rules.pilot.onset", "the onset at gates", 5.0, ONSET_MAX)
     rolls = math.degrees(own.p)
-    yield rule("pilot.gate_roll_rate_max_deg_s", "rules.pilot.roll_rate", "roll rate at gates", 20.0, rolls)
+    yield rule("pilot.gate_roll_rate_max_deg_s", "rules.pilot.roll_rate", "the roll rate at gates", 20.0, rolls)
     if pilot.steady_start or pilot.steady_finish:
-        path, label = "rules.pilot.turn_tolerance", "tolerance of the turn"
+        path, label = "rules.pilot.turn_tolerance", "the tolerance of the steady turn"
         yield rule("pilot.turn_tolerance_g", path, label, 0.5, TURN_TOLERANCE_MAX)
 
 

@@ -202,7 +202,7 @@ def _rule_text(value: Interval | Enum | float) -> str:
         case bool():
             return "yes" if value else "no"
         case _:
-            return f"{value:g}"
+            return f"{value:g}" if math.isfinite(value) else "none"
 
 
 NAMES_MAX = 3

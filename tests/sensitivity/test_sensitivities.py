@@ -117,19 +117,10 @@ def test_where_the_range_of_a_key_ends_there_is_a_sensitivity_to_the_other_side_
     assert "no smaller value" in found.note
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "rules.start_speed_max_kt",
-        "gates.side.east_m",
-        "gates.last.heading_deg",
-        "gate_defaults.width_m",
-        "aircraft.airframe.mass_kg",
-        "environment.wind.speed_m_s",
-    ],
-)
-def test_solving_again_finds_the_sensitivity(key: str) -> None:
-    one, given, result = sensitivities_of()[key], inputs(), optimum()
+def assert_found_by_solving_again(key: str, *overrides: str) -> None:
+    """The sensitivity of the course with some keys set is the slope between two optima beside it."""
+    one, given = sensitivities_of(COURSE, *overrides)[key], inputs(COURSE, *overrides)
+    result = optimum(COURSE, *overrides)
     variation, varied = Variation(given), PerturbedProblem.of_result(given.race, given.settings, result)
     closer = dataclasses.replace(given.settings.solver, tolerance=1e-9)
     settings = dataclasses.replace(given.settings, solver=closer)
@@ -145,6 +136,34 @@ def test_solving_again_finds_the_sensitivity(key: str) -> None:
             assert solution.success
             objectives.append(solution.objective)
     assert one.per_unit == pytest.approx((objectives[1] - objectives[0]) / (2.0 * change), rel=0.01, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "rules.start_speed_max_kt",
+        "gates.side.east_m",
+        "gates.last.heading_deg",
+        "gate_defaults.width_m",
+        "aircraft.airframe.mass_kg",
+        "environment.wind.speed_m_s",
+    ],
+)
+def test_solving_again_finds_the_sensitivity(key: str) -> None:
+    assert_found_by_solving_again(key)
+
+
+PILOT = ("rules.pilot.n_z_min_low=2.5", "rules.pilot.low_height_m=22", "rules.pilot.gate_roll_rate_max_deg_s=20")
+
+
+@pytest.mark.parametrize("key", ["n_z_min_low", "low_height_m", "gate_roll_rate_max_deg_s"])
+def test_solving_again_finds_the_sensitivity_to_a_limit_of_the_pilot(key: str) -> None:
+    assert_found_by_solving_again(f"rules.pilot.{key}", *PILOT)
+
+
+@pytest.mark.parametrize("key", ["rules.start_speed_max_kt", "environment.wind.speed_m_s", "environment.wind.from_deg"])
+def test_solving_again_finds_the_sensitivity_where_the_start_speed_is_an_airspeed(key: str) -> None:
+    assert_found_by_solving_again(key, "rules.start_speed=indicated")
 
 
 def test_only_an_optimum_with_its_own_multipliers_has_sensitivities() -> None:
