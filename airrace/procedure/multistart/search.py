@@ -105,8 +105,8 @@ THOROUGH = SearchBudget(
     elite=4,
     homotopy=True,
 )
-LOCAL = dataclasses.replace(QUICK, plan_penalty_max=1.0, local=True)
-"""Routes whose plan takes over a second longer were never the faster ones after a change of a few per cent."""
+LOCAL = dataclasses.replace(QUICK, local=True)
+"""The budget of a search around a flight: other routes as in a quick search, so that both end where none is faster."""
 BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, SearchEffort.THOROUGH: THOROUGH}
 """The budgets by `settings.search`."""
 
