@@ -243,7 +243,7 @@ class FidelityContinuation:
         if self._settings.search is SearchEffort.OFF:
             return lambda _: None
         flight, source = self.flight(Stage.POINT_MASS), self.along(optimum.stage, optimum)
-        return functools.partial(search_around, flight, source, optimum, self._race.course)
+        return functools.partial(search_around, flight, source, optimum, self._race.course, self._settings.mesh)
 
     def refine_route(self, found: CoarseSolution, session: SolverSession) -> StageResult:
         """Return the point mass's optimum from a rough one."""

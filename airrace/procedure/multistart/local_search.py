@@ -1,6 +1,7 @@
 """The search around a flight that was started from another run, for a route that has become faster."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,9 +12,11 @@ from airrace.optimal_control.solvers.process.pool import SolverPool
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.points import at_points
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, intervals, solve_coarse
+from airrace.procedure.multistart.multistart import solve_finer
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search
 from airrace.procedure.multistart.segments import describe_segments, differing, segments_of
 from airrace.procedure.result import StageResult
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier
 from airrace.records import record
@@ -37,7 +40,12 @@ class RoutesAround:
 
 
 def search_around(
-    point_mass: StageProblem, source: StageProblem, optimum: StageResult, course: Course, pool: SolverPool
+    point_mass: StageProblem,
+    source: StageProblem,
+    optimum: StageResult,
+    course: Course,
+    mesh: MeshSettings,
+    pool: SolverPool,
 ) -> RoutesAround | None:
     """Return the fastest flight that moves lead to from an optimum; None if the point mass cannot fly as it does.
 
@@ -46,15 +54,19 @@ def search_around(
         source: the model that flew the optimum, planned as it goes round.
         optimum: the flight, of a race whose numbers may have been a little different.
         course: the course.
+        mesh: the settings of meshes.
         pool: what solves.
     """
     flight = replace(point_mass, plan=plan_from_solution(course, point_mass.plan.cruise, optimum.trajectory))
     counts = [intervals(seconds) for seconds in optimum.trajectory.durations.tolist()]
-    mesh, iterate = resample(mesh_of(optimum.trajectory), _as_point_mass(flight, source, optimum), counts)
-    (base,) = pool.work([InitialGuess(flight, mesh, iterate, InitialBarrier.OTHER_STAGE)], solve_coarse)
+    coarse, iterate = resample(mesh_of(optimum.trajectory), _as_point_mass(flight, source, optimum), counts)
+    (base,) = pool.work([InitialGuess(flight, coarse, iterate, InitialBarrier.OTHER_STAGE)], solve_coarse)
     if base is None:
         return None
-    best = Search(point_mass, course, LOCAL, pool, lambda _: None).improve(base)
+    search = Search(point_mass, course, LOCAL, pool, lambda _: None)
+    best = search.improve(base)
+    base, *others = pool.work([base] if best is base else [base, best], partial(solve_finer, mesh=mesh))
+    best = search.improve_rolls(*others or [base])
     segments = differing(base, best, segments_of(course))
     saved = base.race_time - best.race_time
     if not segments or saved <= SAVED_MIN:

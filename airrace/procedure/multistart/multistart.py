@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from airrace.procedure.multistart.segments import (
     shape_of,
 )
 from airrace.procedure.result import Route, SearchReport
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.start import InitialBarrier, Start
@@ -145,16 +147,17 @@ def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list
 
 def _refine(pool: SolverPool, session: SolverSession, elite: list[CoarseSolution]) -> list[CoarseSolution]:
     """Return the flights on the mesh with which their mesh check begins, the fastest first."""
+    finer = pool.work(elite, partial(solve_finer, mesh=session.settings.mesh))
+    return sorted(finer, key=lambda one: one.race_time)
 
-    def solve_finer(service: SolverService, coarse: CoarseSolution) -> CoarseSolution:
-        mesh = session.settings.mesh
-        fine = replace(mesh, interval=min(mesh.interval, SETTINGS.interval))
-        wanted = counts_of(coarse.iterate.durations.tolist(), fine)
-        counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
-        mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
-        return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, InitialBarrier.COARSE)) or coarse
 
-    return sorted(pool.work(elite, solve_finer), key=lambda one: one.race_time)
+def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
+    """Return a flight on the mesh on which flights are compared; the flight itself where it leads to none there."""
+    fine = replace(mesh, interval=min(mesh.interval, SETTINGS.interval))
+    wanted = counts_of(coarse.iterate.durations.tolist(), fine)
+    counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
+    finer, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
+    return solve_coarse(service, InitialGuess(coarse.flight, finer, iterate, InitialBarrier.COARSE)) or coarse
 
 
 def _with_best_rolls(search: Search, finals: list[CoarseSolution]) -> list[CoarseSolution]:

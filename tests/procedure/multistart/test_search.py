@@ -233,7 +233,7 @@ WINDY = blown(SLALOM, 200.0, 2.0)
 def found_around(optimum: StageResult) -> RoutesAround:
     source = formulate(optimum.stage, SLALOM, QUICK, optimum.trajectory)
     with open_session() as session, session.pool() as pool:
-        found = search_around(prepared(SLALOM), source, optimum, SLALOM.course, pool)
+        found = search_around(prepared(SLALOM), source, optimum, SLALOM.course, QUICK.mesh, pool)
     assert found is not None
     return found
 
