@@ -18,10 +18,12 @@
     certificate/solver_status, items, second_order   (absent where the stage is not certified by design)
     splits, attempts, timings, provenance    tables, SI and radians
     search/routes, loops, summary         tables: other routes that were tried
+    pylon_conditions                    table: what keeps the wing clear of pylons; only where anything does
     suggested_changes                   table: what would resolve conflicts of limits; only where there are any
     alternatives/N/                     flights on other routes, but for the hashes like the stage itself
 """
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -41,6 +43,8 @@ from airrace.procedure.result import (
     MeshRecord,
     Note,
     NoteKind,
+    PylonCondition,
+    PylonSide,
     RefinementReason,
     Route,
     SearchReport,
@@ -104,6 +108,18 @@ class SecondOrderRow:
         """
         kind, where = Curvature(self.curvature), (self.phase, self.quantity)
         return SecondOrder(kind, self.threshold, self.least, *where, self.active, self.weakly_active)
+
+
+@record
+class PylonConditionRow:
+    """A row of the table of conditions on pylons; `side` is the value of a `PylonSide`."""
+
+    element: str
+    post: int
+    leg: int
+    share: float
+    side: str
+    error: float
 
 
 @record
@@ -198,6 +214,14 @@ def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
             }
         ),
     }
+    if result.pylon_conditions:
+        members["pylon_conditions"] = table_of(
+            PylonConditionRow,
+            [
+                PylonConditionRow(one.element, one.post, one.leg, one.share, one.side.value, one.error)
+                for one in result.pylon_conditions
+            ],
+        )
     if result.suggested_changes:
         members["suggested_changes"] = table_of(SuggestedChange, result.suggested_changes)
     if result.certificate is not None:
@@ -289,7 +313,7 @@ _MEMBERS = (
     *("durations", "constraint_multipliers", "bound_multipliers", "mesh", "splits", "attempts", "timings"),
     *("provenance", "search"),
 )
-_OPTIONAL = ("certificate", "suggested_changes")
+_OPTIONAL = ("certificate", "pylon_conditions", "suggested_changes")
 
 
 def _decode_stage(place: GroupReader, stage: Stage) -> StoredStage:
@@ -337,12 +361,26 @@ def _decode_result(place: GroupReader, stage: Stage) -> StageResult:
             search.texts("loops", "loop"),
         ),
         notes=notes,
+        pylon_conditions=_decode_pylon_conditions(place, len(trajectory.phases)),
         suggested_changes=(
             place.rows("suggested_changes", SuggestedChange) if "suggested_changes" in place.node.members else ()
         ),
     )
     ensure_possible(result, place.path)
     return result
+
+
+def _decode_pylon_conditions(place: GroupReader, legs: int) -> tuple[PylonCondition, ...]:
+    if "pylon_conditions" not in place.node.members:
+        return ()
+    found: list[PylonCondition] = []
+    for row in place.rows("pylon_conditions", PylonConditionRow):
+        if row.side not in [side.value for side in PylonSide]:
+            raise CheckpointError(f"{place.path}/pylon_conditions: unknown side {row.side[:40]!r}")
+        if not (0 <= row.leg < legs and 0.0 <= row.share <= 1.0 and abs(row.error) < math.inf):
+            raise CheckpointError(f"{place.path}/pylon_conditions: no place or no number of a flight of {legs} legs")
+        found.append(PylonCondition(row.element, row.post, row.leg, row.share, PylonSide(row.side), row.error))
+    return tuple(found)
 
 
 def _decode_mesh(place: GroupReader, intervals: int) -> MeshRecord:

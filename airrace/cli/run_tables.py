@@ -23,6 +23,7 @@ from airrace.results.sustained_load import sustained_loads
 from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
 from airrace.runs.run import ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
+from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
 from airrace.views.stage_tables import certificate_table, claim, search_table, splits_table
 from airrace.views.tables import Cell, Column, Table
@@ -39,7 +40,8 @@ ROUTES_MAX = 12
 """The largest number of routes in the table; all of them are in the checkpoint and in the object."""
 NEAR_MISSES = textwrap.fill(
     "warning: the rules measure the wing tips at the instant of a passing alone; right before or after it, or at other "
-    "gates, the wing comes as close to pylons as stated above.",
+    "gates, the wing comes as close to pylons as stated above. With `--set rules.clearance=flight` it keeps clear of "
+    "them all along.",
     PAGE,
 )
 UNVERIFIED = textwrap.fill(
@@ -329,7 +331,8 @@ def _knots(speeds: Range) -> str:
 def _warnings(flight: Flight) -> Iterator[str]:
     """Yield what is measured of a flight and no limit of it: near misses of pylons, loads sustained for too long."""
     if misses := near_misses(flight):
-        yield f"{render(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"
+        table = render(near_miss_table(misses), columns=PAGE)
+        yield table if flight.course.rules.clearance is ClearanceRule.FLIGHT else f"{table}\n{NEAR_MISSES}"
     for one in sustained_loads(flight):
         yield textwrap.fill(f"warning: {one.text}", PAGE)
 

@@ -47,7 +47,7 @@ class LimitsEntry(Schema):
         description="what that is a limit of: the speed over `ground`, or the `true` or `indicated` airspeed",
     )
     clearance: Literal["flight", "crossing"] = Field(
-        default="crossing",
+        default="flight",
         description="whether the wing keeps clear of all pylons all along the `flight`, or of those of a gate at its "
         "`crossing` alone; measured in either case",
     )

@@ -97,6 +97,8 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
         excesses.append((quantity.name, quantity.unit, outside(history, lower, upper).max(axis=1)))
     for phase, within in zip(problem.phases, phases, strict=True):
         for watch in phase.watches:  # by their exact measure
+            if watch.at is not None:
+                continue  # it is asked for at a node, where the conditions of optimality are measured
             states = replay.state[:, within]
             measure = (watch.exact or watch.observation).values
             seen = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))

@@ -158,7 +158,10 @@ def output_samples_of(
             # Where a watch goes on from the phase before, the node between the two has its rows already.
             goes_on = any(watch.same_conditions(other) for other in before)
             name = f"{phase.name}, {watch.name}"
-            for node in range(start + goes_on, end + 1):
+            nodes = range(start + goes_on, end + 1)
+            if watch.at is not None:
+                nodes = (start + phase.nearest_node(watch.at),)
+            for node in nodes:
                 jump = jump_at.get(node) if node == end else None
                 samples.append(OutputSample(node, name, watch.observation, watch.bounds, offset, jump))
             values.append(watch.values)

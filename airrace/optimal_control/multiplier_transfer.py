@@ -6,6 +6,7 @@ the dynamics are left at zero: a solver finds them from those of the limits.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -17,8 +18,9 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.records import record
 from airrace.trajectory import Array
 
-Extent = Literal["end", "node", "interval", "duration"]
-"""Where a limit holds: where phases meet, at the nodes between these, over intervals, or for a whole phase."""
+Extent = Literal["end", "node", "interval", "duration", "one node"]
+"""Where a limit holds: where phases meet, at the nodes between these, over intervals, for a whole phase, at one node
+alone."""
 
 
 @record
@@ -53,9 +55,13 @@ def transfer_multipliers(multipliers: Multipliers, there: Layout, here: Layout) 
     before = limits_of(there)
     for (extent, name), limit in limits_of(here).items():
         if source := before.get((extent, name)):
-            at = _same if extent in ("end", "duration") else _interpolate
             density = known[source.places] / source.weights
-            wanted[limit.places] = limit.weights * at(limit.along, source.along, density)
+            if extent == "one node":  # which may be another one
+                same = len(limit.places) == len(source.places)
+                wanted[limit.places] = limit.weights * density if same else 0.0
+            else:
+                at = _same if extent in ("end", "duration") else _interpolate
+                wanted[limit.places] = limit.weights * at(limit.along, source.along, density)
     return Multipliers(wanted[: here.constraints], wanted[here.constraints :])
 
 
@@ -74,11 +80,18 @@ def limits_of(layout: Layout) -> Limits:
     number = (source[rows.source] * len(names) + name[rows.number]) * 2 + at_end[rows.node]
     order = np.argsort(number, kind="stable")  # rows are in the order of their nodes
     weight = stretch[rows.node] * rows.scale
+    alone = {
+        f"{phase.name}, {one.name}" for phase in layout.problem.phases for one in phase.watches if one.at is not None
+    }
     for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
         which, end = divmod(int(number[members[0]]), 2)
-        key = f"{sources[which // len(names)]}: {names[which % len(names)]}"
+        sampled = sources[which // len(names)]
+        key = f"{sampled}: {names[which % len(names)]}"
         limit = Limit(layout.row_index[members], along[rows.node[members]], weight[members])
-        limits["end" if end else "node", key] = limit
+        if sampled in alone:
+            limits["one node", key] = replace(limit, weights=rows.scale[members])
+        else:
+            limits["end" if end else "node", key] = limit
     by_extent: dict[Extent, Marks] = {"end": at_end, "node": ~at_end}
     for component, quantity in enumerate(layout.problem.system.states):
         places, weights = layout.constraints + layout.state_index[:, component], stretch * quantity.scale

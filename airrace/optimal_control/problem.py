@@ -12,8 +12,8 @@ import bisect
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import field
-from typing import Any
+from dataclasses import field, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,13 @@ from airrace.quantities import Interval, Quantity, Vector
 from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
+
+WHOLE = 1e-6
+"""The largest deviation from 1 of the sum of a phase's fractions (1).
+
+The fractions that `1 / n` repeated n times, halving and merging leave of thousands of intervals miss it by less than
+1e-12; a mesh that was mistyped misses it by a whole interval.
+"""
 
 
 @record
@@ -44,7 +51,7 @@ class Boundary:
 
 @record
 class PathConstraint:
-    """A set of conditions on an observation all along a phase: at every node of it, both ends included.
+    """A set of conditions on an observation along a phase: at every node of it, both ends included, or at one.
 
     Attributes:
         name: for messages, e.g. of a safety line.
@@ -53,6 +60,7 @@ class PathConstraint:
         values: the observation's parameters (n_b,).
         exact: the same quantities of the same parameters, where the observation is but a smooth stand-in for them;
             certificates measure these.
+        at: the share of the phase's duration (0 to 1) at whose nearest node alone it is asked for; None for all nodes.
     """
 
     name: str
@@ -60,10 +68,12 @@ class PathConstraint:
     observation: Observation
     values: tuple[float, ...]
     exact: Observation | None = None
+    at: float | None = None
 
     def same_conditions(self, other: "PathConstraint") -> bool:
         """Return whether two watches ask for the very same."""
         alike = self.observation is other.observation and self.exact is other.exact
+        alike = alike and self.at is None and other.at is None
         return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
 
 
@@ -91,6 +101,27 @@ class Phase:
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
     watches: tuple[PathConstraint, ...] = ()
     jump: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    def nearest_node(self, share: float) -> int:
+        """Return the number within the phase of the node nearest to a share of its duration; of two the first."""
+        apart = np.abs(np.concatenate([[0.0], np.cumsum(self.fractions)]) - share)
+        return int(np.argmax(apart <= apart.min() + WHOLE))
+
+    def without_watches_at(self, node: int) -> Self:
+        """Return the phase without what is asked for at one node of it alone: where its state is known."""
+        kept = (one for one in self.watches if one.at is None or self.nearest_node(one.at) != node)
+        return replace(self, watches=tuple(kept))
+
+    def part(self, kept: slice) -> Self:
+        """Return some successive intervals as a phase of their own, with what is asked for at one node of them."""
+        fractions = np.array(self.fractions)
+        before, whole = float(fractions[: kept.start or 0].sum()), float(fractions[kept].sum())
+        watches: list[PathConstraint] = []
+        for one in self.watches:
+            at = one.at if one.at is None else (one.at - before) / whole
+            if at is None or -WHOLE <= at <= 1.0 + WHOLE:
+                watches.append(one if at is None else replace(one, at=min(max(at, 0.0), 1.0)))
+        return replace(self, fractions=tuple((fractions[kept] / whole).tolist()), watches=tuple(watches))
 
 
 @record
@@ -244,14 +275,6 @@ def interpolate(problem: Problem, durations: ArrayLike, state: ArrayLike, contro
     return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)
 
 
-WHOLE = 1e-6
-"""The largest deviation from 1 of the sum of a phase's fractions (1).
-
-The fractions that `1 / n` repeated n times, halving and merging leave of thousands of intervals miss it by less than
-1e-12; a mesh that was mistyped misses it by a whole interval.
-"""
-
-
 def require_valid(problem: Problem) -> None:
     """Refuse a problem that would silently mean something else than it says.
 
@@ -308,6 +331,8 @@ def _check_phase(system: System, phase: Phase) -> None:
             raise ValueError(f"the jump at the end of phase {phase.name!r} changes {name} by {change}")
     for watch in phase.watches:
         _check_conditions("watch", watch, ())
+        if watch.at is not None and not 0.0 <= watch.at <= 1.0:
+            raise ValueError(f"watch {watch.name!r} is asked for at {watch.at} of the duration of a phase")
     _check_conditions("boundary", phase.end, system.states)
 
 

@@ -14,6 +14,8 @@ from airrace.trajectory import Array
 Fractions = tuple[float, ...]
 Mesh = list[Fractions]
 Marks = NDArray[np.bool_]
+LEAST_SHARE = 0.2
+"""The share of its length that an interval keeps at least when nodes are moved (1)."""
 
 
 def divide(mesh: Sequence[Fractions], iterate: Iterate, replay: Replay | None, parts: Indices) -> tuple[Mesh, Iterate]:
@@ -92,6 +94,42 @@ def resample(
         control.append(u)
     state.append(iterate.state[:, -1:])
     return fractions, Iterate(iterate.durations, np.hstack(state), np.hstack(control))
+
+
+def move_nodes(
+    mesh: Sequence[Fractions], iterate: Iterate, nodes: Marks, wanted: Sequence[Sequence[float]]
+) -> tuple[Mesh, Iterate]:
+    """Move the nearest of some nodes to each of the places that are wanted; those between them move along.
+
+    Nodes at the ends of phases stay, and none comes so near to the next one that it would nearly touch it.
+
+    Args:
+        mesh: fractions of every phase.
+        iterate: on that mesh.
+        nodes: which nodes may be moved, shape (N + 1,); those between phases are among them.
+        wanted: places in every phase, as shares of its duration.
+
+    Returns:
+        The new mesh, and the iterate on it: states straight between the old nodes, the same controls.
+    """
+    first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
+    moved, state = list(mesh), iterate.state.copy()
+    for index, shares in enumerate(wanted):
+        first, last = first_node[index], first_node[index + 1]
+        old = np.concatenate([[0.0], np.cumsum(mesh[index])])
+        places = old[nodes[first : last + 1]]
+        targets = places.copy()
+        for share in shares:
+            nearest = int(np.abs(places - share).argmin())
+            if 0 < nearest < len(places) - 1 and targets[nearest] == places[nearest]:
+                around = targets[nearest - 1 : nearest + 2 : 2]
+                apart = LEAST_SHARE * np.diff(places[nearest - 1 : nearest + 2])
+                targets[nearest] = min(max(share, around[0] + apart[0]), around[1] - apart[1])
+        if (targets != places).any():
+            new: Array = np.interp(old, places, targets)
+            moved[index] = tuple(np.diff(new).tolist())
+            state[:, first : last + 1] = [np.interp(new, old, row) for row in iterate.state[:, first : last + 1]]
+    return moved, Iterate(iterate.durations, state, iterate.control)
 
 
 def inherited_nodes(parts: Indices) -> Marks:

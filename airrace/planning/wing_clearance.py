@@ -30,6 +30,9 @@ NEAR = 10.0
 """The distance, m, beyond clearance and wing, at which a pylon counts as near."""
 PARTS = 48
 """The number of parts into which a step is divided to find the least distance, and again the part with the least."""
+ABEAM_MAX = 0.1
+"""The longest time, s, between the moment abeam and that of the least distance; on a leg that ends before, or where the
+wing hits, it could be longer."""
 LEVEL = 1e-9
 """The extent of a wing, m, below which it has none in a direction; other points of it are the nearest then."""
 
@@ -43,6 +46,7 @@ class PylonPost:
         north, east: m.
         height: of its top above the origin of the course, m.
         required: the least distance of a wing, m.
+        post: its number among the pylons of its element.
     """
 
     name: str
@@ -50,6 +54,7 @@ class PylonPost:
     east: float
     height: float
     required: float
+    post: int = 0
 
 
 @record
@@ -75,6 +80,8 @@ class ClosestApproach:
         leg: the number of the leg, from 0.
         distance: m.
         time: s.
+        abeam: when the aircraft's centre is abeam of the pylon, s; a wing that is banked in a climb is nearest a moment
+            before or after.
         along, beside: where the aircraft's centre is then as seen from the pylon, in directions of the velocity over
             ground and to its right, m.
     """
@@ -83,6 +90,7 @@ class ClosestApproach:
     leg: int
     distance: float
     time: float
+    abeam: float
     along: float
     beside: float
 
@@ -99,9 +107,9 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
         drawing, required = element.drawing(), UNASKED
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
-        for post in drawing.posts:
+        for number, post in enumerate(drawing.posts):
             place = (round(post.north, 6), round(post.east, 6))
-            pylon = PylonPost(element.name, post.north, post.east, drawing.post_height, required)
+            pylon = PylonPost(element.name, post.north, post.east, drawing.post_height, required, number)
             if place not in found or found[place].required < required:
                 found[place] = pylon
     return tuple(found.values())
@@ -178,7 +186,9 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
             d = centre[:2] - np.array([pylon.north, pylon.east])
             along = float(velocity @ d) / speed
             beside = float(velocity[0] * d[1] - velocity[1] * d[0]) / speed
-            yield ClosestApproach(pylon, leg, float(distance[step]), float(time[step]), along, beside)
+            nearest = float(time[step])
+            abeam = nearest - min(max(along / speed, -ABEAM_MAX), ABEAM_MAX)
+            yield ClosestApproach(pylon, leg, float(distance[step]), nearest, abeam, along, beside)
 
 
 def _between(wing: Wing, steps: np.ndarray, shares: Array) -> tuple[Array, Array]:

@@ -202,4 +202,5 @@ def conclude(
         provenance=provenance,
         mesh=mesh,
         notes=notes,
+        pylon_conditions=flight.pylon_conditions,
     )

@@ -125,7 +125,7 @@ class FidelityContinuation:
         """Return a stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
         route = plan_from_solution(self._race.course, flight.plan.cruise, optimum.trajectory)
-        return dataclasses.replace(flight, plan=route)
+        return dataclasses.replace(flight, plan=route).with_conditions(optimum.pylon_conditions)
 
     def preload(self, stage: Stage, service: SolverService) -> None:
         """Let a solver process load the equations of a stage, and the scheme that integrates them."""

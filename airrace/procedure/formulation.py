@@ -1,10 +1,9 @@
 """The parts of a race as an optimal control problem: the conditions at its passages, at its ends and along its legs."""
 
 import dataclasses
-import functools
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Self
 
 from airrace.dynamics.flight_model import FROM_ZERO, FlightModel
@@ -21,12 +20,10 @@ from airrace.dynamics.observations import (
     settled_observation,
     with_sight,
 )
-from airrace.dynamics.pylon_room import pylon_room_observation
 from airrace.errors import UsageError
 from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import pylons_of
 from airrace.procedure.pilot_conditions import PilotConditions
 from airrace.procedure.start_speed import StartAirspeed
 from airrace.quantities import Interval, Quantity
@@ -79,65 +76,6 @@ class Trim:
         )
 
 
-@record
-class PylonRooms:
-    """The condition that the wing keeps clear of the pylons of a passing when it is abeam of them.
-
-    Attributes:
-        room: the distances, see `airrace.dynamics.pylon_room`.
-        required: by the name of the element, m.
-        semispan: from the aircraft's centre to a wing tip, m.
-        values: the numbers of aircraft and air.
-    """
-
-    room: Observation
-    required: Mapping[str, float]
-    semispan: float
-    values: tuple[float, ...]
-
-    @classmethod
-    def of(cls, model: FlightModel, course: Course, span: float) -> Self:
-        """Return the condition for a model on a course."""
-        values = tuple(float(value) for value in model.parameter_values)
-        required = {one.name: one.required for one in pylons_of(course)}
-        return cls(pylon_room_observation(model), required, 0.5 * span, values)
-
-    def of_other_numbers(self, model: FlightModel, course: Course, span: float) -> Self:
-        """Return the condition for a model and a course that differ in numbers alone."""
-        other = self.of(model, course, span)
-        return dataclasses.replace(other, room=self.room)
-
-    def at(self, boundary: Boundary, waypoint: Waypoint) -> Boundary:
-        """Return the boundary of a passage whose pylons are kept clear of."""
-        element, seen = waypoint.passage.element, boundary.observation
-        if element.name not in self.required or element.place is None or seen is None:
-            return boundary
-        right = (-math.sin(waypoint.axis), math.cos(waypoint.axis))
-        rooms: dict[str, Interval] = {}
-        places = {"left": (0.0, 0.0), "right": (0.0, 0.0)}
-        posts = element.drawing().posts
-        for post in posts:
-            offset = right[0] * (post.north - element.place[0]) + right[1] * (post.east - element.place[1])
-            if len(posts) == 1 and element.passing_side is not None:
-                offset = -math.sin(element.passing_side - waypoint.axis)
-            side = "right" if offset > 0.0 else "left"
-            places[side] = (post.north, post.east)
-            clear = Interval(lower=self.required[element.name])
-            rooms |= {f"left_of_{side}": clear, f"right_of_{side}": clear}
-        values = (*boundary.values, *places["left"], *places["right"], self.semispan, *self.values)
-        return dataclasses.replace(
-            boundary,
-            bounds={**boundary.bounds, **rooms},
-            observation=_side_by_side(seen, self.room),
-            values=values,
-        )
-
-
-@functools.lru_cache(maxsize=64)
-def _side_by_side(first: Observation, second: Observation) -> Observation:
-    return side_by_side(first, second)
-
-
 def without_trim(boundary: Boundary) -> Boundary:
     """Return the boundary of a passage without what `Trim` has added to it."""
     seen = () if boundary.observation is None else boundary.observation.quantities
@@ -151,7 +89,6 @@ def boundaries(
     observation: Observation,
     trim: Trim | None,
     span: float,
-    rooms: PylonRooms | None = None,
     pilot: PilotConditions | None = None,
     start_airspeed: StartAirspeed | None = None,
 ) -> list[Boundary]:
@@ -159,8 +96,6 @@ def boundaries(
     found = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
     if start_airspeed is not None:
         found[0] = start_airspeed.at(found[0], plan.waypoints[0].passage.speed)
-    if rooms is not None:
-        found = [rooms.at(one, waypoint) for one, waypoint in zip(found, plan.waypoints, strict=True)]
     if pilot is not None:
         last = len(found) - 1
         found = [

@@ -254,10 +254,11 @@ class _Homotopy:
         """
         target = piece_boundary(family.target(part), self.flight.observation)
         end = dataclasses.replace(self.race.phases[index], end=target)
-        # On the way to the real phase its lines and its crowd stand at places that mean nothing yet.
+        # On the way to the real phase its lines and its crowd stand at places that mean nothing yet, and its end is a
+        # place and an attitude of the plan, whatever pylons stand there.
         phases: list[Phase] = [
             *self.race.phases[first:index],
-            end if part == 1.0 else dataclasses.replace(end, watches=()),
+            dataclasses.replace(end, watches=tuple(one for one in end.watches if part == 1.0 and one.at is None)),
         ]
         begin = self.race.start if first == 0 else fixed_state(self.flight, self.pieces[first].state[:, 0])
         problem = dataclasses.replace(self.race, start=begin, phases=tuple(phases))

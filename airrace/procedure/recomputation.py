@@ -26,13 +26,13 @@ from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Attempt, GateSplit, StageResult
+from airrace.procedure.result import Attempt, GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, gate_splits, mesh_of, trajectory_of
 from airrace.procedure.start import InitialBarrier
-from airrace.procedure.wing_clearance import clearance_item
+from airrace.procedure.wing_clearance import approaches, clearance_item
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
@@ -47,19 +47,22 @@ class TrustedData:
         multipliers: of the constraints, shape (n_g,).
         coarser: which nodes belong to the mesh that its race time was compared with; None where it does not claim such
             a comparison.
+        pylon_conditions: that it was solved with.
     """
 
     stage: Stage
     trajectory: Trajectory
     multipliers: Array
     coarser: Marks | None
+    pylon_conditions: tuple[PylonCondition, ...] = ()
 
     @classmethod
     def of(cls, result: StageResult) -> "TrustedData":
         """Return what is trusted of a stored stage."""
         claims = result.certificate is None or result.certificate.compares_meshes
         coarser = result.mesh.coarser if claims else None
-        return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser)
+        conditions = result.pylon_conditions
+        return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser, conditions)
 
 
 @record
@@ -153,7 +156,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         CheckpointError: the multipliers do not belong to a flight of this race.
         SolverCrash: the solver process died.
     """
-    flight = formulate(trusted.stage, race, settings, trusted.trajectory)
+    flight = formulate(trusted.stage, race, settings, trusted.trajectory, trusted.pylon_conditions)
     problem, iterate = flight.problem(mesh_of(trusted.trajectory)), iterate_of(trusted.trajectory)
     layout = Layout(problem)
     if trusted.multipliers.shape != (layout.constraints,):
@@ -176,7 +179,9 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         kkt_error=error.largest,
         second_order=None if judged is None else judged[0],
         coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
-        clearance=clearance_item(flight, problem, iterate, evidence.replay, settings.certificate),
+        clearance=clearance_item(
+            flight, problem, approaches(flight, problem, iterate, evidence.replay), settings.certificate
+        ),
     )
     trajectory = trajectory_of(problem, iterate)
     return Measured(

@@ -164,7 +164,7 @@ def _on_other_route(
     whole = continuation.start_along(continued.stage, point_mass, session)
     start = _spliced(whole, continued, around.phases, name)
     draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
-    first = certified_state(session, draft, start.barrier, (primary,), None)
+    first = certified_state(session, start.flight, draft, start.barrier, (primary,), None)
     found = refine_from(session, start, replace(first, iterations_max=ITERATIONS_MAX, purpose="on another route"))
     return found if isinstance(found, StageResult) and found.certified else None
 
@@ -206,11 +206,14 @@ def _from_optimum(
         coarse, solution = refined.solved
         if finer is None:
             draft, multipliers = MeshProposal.first(start.problem, coarse.iterate), solution.multipliers
-            return certified_state(session, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse)
+            return certified_state(
+                session, refined.flight, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse
+            )
         draft = replace(finer, guess=_moved(finer, start.guess, coarse.iterate))
         draft = refine_guess(draft, flight.problem(draft.mesh), session.settings.certificate)
         return certified_state(
             session,
+            refined.flight,
             draft,
             InitialBarrier.OTHER_MESH,
             (primary,),
@@ -221,6 +224,7 @@ def _from_optimum(
         )
 
     first = RefinementState(
+        start.flight,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (primary,),

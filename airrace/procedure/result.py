@@ -21,6 +21,10 @@ UNVERIFIABLE = (
 """The records of a stage that nobody can measure again."""
 
 
+CLEARANCE = "clearance"
+"""The certificate's item on the wing's distance from pylons."""
+
+
 class Status(Enum):
     """The trust that a stage deserves.
 
@@ -156,6 +160,35 @@ class MeshRecord:
     drift: Array
 
 
+class PylonSide(Enum):
+    """Where a pylon stands as the pilot passes it."""
+
+    RIGHT = "right"
+    LEFT = "left"
+    BELOW = "below"
+
+
+@record
+class PylonCondition:
+    """A condition that the wing keeps clear of a pylon when it is abeam of that, asked for at a node nearby.
+
+    Attributes:
+        element: the name of the element that the pylon belongs to.
+        post: its number among the pylons of that, from 0.
+        leg: on which the node lies, from 0.
+        share: of the leg's duration, at whose nearest node it is asked for.
+        side: where the pylon stands.
+        error: the length by which the room is larger that is seen from there, as far as it was measured, m.
+    """
+
+    element: str
+    post: int
+    leg: int
+    share: float
+    side: PylonSide
+    error: float
+
+
 NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0), np.zeros(0))
 """The empty record."""
 
@@ -249,6 +282,7 @@ class StageResult:
         suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
         alternatives: flights of this stage on other routes that hold, slower ones, which go through all stages as well.
         notes: what users should know although the stage holds.
+        pylon_conditions: that it was solved with; none where the rules ask for none.
     """
 
     stage: Stage
@@ -267,6 +301,7 @@ class StageResult:
     suggested_changes: tuple[SuggestedChange, ...] = ()
     alternatives: tuple["StageResult", ...] = ()
     notes: tuple[Note, ...] = ()
+    pylon_conditions: tuple[PylonCondition, ...] = ()
 
     @property
     def remarks(self) -> str:

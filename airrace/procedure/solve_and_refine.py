@@ -22,8 +22,10 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
+from airrace.planning.wing_clearance import ClosestApproach
 from airrace.procedure.certification import certify, conclude, examine, failures
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.pylon_conditions import NEEDLESS, Flown, MeasuredConditions
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -40,8 +42,11 @@ from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.wing_clearance import clearance_item
+from airrace.procedure.wing_clearance import approaches, clearance_item
 from airrace.records import record
+
+FAR = 1.0
+"""The length, m, by which a clearance is missed beyond which multipliers of the flight that misses it mislead."""
 
 
 @record
@@ -110,6 +115,7 @@ class RefinementState:
     """The mesh to be solved on next, and how.
 
     Attributes:
+        flight: whose problem is stated.
         draft: the mesh, with a guess on it.
         barrier: the first value of the barrier parameter.
         solvers: the solvers that are asked, in this order; without any, all that there are.
@@ -123,8 +129,11 @@ class RefinementState:
         passing: likewise.
         iterations_max: likewise.
         purpose: what is solved for, a clause; by default a refinement of all phases.
+        clearance_rounds: how many solves for wings too near to pylons were made on a mesh that was good already.
+        too_near: the optimum that keeps to all but the clearance from pylons, for which this is solved; else None.
     """
 
+    flight: StageProblem
     draft: MeshProposal
     barrier: InitialBarrier
     solvers: tuple[str, ...]
@@ -138,6 +147,8 @@ class RefinementState:
     passing: bool = False
     iterations_max: int | None = None
     purpose: str = ""
+    clearance_rounds: int = 0
+    too_near: "Refined | None" = None
 
 
 @record
@@ -145,7 +156,6 @@ class Refined:
     """A mesh that was solved on, and the optimum on it; None where there is none."""
 
     session: SolverSession
-    flight: StageProblem
     state: RefinementState
     solution: Solution | None
     optimum: MeshSolution | None
@@ -156,6 +166,54 @@ class Refined:
         assert self.optimum is not None  # asked for where there is one
         assert self.solution is not None
         return self.optimum, self.solution
+
+    @property
+    def flight(self) -> StageProblem:
+        """Whose problem was stated."""
+        return self.state.flight
+
+    @cached_property
+    def approaches(self) -> list[ClosestApproach]:
+        """The least distances of the wing from pylons."""
+        optimum, _ = self.solved
+        return approaches(self.flight, optimum.problem, optimum.iterate, optimum.evidence.replay)
+
+    @cached_property
+    def flown(self) -> Flown:
+        """The optimum as it was replayed."""
+        optimum, _ = self.solved
+        return Flown(optimum.problem, optimum.iterate.durations, optimum.evidence.replay)
+
+    @cached_property
+    def pylons(self) -> MeasuredConditions | None:
+        """The conditions on pylons as the optimum measures them; None where the rules ask for none."""
+        rooms = self.flight.rooms
+        return None if rooms is None else rooms.measured(self.flight.plan, self.flown, self.approaches)
+
+    def keep_clear(self, draft: MeshProposal) -> tuple[StageProblem, MeshProposal]:
+        """Return the flight with the conditions on pylons as the optimum measures them, and a mesh made for them."""
+        rooms = self.flight.rooms
+        if rooms is None or self.pylons is None:
+            return self.flight, draft
+        mesh, guess, conditions = rooms.placed(self.pylons, self.flown, draft.mesh, draft.guess, draft.coarser)
+        return self.flight.with_conditions(conditions), replace(draft, mesh=mesh, guess=guess)
+
+    def too_near(self, share: float = 1.0) -> bool:
+        """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may cure it.
+
+        Args:
+            share: of the certificate's limit that is allowed.
+        """
+        if self.pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
+            return False
+        limit = share * self.session.settings.certificate.gate_length
+        return self.pylons.missed > limit or self.pylons.needless > NEEDLESS
+
+    @property
+    def barrier(self) -> InitialBarrier:
+        """The first value of the barrier parameter for the next mesh, by how far wings are from what is asked."""
+        far = self.pylons is not None and self.pylons.missed > FAR
+        return InitialBarrier.COARSE if far else InitialBarrier.OTHER_MESH
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -172,27 +230,21 @@ class Refined:
             kkt_error=solution.kkt.largest,
             second_order=solution.second_order,
             coarser_race_time=without if coarser is None else coarser.race_time,
-            clearance=clearance_item(
-                self.flight,
-                optimum.problem,
-                optimum.iterate,
-                optimum.evidence.replay,
-                self.session.settings.certificate,
-            ),
+            clearance=clearance_item(self.flight, optimum.problem, self.approaches, self.session.settings.certificate),
         )
 
-    def carry(self, draft: MeshProposal) -> Multipliers:
-        """Return the multipliers on another mesh."""
+    def carry(self, draft: MeshProposal, flight: StageProblem | None = None) -> Multipliers:
+        """Return the multipliers on another mesh, by default of the same flight."""
         optimum, solution = self.solved
-        return carry_multipliers(solution.multipliers, optimum.problem, self.flight.problem(draft.mesh))
+        return carry_multipliers(solution.multipliers, optimum.problem, (flight or self.flight).problem(draft.mesh))
 
 
 def refine_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
     """Solve on one mesh after another, from the first one on; return the stage, with the certificate that it has."""
-    limits, flight, total = session.settings.certificate, start.flight, session.settings.mesh.refinements_max
+    limits, total = session.settings.certificate, session.settings.mesh.refinements_max
 
     def step(state: RefinementState) -> Refined:
-        problem, number = flight.problem(state.draft.mesh), max(state.number, 0)
+        problem, number = state.flight.problem(state.draft.mesh), max(state.number, 0)
         purpose = state.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
         session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
         solution = session.solve(
@@ -207,15 +259,17 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
             multipliers=state.multipliers,
         )
         if solution is None or not solution.success:
-            return Refined(session, flight, state, solution, None)
+            return Refined(session, state, solution, None)
         measure = partial(examine, problem, solution.iterate, solution.multipliers.constraints, limits)
         optimum = MeshSolution(problem, solution.iterate, state.draft, measure)
-        return Refined(session, flight, state, solution, optimum)
+        return Refined(session, state, solution, optimum)
 
     def following(state: RefinementState, refined: Refined) -> RefinementState | None:
         return None if refined.optimum is None or state.number == total else state.following(refined)
 
     last = iterate_meshes(first, step, following)
+    if last.optimum is None and last.state.too_near is not None:
+        last = last.state.too_near
     return Failure(start, last.solution, last.state.before) if last.optimum is None else _finish(start, last)
 
 
@@ -227,11 +281,13 @@ def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -
 def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
-    return refine_from(session, start, certified_state(session, first, start.barrier, (solver,), start.multipliers))
+    state = certified_state(session, start.flight, first, start.barrier, (solver,), start.multipliers)
+    return refine_from(session, start, state)
 
 
 def certified_state(
     session: SolverSession,
+    flight: StageProblem,
     draft: MeshProposal,
     barrier: InitialBarrier,
     solvers: tuple[str, ...],
@@ -244,7 +300,7 @@ def certified_state(
     """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `RefinementState`."""
     # Where there is nothing to compare with, another mesh follows in any case.
     passing = coarser is None and number < session.settings.mesh.refinements_max
-    state = RefinementState(draft, barrier, solvers, _until_certified, multipliers, number, before, coarser)
+    state = RefinementState(flight, draft, barrier, solvers, _until_certified, multipliers, number, before, coarser)
     return replace(state, passing=passing)
 
 
@@ -255,28 +311,77 @@ def _until_certified(refined: Refined) -> RefinementState | None:
     on the shipped courses that moved the race time by 2.6 ms at most.
     """
     (optimum, _), state, session = refined.solved, refined.state, refined.session
-    limits, coarser = session.settings.certificate, state.coarser
+    limits, coarser, flight = session.settings.certificate, state.coarser, refined.flight
+    same_mesh = False
     if coarser is None:
         draft = _adapt(refined)
-        if draft is None:
+        same_mesh = draft is None and refined.too_near(SETTINGS.clearance_safety)
+        if draft or same_mesh:
+            flight, draft = refined.keep_clear(draft or replace(state.draft, guess=optimum.iterate))
+        else:
             draft, coarser = bisect_all(optimum, limits), optimum
     elif refined.certificate.certified:
         return None
+    elif refined.too_near():
+        return _again_on_both_meshes(refined)
     elif abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
-        draft, coarser = refine_changed(optimum, coarser, limits), None
+        flight, draft = refined.keep_clear(refine_changed(optimum, coarser, limits))
+        coarser = None
     else:
         draft = refine_flagged(optimum, limits)
     if draft is None:
         return None
-    return certified_state(
+    following = certified_state(
         session,
+        flight,
         draft,
-        InitialBarrier.OTHER_MESH,
+        refined.barrier,
         session.solvers,
-        refined.carry(draft),
-        number=state.number + 1,
+        refined.carry(draft, flight),
+        number=state.number + (not same_mesh),
         before=optimum,
         coarser=coarser,
+    )
+    rounds = state.clearance_rounds + same_mesh
+    return replace(following, clearance_rounds=rounds, too_near=refined if same_mesh else None)
+
+
+def _again_on_both_meshes(refined: Refined) -> RefinementState:
+    """Return the coarser mesh, which the same one follows, with the conditions on pylons as they were measured on this.
+
+    So both race times are those of the same conditions.
+    """
+    (optimum, _), state, session = refined.solved, refined.state, refined.session
+    flight, fine = refined.keep_clear(replace(optimum.draft, guess=optimum.iterate))
+    rounds = state.clearance_rounds + 1
+    mesh, guess = restrict(fine.mesh, fine.guess, fine.coarser)
+    coarse = MeshProposal.first(flight.problem(mesh), guess)
+
+    def finer(coarser: Refined) -> RefinementState:
+        following = certified_state(
+            session,
+            flight,
+            fine,
+            InitialBarrier.OTHER_MESH,
+            session.solvers,
+            refined.carry(fine, flight),
+            number=state.number,
+            before=coarser.solved[0],
+            coarser=coarser.solved[0],
+        )
+        return replace(following, clearance_rounds=rounds, too_near=refined)
+
+    return RefinementState(
+        flight,
+        coarse,
+        InitialBarrier.OTHER_MESH,
+        session.solvers,
+        finer,
+        refined.carry(coarse, flight),
+        number=-1,
+        passing=True,
+        purpose="the coarser mesh",
+        too_near=refined,
     )
 
 
@@ -293,7 +398,9 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     are solved roughly; on the good one the optimum is solved as closely as any that is certified.
     """
     first, rough = MeshProposal.first(start.problem, start.guess), _rough_tolerance(session, 0)
-    state = RefinementState(first, start.barrier, (solver,), _until_good, start.multipliers, compares=False)
+    state = RefinementState(
+        start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
+    )
     return refine_from(session, start, replace(state, rough=rough))
 
 
@@ -306,16 +413,21 @@ def _until_good(refined: Refined) -> RefinementState | None:
     (optimum, _), state, session = refined.solved, refined.state, refined.session
     better = _adapt(refined) if state.rough else None
     good = better or _good_mesh(refined)
-    if not (state.rough or good):
+    same_mesh = not good and refined.too_near()
+    if not (state.rough or good or same_mesh):
         return None
-    draft = good or replace(state.draft, guess=optimum.iterate)  # the mesh was good already: solve closely on it
+    # Where the mesh was good already, it is solved on closely.
+    flight, draft = refined.keep_clear(good or replace(state.draft, guess=optimum.iterate))
     return replace(
         state,
+        flight=flight,
         draft=draft,
-        barrier=InitialBarrier.COARSER_MESH if better else InitialBarrier.OTHER_MESH,
+        barrier=InitialBarrier.COARSER_MESH if better and not refined.too_near() else refined.barrier,
         solvers=session.solvers,
-        multipliers=refined.carry(draft),
-        number=state.number + 1,
+        multipliers=refined.carry(draft, flight),
+        number=state.number + (not same_mesh),
+        clearance_rounds=state.clearance_rounds + same_mesh,
+        too_near=refined if same_mesh else None,
         before=optimum,
         rough=_rough_tolerance(session, state.number + 1) if better else 0.0,
     )
@@ -360,6 +472,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     def finer(draft: MeshProposal, coarser: MeshSolution) -> RefinementState:
         return certified_state(
             session,
+            flight,
             draft,
             InitialBarrier.OTHER_MESH,
             session.solvers,
@@ -375,6 +488,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
         coarse, guess = restrict(mesh, iterate, nodes)
         there = flight.problem(coarse)
         first = RefinementState(
+            flight,
             MeshProposal.first(there, guess),
             InitialBarrier.OTHER_MESH,
             session.solvers,
@@ -396,7 +510,7 @@ def _finish(start: Start, refined: Refined) -> StageResult:
     (optimum, solution), certificate = refined.solved, refined.certificate
     failed = failures(certificate.failed)
     return conclude(
-        start.flight,
+        refined.flight,
         refined.session,
         optimum.problem,
         optimum.iterate,

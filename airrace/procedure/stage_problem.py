@@ -18,10 +18,11 @@ from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
 from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
-from airrace.procedure.formulation import PylonRooms, Trim, boundaries, path_constraints
+from airrace.procedure.formulation import Trim, boundaries, path_constraints
 from airrace.procedure.guess import leg_seconds
 from airrace.procedure.pilot_conditions import PilotConditions
-from airrace.procedure.result import GateSplit, Stage, StageResult
+from airrace.procedure.pylon_conditions import PylonRooms
+from airrace.procedure.result import GateSplit, PylonCondition, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.start_speed import StartAirspeed
 from airrace.quantities import Interval
@@ -50,7 +51,7 @@ class StageProblem:
         trim: the condition on a settled start or finish; None where the course has none.
         watches: what holds along each leg besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
-        rooms: the condition on pylons beside passings; None where the rules ask for none.
+        rooms: the conditions that the wing keeps clear of pylons; None where the rules ask for none.
         pilot: the limits of the pilot; None likewise.
         start_airspeed: what the speed at the start is; None where it is that over ground.
     """
@@ -78,12 +79,21 @@ class StageProblem:
         """The longest interval of a mesh before it is halved, s; infinite where any length will do."""
         return self.fidelity.longest_interval
 
+    @property
+    def pylon_conditions(self) -> tuple[PylonCondition, ...]:
+        """The conditions that the wing keeps clear of pylons."""
+        return () if self.rooms is None else self.rooms.conditions_on(self.plan)
+
+    def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
+        """Return the problem with other conditions on pylons, as far as the rules ask for any."""
+        return dataclasses.replace(self, rooms=self.rooms and self.rooms.with_conditions(conditions))
+
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
-        span = self.aircraft.airframe.b
-        conditions = self.observation, self.trim, span, self.rooms, self.pilot, self.start_airspeed
+        conditions = self.observation, self.trim, self.aircraft.airframe.b, self.pilot, self.start_airspeed
         start, *ends = boundaries(self.plan, self.course, *conditions)
         along = () if self.pilot is None else self.pilot.along
+        rooms = [()] * len(ends) if self.rooms is None else self.rooms.path_constraints(self.plan)
         phases = [
             Phase(
                 name=f"{a.passage.name} -> {b.passage.name}",
@@ -91,10 +101,11 @@ class StageProblem:
                 duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
                 end=end,
                 bounds=COUNTING if b.passage.roll is not None else {},
-                watches=(*watches, *along),
+                watches=(*watches, *along, *room),
             )
-            for a, b, fractions, end, watches, seconds in zip(
-                *(self.plan.waypoints, self.plan.waypoints[1:], mesh, ends, self.watches, leg_seconds(self.plan)),
+            for a, b, fractions, end, watches, room, seconds in zip(
+                *(self.plan.waypoints, self.plan.waypoints[1:], mesh, ends, self.watches, rooms),
+                leg_seconds(self.plan),
                 strict=False,
             )
         ]
@@ -110,17 +121,26 @@ class StageProblem:
         )
 
 
-def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | None = None) -> StageProblem:
+def formulate(
+    stage: Stage,
+    race: Race,
+    settings: Settings,
+    route: Trajectory | None = None,
+    conditions: Sequence[PylonCondition] = (),
+) -> StageProblem:
     """Return the problem of a stage: the race as planned, in the equations of that stage.
 
     Args:
         route: a flight whose decisions the plan makes, too; without one it is the race's own plan.
+        conditions: on pylons; without any, those of the passings hold.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     course, model = race.course, stage_model(stage, race)
-    crossing = crossing_observation(model.system.states)
+    crossing, rooms = crossing_observation(model.system.states), None
+    if course.rules.clearance is ClearanceRule.FLIGHT:
+        rooms = PylonRooms.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
     return StageProblem(
         fidelity=fidelity_of(stage),
         plan=race.plan if route is None else plan_from_solution(course, race.pace, route),
@@ -131,9 +151,7 @@ def formulate(stage: Stage, race: Race, settings: Settings, route: Trajectory | 
         watches=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
-        rooms=PylonRooms.of(model, course, race.aircraft.airframe.b)
-        if course.rules.clearance is ClearanceRule.FLIGHT
-        else None,
+        rooms=rooms,
         pilot=PilotConditions.of(model, course.rules),
         start_airspeed=StartAirspeed.of(model, course.rules, race.air),
     )
@@ -239,7 +257,7 @@ class PerturbedProblem:
     @classmethod
     def of_result(cls, race: Race, settings: Settings, result: StageResult) -> Self:
         """Begin with a stage that was solved: with its route, and on its mesh."""
-        flight = formulate(result.stage, race, settings, result.trajectory)
+        flight = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
         return cls(race, flight, mesh_of(result.trajectory))
 
     def problem(self, race: Race) -> Problem:
@@ -269,7 +287,7 @@ class PerturbedProblem:
             course=course,
             watches=watches,
             aircraft=race.aircraft,
-            rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b),
+            rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b, flight.plan),
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
             start_airspeed=flight.start_airspeed and flight.start_airspeed.of_other_numbers(race.air),
         )

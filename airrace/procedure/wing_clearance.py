@@ -5,6 +5,7 @@ Kbar the right wing of a body at kinematic angles is `(sin(beta_K), cos(beta_K),
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,13 +14,11 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations
 from airrace.planning.wing_clearance import ClosestApproach, Wing, closest_approaches, pylons_of
+from airrace.procedure.result import CLEARANCE
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.stage_problem import StageProblem
 from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array
-
-CLEARANCE = "clearance"
-"""The item on the wing's distance from pylons."""
 
 
 def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay) -> tuple[Wing, list[int]]:
@@ -46,15 +45,18 @@ def approaches(flight: StageProblem, problem: Problem, iterate: Iterate, replay:
 
 
 def clearance_item(
-    flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay, limits: CertificateLimits
+    flight: StageProblem, problem: Problem, found: Sequence[ClosestApproach], limits: CertificateLimits
 ) -> Item:
     """Return the item on the length by which the wing misses its clearance from a pylon at any time, at worst.
 
     By the rule `crossing` it is only measured: then nothing is too much.
+
+    Args:
+        found: all approaches, see `approaches`.
     """
     decides = flight.course.rules.clearance is ClearanceRule.FLIGHT
     limit = limits.gate_length if decides else math.inf
-    worst = max(approaches(flight, problem, iterate, replay), key=lambda one: one.shortfall, default=None)
+    worst = max(found, key=lambda one: one.shortfall, default=None)
     if worst is None or worst.shortfall <= 0.0:
         return Item(CLEARANCE, 0.0, limit, "m", "")
     where = f"{problem.phases[worst.leg].name}, pylon of {worst.pylon.name}, {worst.time:.2f} s"

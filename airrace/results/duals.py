@@ -106,7 +106,7 @@ class ConstraintMultipliers:
 
 def discretise(race: Race, settings: Settings, result: StageResult) -> tuple[Problem, Iterate]:
     """Return the discretised problem of a stage on the mesh of its result, and the result as its iterate."""
-    flight = formulate(result.stage, race, settings, result.trajectory)
+    flight = formulate(result.stage, race, settings, result.trajectory, result.pylon_conditions)
     return flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
 
 

@@ -177,7 +177,7 @@ class Rules:
     p: float = math.inf
     beta_A: float = math.inf
     height: Interval = Interval(lower=0.0)
-    clearance: ClearanceRule = ClearanceRule.CROSSING
+    clearance: ClearanceRule = ClearanceRule.FLIGHT
     start_speed: StartSpeed = StartSpeed.GROUND
     pilot: PilotLimits = PilotLimits()
 

@@ -4,10 +4,12 @@ import math
 from collections.abc import Sequence
 
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.procedure.result import GateSplit, SearchReport, StageResult, Status
+from airrace.procedure.result import CLEARANCE, GateSplit, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.views.tables import Cell, Column, Table
 
+TOLD = 0.1
+"""The length, m, from which on a missed clearance that does not decide is told with a race time."""
 _SPLITS = (
     Column("gate", key="passage"),
     Column("time", "s", ".3f", "time_s"),
@@ -99,7 +101,8 @@ def claim(results: Sequence[StageResult]) -> str:
     verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
     count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
     routes = f"the best of {count} routes" if count > 1 else "no other route was evaluated"
-    return f"{verdict}: {_optimum(results[-1].certificate)}, all limits measured{meshes}, {routes}"
+    optimum, touched = _optimum(results[-1].certificate), _touches(results[-1].certificate)
+    return f"{verdict}: {optimum}, all limits measured{meshes}, {routes}{touched}"
 
 
 def _optimum(certificate: Certificate | None) -> str:
@@ -110,6 +113,14 @@ def _optimum(certificate: Certificate | None) -> str:
     if judged.curvature is Curvature.POSITIVE:
         return "a local minimum"
     return f"a local minimum but for changes that cost nothing, as of the {judged.quantity} on {judged.phase}"
+
+
+def _touches(certificate: Certificate | None) -> str:
+    """Return what is told of a clearance from pylons that is missed and does not decide; empty where there is none."""
+    items = () if certificate is None else certificate.items
+    missed = next((one.value for one in items if one.name == CLEARANCE and math.isinf(one.limit)), 0.0)
+    told = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"
+    return told if missed >= TOLD else ""
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -28,11 +29,19 @@ from hypothesis import strategies as st
 from airrace.checkpoint import Checkpoint, inputs_hash, read_checkpoint, stale_stages, write_checkpoint
 from airrace.checkpoint.checkpoint import content_digest
 from airrace.checkpoint.hdf5 import Group, image_of, tree_of
-from airrace.checkpoint.run_layout import encode
+from airrace.checkpoint.run_layout import decode, encode
 from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Item
-from airrace.procedure.result import Route, SearchReport, StageResult, Status, SuggestedChange
+from airrace.procedure.result import (
+    PylonCondition,
+    PylonSide,
+    Route,
+    SearchReport,
+    StageResult,
+    Status,
+    SuggestedChange,
+)
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
@@ -193,6 +202,23 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
         assert stored.result.suggested_changes == result.suggested_changes
         with h5py.File(tmp_path / "run.h5", "r") as file:
             assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
+
+
+def test_conditions_on_pylons_are_read_back_and_are_absent_where_nothing_is_asked(tmp_path: Path) -> None:
+    conditions = tuple(PylonCondition("g1", post, 0, 1.0 / 3.0, side, 0.02) for post, side in enumerate(PylonSide))
+    for result in (replace(example_result(), pylon_conditions=conditions), example_result()):
+        write_checkpoint(tmp_path / "run.h5", checkpoint_with(result))
+        (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+        assert stored.result.pylon_conditions == result.pylon_conditions
+        with h5py.File(tmp_path / "run.h5", "r") as file:
+            assert ("pylon_conditions" in file[STAGE]) == bool(result.pylon_conditions)
+
+
+@pytest.mark.parametrize("other", [{"leg": 99}, {"leg": -1}, {"share": 1.5}, {"share": math.nan}, {"error": math.inf}])
+def test_conditions_on_pylons_that_no_flight_can_have_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
+    condition = replace(PylonCondition("g1", 0, 0, 1.0, PylonSide.LEFT, 0.0), **other)
+    with pytest.raises(CheckpointError, match="pylon_conditions"):
+        decode(encode(checkpoint_with(replace(example_result(), pylon_conditions=(condition,)))))
 
 
 def test_more_than_nine_alternatives_keep_their_order(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from small_problems import PROBLEMS, ended_problem, random_iterate, random_point
 
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import (
     WHOLE,
     Boundary,
@@ -24,6 +25,7 @@ from airrace.optimal_control.problem import (
     require_valid,
     uniform,
 )
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.quantities import Interval
 
 
@@ -362,3 +364,43 @@ def test_rounding_and_contradicting_limits_are_not_refused() -> None:
     require_valid(with_phase(fractions=uniform(9999)))
     assert abs(sum(uniform(9999)) - 1.0) < 1e-3 * WHOLE
     require_valid(with_phase(duration=Interval(3.0, 2.0)))  # the solver's business
+
+
+@pytest.mark.parametrize(("share", "node"), [(0.0, 0), (0.09, 0), (0.11, 1), (0.44, 1), (0.46, 2), (0.84, 2), (1.0, 3)])
+def test_a_watch_at_a_share_of_a_phase_is_asked_for_at_the_nearest_node_alone(share: float, node: int) -> None:
+    rich = rich_problem()
+    first, *others = rich.phases
+    alone = replace(first.watches[0], at=share, name="alone")
+    layout = Layout(replace(rich, phases=(replace(first, watches=(alone,)), *others)))
+    assert [one.node for one in layout.output_samples if one.name == "one, alone"] == [node]
+
+
+def test_of_two_nodes_that_are_equally_near_the_first_is_asked() -> None:
+    phase = replace(rich_problem().phases[0], fractions=(0.25, 0.25, 0.5))
+    assert phase.nearest_node(0.375) == phase.nearest_node(0.375 + 1e-9) == 1
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, math.nan])
+def test_a_watch_beyond_its_phase_is_refused(share: float) -> None:
+    rich = rich_problem()
+    first, *others = rich.phases
+    watches = (replace(first.watches[0], at=share),)
+    with pytest.raises(ValueError, match="lasting"):
+        require_valid(replace(rich, phases=(replace(first, watches=watches), *others)))
+
+
+def test_the_multiplier_at_one_node_is_carried_over_to_the_node_of_another_mesh_as_it_is() -> None:
+    rich = rich_problem()
+    first, *others = rich.phases
+    watches = (replace(first.watches[0], at=0.7, name="alone"),)
+    there = Layout(replace(rich, phases=(replace(first, watches=watches), *others)))
+    here = Layout(replace(rich, phases=(replace(first, watches=watches, fractions=(0.1,) * 10), *others)))
+
+    def places(layout: Layout) -> list[int]:
+        rows = zip(layout.row_index.tolist(), layout.flat_rows, strict=True)
+        return [at for at, row in rows if row.source >= 0 and layout.output_samples[row.source].name == "one, alone"]
+
+    known = np.zeros(there.constraints)
+    known[places(there)] = 0.3
+    carried = transfer_multipliers(Multipliers(known, np.zeros(there.unknowns)), there, here)
+    assert carried.constraints[places(here)] == pytest.approx(0.3)

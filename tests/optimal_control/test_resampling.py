@@ -13,7 +13,7 @@ from known_flights import FREQUENCY, exact, flight, node_times, problem
 from scipy.linalg import expm
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import divide, inherited_nodes, resample, restrict, widen
+from airrace.optimal_control.refinement import divide, inherited_nodes, move_nodes, resample, restrict, widen
 from airrace.optimal_control.replay import estimate_defect, estimate_error, interval_durations, replay
 from airrace.optimal_control.runge_kutta import RK4
 
@@ -104,6 +104,36 @@ def test_error_of_the_integrator_is_what_its_series_leaves_out(count: int) -> No
     missed = np.stack(ends, axis=1) / np.array([[one.scale] for one in stated.system.states])
     assert np.abs(missed).max() > 1e-5
     assert np.abs(estimate_error(stated, iterate) - missed).max() < 0.01 * np.abs(missed).max()
+
+
+shares = st.lists(st.floats(0.0, 1.0), max_size=3)
+
+
+@given(shares, shares, st.lists(st.booleans(), min_size=STATED.intervals - 1, max_size=STATED.intervals - 1))
+def test_moved_nodes_are_as_many_in_the_same_order_and_phases_keep_their_ends(
+    first: list[float], second: list[float], marks: list[bool]
+) -> None:
+    nodes = np.array([True, *marks, True])
+    nodes[edges(STATED.mesh)] = True
+    mesh, iterate = move_nodes(STATED.mesh, FLOWN, nodes, (first, second))
+    assert edges(mesh) == edges(STATED.mesh)
+    for phase in mesh:
+        assert sum(phase) == pytest.approx(1.0)
+        assert min(phase) > 0.0
+    np.testing.assert_array_equal(iterate.state[:, edges(mesh)], FLOWN.state[:, edges(mesh)])
+    np.testing.assert_array_equal(iterate.control, FLOWN.control)
+
+
+def test_the_nearest_node_is_moved_to_where_it_is_wanted_and_what_lies_between_moves_along() -> None:
+    stated = problem((0.25,) * 4, (0.5, 0.5))
+    nodes = np.array([True, False, True, False, True, True, True])
+    mesh, iterate = move_nodes(stated.mesh, flight(stated), nodes, ([0.45], []))
+    assert np.cumsum(mesh[0]) == pytest.approx([0.225, 0.45, 0.725, 1.0])
+    assert mesh[1] == stated.mesh[1]
+    places = np.concatenate([[0.0], np.cumsum(mesh[0])])
+    known = np.linspace(0.0, 1.0, 5)
+    for row, before in zip(iterate.state, flight(stated).state, strict=True):
+        assert row[:5] == pytest.approx(np.interp(places, known, before[:5]))
 
 
 REPLAYED = replay(STATED, FLOWN)

@@ -1,23 +1,34 @@
-"""The room beside pylons: what is predicted at the crossing is what a flight has when it is abeam of them."""
+"""The room beside pylons: what is predicted nearby is what a flight has when it is abeam of them."""
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from races import PLAN, SHIPPED, optimum
+from races import PLAN, SHIPPED, SMALL, optimum
 
+from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
 from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
-from airrace.planning.wing_clearance import PylonPost, wing_distance
-from airrace.procedure.fidelity import stage_model
-from airrace.procedure.result import Stage
+from airrace.optimal_control.replay import replay
+from airrace.planning.race import Race
+from airrace.planning.wing_clearance import UNASKED, PylonPost, wing_distance
+from airrace.procedure.fidelity import iterate_of, stage_model
+from airrace.procedure.recomputation import recertify
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.procedure.wing_clearance import approaches
 from airrace.track.course import ClearanceRule
+from airrace.track.gates import Passing
 
 RACE = SHIPPED["rovinj_2014"]
+TEXT = StoredDocument("course.yaml", "")
+INPUTS = StoredInputs(TEXT, TEXT, None, (), "")
 
 
-def rooms(stage: Stage, chi: float, bank: float) -> dict[str, float]:
-    """The room between pylons 6.5 m to the west and to the east of the origin, which is crossed on a course."""
+def rooms(stage: Stage, chi: float, bank: float, top: float = 25.0) -> dict[str, dict[str, float]]:
+    """The room beside pylons 6.5 m to the west and to the east of the origin, which is crossed on a course."""
     model = stage_model(stage, RACE)
     x = {one.name: 0.0 for one in model.system.states}
     turn, roll = chi / 2, bank / 2
@@ -26,9 +37,12 @@ def rooms(stage: Stage, chi: float, bank: float) -> dict[str, float]:
     if "n_z" in x:
         x["n_z"] = 1.0 if bank == 0.0 else 0.0
     observed = pylon_room_observation(model)
-    b = np.concatenate([[0.0, -6.5, 0.0, 6.5, 3.8], model.parameter_values])
-    values = np.asarray(observed.values(np.array(list(x.values())), b)).ravel()
-    return dict(zip(PylonRoom.names(), values.tolist(), strict=True))
+    found: dict[str, dict[str, float]] = {}
+    for name, east in (("west", -6.5), ("east", 6.5)):
+        b = np.concatenate([[0.0, east, top, 3.8], model.parameter_values])
+        values = np.asarray(observed.values(np.array(list(x.values())), b)).ravel()
+        found[name] = dict(zip(PylonRoom.names(), values.tolist(), strict=True))
+    return found
 
 
 @pytest.mark.parametrize("chi", [-0.8, 0.0, 0.5])
@@ -36,15 +50,24 @@ def rooms(stage: Stage, chi: float, bank: float) -> dict[str, float]:
 def test_straight_on_an_oblique_course_the_gate_is_narrower_by_the_cosine(chi: float, bank: float) -> None:
     half = 3.8 * math.cos(bank)
     found, tips = rooms(Stage.POINT_MASS, chi, bank), 6.5 * math.cos(chi)
-    assert min(found["left_of_left"], found["right_of_left"]) == pytest.approx(tips - half, abs=0.05)
-    assert min(found["left_of_right"], found["right_of_right"]) == pytest.approx(tips - half, abs=0.05)
-    assert found["right_of_left"] - found["left_of_left"] == pytest.approx(2.0 * half, abs=0.05)
+    west, east = found["west"], found["east"]
+    assert min(-west["left_tip"], -west["right_tip"]) == pytest.approx(tips - half, abs=0.05)
+    assert min(east["left_tip"], east["right_tip"]) == pytest.approx(tips - half, abs=0.05)
+    assert east["left_tip"] - east["right_tip"] == pytest.approx(2.0 * half, abs=0.05)
+
+
+@pytest.mark.parametrize("bank", [0.0, 0.7, -0.7])
+def test_above_a_low_pylon_the_lower_tip_is_the_nearer_one(bank: float) -> None:
+    found = rooms(Stage.POINT_MASS, 0.0, bank, top=10.0)["east"]
+    assert found["above_left"] == pytest.approx(5.0 + 3.8 * math.sin(bank), abs=0.05)
+    assert found["above_right"] == pytest.approx(5.0 - 3.8 * math.sin(bank), abs=0.05)
 
 
 def test_the_room_is_mirrored_with_the_course() -> None:
-    one, other = rooms(Stage.POINT_MASS, 0.4, 0.0), rooms(Stage.POINT_MASS, -0.4, 0.0)
-    assert one["left_of_left"] == pytest.approx(other["right_of_right"], abs=1e-9)
-    assert one["right_of_left"] == pytest.approx(other["left_of_right"], abs=1e-9)
+    one, other = rooms(Stage.POINT_MASS, 0.4, 0.0)["west"], rooms(Stage.POINT_MASS, -0.4, 0.0)["east"]
+    assert one["left_tip"] == pytest.approx(-other["right_tip"], abs=1e-9)
+    assert one["right_tip"] == pytest.approx(-other["left_tip"], abs=1e-9)
+    assert one["above_left"] == pytest.approx(other["above_right"], abs=1e-9)
 
 
 def test_the_room_is_the_distance_of_a_wing_that_is_abeam() -> None:
@@ -53,15 +76,90 @@ def test_the_room_is_the_distance_of_a_wing_that_is_abeam() -> None:
     half = 3.8 * np.array([-math.sin(0.5), math.cos(0.5), 0.0])
     centre = np.array([0.0, 0.0, 15.0])[:, None] + e[:, None] * way
     away = wing_distance(PylonPost("g", 0.0, 6.5, 25.0, 0.5), centre, np.repeat(half[:, None], len(way), axis=1)).min()
-    found = rooms(Stage.POINT_MASS, 0.5, 0.0)
-    assert min(found["left_of_right"], found["right_of_right"]) == pytest.approx(away, abs=0.03)
+    found = rooms(Stage.POINT_MASS, 0.5, 0.0)["east"]
+    assert min(found["left_tip"], found["right_tip"]) == pytest.approx(away, abs=0.03)
+
+
+def by(rule: ClearanceRule, race: Race) -> Race:
+    """The race by a rule on clearances."""
+    rules = dataclasses.replace(race.course.rules, clearance=rule)
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, rules=rules))
+
+
+def with_element(race: Race, number: int, **changed: object) -> Race:
+    """The race with one element of its course changed."""
+    passages = list(race.course.passages)
+    passages[number] = dataclasses.replace(
+        passages[number], element=dataclasses.replace(passages[number].element, **changed)
+    )
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=tuple(passages)))
+
+
+def nearest(race: Race, result: StageResult) -> dict[tuple[str, int], float]:
+    """The least distances of the wing of a flight from the pylons of a race, by element and number."""
+    flight = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    found: dict[tuple[str, int], float] = {}
+    for one in approaches(flight, problem, iterate, replay(problem, iterate)):
+        key = one.pylon.name, one.pylon.post
+        found[key] = min(found.get(key, math.inf), one.distance)
+    return found
+
+
+def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
+    """The finish is met in its middle alone, so its width does nothing but to plant a pylon on the way to the second
+    element."""
+    exact = with_element(by(ClearanceRule.CROSSING, SMALL), 3, passing=Passing.POINT)
+    free = optimum(exact, PLAN)
+    finish = exact.course.passages[3].element
+    assert finish.place is not None
+    across = finish.axis + math.pi / 2
+    north, east = free.trajectory.of("x") - finish.place[0], free.trajectory.of("y") - finish.place[1]
+    along = north * math.cos(finish.axis) + east * math.sin(finish.axis)
+    beside = north * math.cos(across) + east * math.sin(across)
+    first_legs = slice(0, int(free.trajectory.first_node[2]))
+    crossed = int(np.flatnonzero(np.diff(np.sign(along[first_legs])))[0])
+    share = along[crossed] / (along[crossed] - along[crossed + 1])
+    width = 2.0 * abs(float(beside[crossed] + share * (beside[crossed + 1] - beside[crossed])))
+    planted = with_element(exact, 3, width=width)
+    hit = min(away for (name, _), away in nearest(planted, free).items() if name == "last")
+    assert hit < 0.1
+    clear = optimum(by(ClearanceRule.FLIGHT, planted), PLAN)
+    assert clear.certified
+    found = nearest(by(ClearanceRule.FLIGHT, planted), clear)
+    assert min(away for (name, _), away in found.items() if name == "last") >= UNASKED - PLAN.certificate.gate_length
+    assert any(one.element == "last" and one.leg < 2 for one in clear.pylon_conditions)
+    assert clear.trajectory.race_time > free.trajectory.race_time
+
+
+def test_who_asks_for_more_clearance_gets_more() -> None:
+    asked, kept, times = (3.5, 4.5, 6.0), [], []
+    tolerances = SMALL.course.passages[1].element.tolerances
+    for clearance in asked:
+        race = with_element(SMALL, 1, tolerances=dataclasses.replace(tolerances, clearance=clearance))
+        result = optimum(race, PLAN)
+        assert result.certified
+        kept.append(nearest(race, result)["pylon", 0])
+        times.append(result.trajectory.race_time)
+    assert kept == pytest.approx(asked, abs=PLAN.certificate.gate_length)
+    assert times == sorted(times)
+
+
+def test_a_stored_flight_states_the_problem_that_it_was_solved_with(tmp_path: Path) -> None:
+    """Else its multipliers would belong to other limits, and another mesh would have another race time."""
+    result = optimum(SMALL, PLAN)
+    assert result.pylon_conditions
+    assert result.certificate is not None
+    write_checkpoint(tmp_path / "run.h5", Checkpoint(INPUTS, {}).with_stage(result))
+    (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+    again = recertify(SMALL, PLAN, stored.result)
+    for mine, its in zip(result.certificate.items, again.items, strict=True):
+        assert its.value == pytest.approx(mine.value, abs=1e-4 + 1e-3 * abs(mine.value)), mine.name
 
 
 @pytest.mark.slow
 def test_by_the_rule_flight_no_wing_comes_nearer_than_its_clearance_and_it_costs_time() -> None:
-    rules = dataclasses.replace(RACE.course.rules, clearance=ClearanceRule.FLIGHT)
-    race = dataclasses.replace(RACE, course=dataclasses.replace(RACE.course, rules=rules))
-    free, clear = optimum(RACE, PLAN), optimum(race, PLAN)
+    free, clear = (optimum(by(rule, RACE), PLAN) for rule in (ClearanceRule.CROSSING, ClearanceRule.FLIGHT))
     assert clear.certified
     assert clear.certificate is not None
     assert free.certificate is not None

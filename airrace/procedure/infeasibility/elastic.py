@@ -176,8 +176,8 @@ class ElasticSolver:
             places[at] = places.get(at, 0.0) + abs(multiplier * amounts.get((owner, name), 0.0))
         flight, steps = project(solution.iterate)
         found = Relaxed(self, flight, steps, multipliers, along, costates(layout, lam)[:-1], {})
-        for boundary, cost in _costs_at_boundaries(difference(nominal, milder), nominal, found):
-            places[boundary.name] = places.get(boundary.name, 0.0) + abs(cost)
+        for name, cost in _costs_at_nodes(difference(nominal, milder), nominal, found):
+            places[name] = places.get(name, 0.0) + abs(cost)
         places.pop(nominal.start.name, None)
         return dataclasses.replace(found, places={name: share for name, share in places.items() if share > 0.0})
 
@@ -220,27 +220,35 @@ def _saving(change: Moves, nominal: Problem, at: Relaxed) -> float:
         for name, shift in shifts.items():
             saving += at.multipliers.get((owner, f"{name}{AT_MOST}"), 0.0) * shift.upper
             saving += at.multipliers.get((owner, f"{name}{AT_LEAST}"), 0.0) * shift.lower
-    for _, cost in _costs_at_boundaries(change, nominal, at):
+    for _, cost in _costs_at_nodes(change, nominal, at):
         saving -= cost
     if change.parameters.any():
         saving -= _cost_in_equations(change.parameters, nominal, at)
     return max(saving, 0.0)
 
 
-def _costs_at_boundaries(change: Moves, nominal: Problem, at: Relaxed) -> Iterator[tuple[Boundary, float]]:
-    """Yield the multipliers' sum over what a change of each boundary's parameters does to what it observes."""
-    for owner, boundary in boundaries_of(nominal):
-        step, observation = change.values.get(owner), boundary.observation
+def _costs_at_nodes(change: Moves, nominal: Problem, at: Relaxed) -> Iterator[tuple[str, float]]:
+    """Yield the multipliers' sum over what a change of their parameters does to what is observed at single nodes, with
+    the name of the passing or of the leg.
+    """
+    for owner, one in _observers(nominal):
+        step, observation = change.values.get(owner), one.observation
         if step is None or observation is None:
             continue
-        state, b = at.flight.state[:, nominal.first_node[owner[1]]], np.asarray(boundary.values)
+        node, name = nominal.first_node[owner[1]], one.name
+        if isinstance(one, PathConstraint):
+            if one.at is None:
+                continue
+            phase = nominal.phases[owner[1]]
+            node, name = node + phase.nearest_node(one.at), phase.name
+        state, b = at.flight.state[:, node], np.asarray(one.values)
         values = np.asarray(observation.values(state, b + step) - observation.values(state, b)).ravel().tolist()
         costs = (
-            at.multipliers.get((owner, f"{one.name}{end}"), 0.0) * value
-            for one, value in zip(observation.quantities, values, strict=True)
+            at.multipliers.get((owner, f"{seen.name}{end}"), 0.0) * value
+            for seen, value in zip(observation.quantities, values, strict=True)
             for end in ("", AT_MOST, AT_LEAST)
         )
-        yield boundary, sum(costs)
+        yield name, sum(costs)
 
 
 def _cost_in_equations(change: Array, nominal: Problem, at: Relaxed) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.problem import Iterate, Phase, Problem
+from airrace.optimal_control.problem import Iterate, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.formulation import without_trim
@@ -131,9 +131,9 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
         return dataclasses.replace(problem, phases=phases)
 
     system, last = problem.system, len(problem.phases) - 1
-    for name in dict.fromkeys(watch.name for one in problem.phases for watch in one.watches):
+    for name in dict.fromkeys(_name(watch) for one in problem.phases for watch in one.watches):
         phases = (
-            dataclasses.replace(one, watches=tuple(watch for watch in one.watches if watch.name != name))
+            dataclasses.replace(one, watches=tuple(watch for watch in one.watches if _name(watch) != name))
             for one in problem.phases
         )
         yield name, dataclasses.replace(problem, phases=tuple(phases))
@@ -164,6 +164,11 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
                 f"attitude and course at gate {one.end.name}",
                 with_phase(index, dataclasses.replace(one, end=end)),
             )
+
+
+def _name(watch: PathConstraint) -> str:
+    """Return what a watch is called: those at single nodes all keep clear of pylons."""
+    return watch.name if watch.at is None else "the clearance from pylons in flight"
 
 
 def _without_limit(quantities: Sequence[Quantity], name: str) -> tuple[Quantity, ...]:

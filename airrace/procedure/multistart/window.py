@@ -173,16 +173,18 @@ class _Window:
         steps = interval_durations(base.problem, base.iterate.durations)
         durations = guess.durations.copy()
         for place, kept in ((0, slice(head, None)), (-1, slice(None, -tail or None))):
-            fractions = np.array(phases[place].fractions)[kept]
-            durations[place] *= fractions.sum()
-            phases[place] = replace(phases[place], fractions=tuple((fractions / fractions.sum()).tolist()))
+            durations[place] *= np.array(phases[place].fractions)[kept].sum()
+            phases[place] = phases[place].part(kept)
         if head or tail:
             seconds -= float(steps[nodes[first] : begin].sum() + steps[end : nodes[last]].sum())
             columns = guess.control.shape[1]
             guess = Iterate(
                 durations, guess.state[:, head : columns - tail + 1], guess.control[:, head : columns - tail]
             )
-        start = whole.start if begin == 0 else fixed_state(move.flight, base.iterate.state[:, begin])
+        start = whole.start
+        if begin > 0:
+            start = fixed_state(move.flight, base.iterate.state[:, begin])
+            phases[0] = phases[0].without_watches_at(0)
         whole = replace(whole, start=start)
         objective, costate = whole.objective, 0.0
         if end < nodes[-1]:
@@ -190,7 +192,7 @@ class _Window:
             costate = float(base.costates[names.index(SPEED), end - 1])
             objective = replace(objective, terminal={SPEED: costate})
             there = _continuation(names, base.iterate.state[:, end], guess)
-            phases[-1] = replace(phases[-1], end=there)
+            phases[-1] = replace(phases[-1].without_watches_at(len(phases[-1].fractions)), end=there)
         problem = replace(whole, phases=tuple(phases), objective=objective)
         full = replace(whole, phases=whole.phases[first:last])
         return cls(move, full, problem, guess, begin, end, costate, seconds)

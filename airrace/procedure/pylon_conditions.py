@@ -1,0 +1,270 @@
+"""The conditions that the wing keeps clear of pylons when it is abeam of them, and their measurement on a flight.
+
+A condition is asked for at one node, from which the room beside the pylon is predicted (`airrace.dynamics.pylon_room`).
+Where nothing was flown yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
+distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and what the prediction
+was wrong by is added to what is asked for. Pylons of other elements get a condition where a flight comes too near to
+them: to the side, or above, where the least is missing.
+
+Farther away from that moment a node would not do: what the controls change until then is not predicted, so that the
+condition would change along the flight, and the Hamiltonian with it.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import numpy as np
+
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
+from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
+from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
+from airrace.optimal_control.replay import Replay
+from airrace.planning.plan import Plan
+from airrace.planning.wing_clearance import ClosestApproach, PylonPost, pylons_of
+from airrace.procedure.result import PylonCondition, PylonSide
+from airrace.quantities import Interval
+from airrace.records import record
+from airrace.system import Observation
+from airrace.track.course import Course
+from airrace.trajectory import Array
+
+ONE_PASSING = 0.5
+"""The time within which a pylon is passed but once, s."""
+TOUCHED = 0.05
+"""The distance, m, below which a pylon is taken to be hit: how deep, its distance does not tell."""
+ERROR_MAX = 1.0
+"""The largest error of a prediction that is believed, m."""
+NEEDLESS = 0.05
+"""The length by which a condition may keep the wing farther away than its clearance, m."""
+HOLDS, BINDING = 0.01, 1.0
+"""The room left, m, up to which a condition is what keeps the wing away, and up to which it may be on the next mesh."""
+
+ROOMS = {
+    PylonSide.RIGHT: (("left_tip", 1.0), ("right_tip", 1.0)),
+    PylonSide.LEFT: (("left_tip", -1.0), ("right_tip", -1.0)),
+    PylonSide.BELOW: (("above_left", 1.0), ("above_right", 1.0)),
+}
+"""The observed quantities of which the least is the room beside a pylon, with their signs."""
+
+
+@record
+class Flown:
+    """A flight as it was replayed.
+
+    Attributes:
+        problem: of the flight.
+        durations: of its legs, s; shape (n,).
+        replay: of its controls.
+    """
+
+    problem: Problem
+    durations: Array
+    replay: Replay
+
+    def state(self, leg: int, share: float) -> Array:
+        """Return the state at a share of a leg's duration, shape (n_x,)."""
+        places = np.concatenate([[0.0], np.cumsum(self.problem.phases[leg].fractions)])
+        within = int(np.clip(np.searchsorted(places, share, side="right") - 1, 0, len(places) - 2))
+        samples: Array = self.replay.state[:, self.problem.first_node[leg] + within]
+        part = (share - places[within]) / (places[within + 1] - places[within]) * (samples.shape[1] - 1)
+        before = min(int(part), samples.shape[1] - 2)
+        return samples[:, before] + (part - before) * (samples[:, before + 1] - samples[:, before])
+
+    def same(self, condition: PylonCondition, approach: ClosestApproach) -> bool:
+        """Tell whether an approach is that of a condition's pylon at the same passing."""
+        time = float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
+        own = (condition.element, condition.post) == (approach.pylon.name, approach.pylon.post)
+        return own and abs(approach.time - time) <= ONE_PASSING
+
+    def at(self, condition: PylonCondition, approach: ClosestApproach) -> PylonCondition:
+        """Return a condition at the moment abeam of an approach."""
+        ends = np.cumsum(self.durations)
+        leg = min(int(np.searchsorted(ends, approach.abeam)), len(ends) - 1)
+        share = 1.0 - (float(ends[leg]) - approach.abeam) / float(self.durations[leg])
+        return dataclasses.replace(condition, leg=leg, share=min(max(share, 0.0), 1.0))
+
+
+@record
+class MeasuredConditions:
+    """The conditions as a flight measures them.
+
+    Attributes:
+        conditions: at the moments abeam, as far as the flight comes near.
+        distances: of the wing from their pylons, m; NaN where it does not come near.
+        binding: of which the room hardly exceeds what is asked for, or is too small.
+        missed: the largest length by which a clearance is missed, m.
+        needless: the largest length beyond its clearance at which a condition keeps the wing away, m.
+    """
+
+    conditions: tuple[PylonCondition, ...]
+    distances: tuple[float, ...]
+    binding: tuple[bool, ...]
+    missed: float
+    needless: float
+
+
+@record
+class PylonRooms:
+    """The rooms beside all pylons of a course, as a model sees them.
+
+    Attributes:
+        room: the observation.
+        pylons: by the names of their elements and their numbers among the pylons of these.
+        semispan: from the aircraft's centre to a wing tip, m.
+        values: the numbers of aircraft and air.
+        conditions: what is asked for; None for the pylons of every passing, as planned.
+    """
+
+    room: Observation
+    pylons: Mapping[tuple[str, int], PylonPost]
+    semispan: float
+    values: tuple[float, ...]
+    conditions: tuple[PylonCondition, ...] | None = None
+
+    @classmethod
+    def of(cls, model: FlightModel, course: Course, span: float) -> Self:
+        """Return the rooms for a model on a course."""
+        values = tuple(float(value) for value in model.parameter_values)
+        pylons = {(one.name, one.post): one for one in pylons_of(course)}
+        return cls(pylon_room_observation(model), pylons, 0.5 * span, values)
+
+    def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
+        """Return the rooms for a model and a course that differ in numbers alone, under the same conditions."""
+        other = self.of(model, course, span)
+        return dataclasses.replace(other, room=self.room, conditions=self.conditions_on(plan))
+
+    def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
+        """Return the rooms under other conditions, of which those of unknown pylons are left out.
+
+        Without any, those of the passings hold.
+        """
+        known = tuple(one for one in conditions if (one.element, one.post) in self.pylons)
+        return dataclasses.replace(self, conditions=known or None)
+
+    def conditions_on(self, plan: Plan) -> tuple[PylonCondition, ...]:
+        """Return the conditions along a plan."""
+        return self._at_passings(plan) if self.conditions is None else self.conditions
+
+    def _at_passings(self, plan: Plan) -> tuple[PylonCondition, ...]:
+        """Return a condition for every pylon of every passing, on the side on which the plan passes it."""
+        found: list[PylonCondition] = []
+        for number, waypoint in enumerate(plan.waypoints):
+            element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
+            posts = element.drawing().posts if element.place is not None else ()
+            for post, place in enumerate(posts):
+                pylon = self.pylons.get((element.name, post))
+                if pylon is None or element.heights.lower - self.semispan >= pylon.height + pylon.required:
+                    continue
+                assert element.place is not None
+                offset = math.cos(right) * (place.north - element.place[0]) + math.sin(right) * (
+                    place.east - element.place[1]
+                )
+                if len(posts) == 1 and element.passing_side is not None:
+                    offset = -math.cos(element.passing_side - right)
+                side = PylonSide.RIGHT if offset > 0.0 else PylonSide.LEFT
+                leg, share = max(number - 1, 0), float(number > 0)
+                found.append(PylonCondition(element.name, post, leg, share, side, 0.0))
+        return tuple(found)
+
+    def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
+        """Return the conditions along a plan as constraints on every leg."""
+        legs: list[list[PathConstraint]] = [[] for _ in plan.waypoints[1:]]
+        for one in self.conditions_on(plan):
+            pylon, wanted = self.pylons[one.element, one.post], self._asked(one)
+            bounds = {
+                name: Interval(lower=wanted) if sign > 0.0 else Interval(upper=-wanted)
+                for name, sign in ROOMS[one.side]
+            }
+            name = f"pylon {one.post + 1} of {one.element}"
+            values = self._arguments(pylon)
+            legs[one.leg].append(PathConstraint(name, bounds, self.room, values, at=one.share))
+        return [tuple(leg) for leg in legs]
+
+    def measured(self, plan: Plan, flown: Flown, approaches: Sequence[ClosestApproach]) -> MeasuredConditions:
+        """Return the conditions as a flight measures them.
+
+        Args:
+            plan: that the problem was stated along.
+            flown: the flight.
+            approaches: of its wing to all pylons.
+        """
+        conditions, missed, needless = list(self.conditions_on(plan)), 0.0, 0.0
+        distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
+        for number, before in enumerate(conditions):
+            approach = min((one for one in approaches if flown.same(before, one)), key=_distance, default=None)
+            if approach is None:
+                continue
+            left = self._room(before, self._seen(approach.pylon, flown.state(before.leg, before.share)))
+            left -= self._asked(before)
+            missed = max(missed, approach.shortfall)
+            needless = max(needless, -approach.shortfall if left < HOLDS else 0.0)
+            conditions[number] = flown.at(before, approach)
+            distances[number], binding[number] = approach.distance, left < BINDING
+        for approach in sorted(approaches, key=_distance):
+            if approach.shortfall > 0.0 and not any(flown.same(one, approach) for one in conditions):
+                pylon = approach.pylon
+                new = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
+                new = flown.at(new, approach)
+                seen = self._seen(pylon, flown.state(new.leg, new.share))
+                sides = {side: self._room(dataclasses.replace(new, side=side), seen) for side in PylonSide}
+                conditions.append(dataclasses.replace(new, side=max(sides, key=lambda side: sides[side])))
+                distances.append(approach.distance)
+                binding.append(True)
+                missed = max(missed, approach.shortfall)
+        return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless)
+
+    def placed(
+        self, found: MeasuredConditions, flown: Flown, mesh: Sequence[Fractions], guess: Iterate, nodes: Marks
+    ) -> tuple[Mesh, Iterate, tuple[PylonCondition, ...]]:
+        """Return another mesh with nodes moved to the moments abeam, the guess on it, and the conditions at its nodes.
+
+        Args:
+            found: the conditions as a flight measures them.
+            flown: the flight.
+            mesh: fractions of every leg.
+            guess: on that mesh.
+            nodes: those at which a condition may be asked for, shape (N + 1,); the ends of legs are among them.
+        """
+        wanted: list[list[float]] = [[] for _ in mesh]
+        for one, binding in zip(found.conditions, found.binding, strict=True):
+            if binding:
+                wanted[one.leg].append(one.share)
+        mesh, guess = move_nodes(mesh, guess, nodes, wanted)
+        first_node = np.cumsum([0, *(len(leg) for leg in mesh)])
+        conditions: list[PylonCondition] = []
+        for one, distance in zip(found.conditions, found.distances, strict=True):
+            places = np.concatenate([[0.0], np.cumsum(mesh[one.leg])])
+            places = places[nodes[first_node[one.leg] : first_node[one.leg + 1] + 1]]
+            share = min(float(places[int(np.abs(places - one.share).argmin())]), 1.0)
+            conditions.append(self._corrected(dataclasses.replace(one, share=share), flown, distance))
+        return mesh, guess, tuple(conditions)
+
+    def _corrected(self, condition: PylonCondition, flown: Flown, distance: float) -> PylonCondition:
+        """Return a condition with the error of its prediction; as it is where that is not known."""
+        pylon = self.pylons[condition.element, condition.post]
+        room = self._room(condition, self._seen(pylon, flown.state(condition.leg, condition.share)))
+        if not (distance >= TOUCHED and room > 0.0):  # NaN is not
+            return condition
+        return dataclasses.replace(condition, error=min(max(room - distance, -ERROR_MAX), ERROR_MAX))
+
+    def _asked(self, condition: PylonCondition) -> float:
+        """Return the room that a condition asks for, m."""
+        return self.pylons[condition.element, condition.post].required + condition.error
+
+    def _arguments(self, pylon: PylonPost) -> tuple[float, ...]:
+        return (pylon.north, pylon.east, pylon.height, self.semispan, *self.values)
+
+    def _seen(self, pylon: PylonPost, state: Array) -> dict[str, float]:
+        """Return what is observed of a pylon in a state (n_x,)."""
+        values = self.room.values(state, np.array(self._arguments(pylon)))
+        return dict(zip(PylonRoom.names(), np.asarray(values).ravel().tolist(), strict=True))
+
+    def _room(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
+        return min(sign * seen[name] for name, sign in ROOMS[condition.side])
+
+
+def _distance(approach: ClosestApproach) -> float:
+    return approach.distance
