@@ -123,7 +123,8 @@ def start_from(
         return None, _remark(another, obstacles, "the start is from scratch")
     session.progress.stage_started(optimum.stage)
     continuation.preload(optimum.stage, session.service)
-    stored = (optimum, *(one for one in optimum.alternatives if not _obstacle(continuation, one)))
+    usable = (optimum, *(one for one in optimum.alternatives if not _obstacle(continuation, one)))
+    stored = usable[: session.settings.alternatives]
     with session.search_in_background(continuation.search_around(optimum)) as search:
         main, *others = (_from_optimum(continuation, session, one, another.name) for one in stored)
         around = search.result()
@@ -137,7 +138,7 @@ def start_from(
         flights += [faster] if faster else []
     if flights:
         best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
-        kept, log = tuple(slower[: len(optimum.alternatives)]), tuple(session.attempts)
+        kept, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
         remark = _remark(another, obstacles, f"the start is {what}")
         if best is not main and not isinstance(main, str):
             route = around.text if around and best is faster else "an alternative of the stored one"
