@@ -254,6 +254,9 @@ def test_around_a_good_flight_no_other_route_is_found() -> None:
     assert found.best.race_time == pytest.approx(optimum(SLALOM).trajectory.race_time, abs=0.03)
 
 
+ALONE = dataclasses.replace(OFF, alternatives=1)
+
+
 def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResult:
     (result,) = optimize(
         WINDY, chosen, until=Stage.POINT_MASS, threads=threads, start=[start], start_name="calm.h5", progress=Silent()
@@ -337,6 +340,9 @@ def test_alternative_that_has_become_the_fastest_changes_places_with_the_stored_
     assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
     (slower,) = result.alternatives
     assert slower.trajectory.race_time > result.trajectory.race_time + 5.0
+    alone = started(dataclasses.replace(optimum(SLALOM, OFF), alternatives=(optimum(SLALOM),)), ALONE)
+    assert alone.alternatives == ()
+    assert alone.trajectory.race_time == pytest.approx(slower.trajectory.race_time, abs=1e-5)
 
 
 def test_without_exploring_a_start_is_taken_as_it_is() -> None:
