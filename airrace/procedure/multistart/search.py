@@ -66,7 +66,8 @@ class SearchBudget:
         elite: how many flights are compared on the mesh on which the winner's mesh check begins.
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
         local: whether the flight is near an optimum, so that windows are. Then a place that several laps pass by the
-            same route is tried in the first of them, and windows that keep the route are not solved jointly.
+            same route is tried in the first of them, windows that keep the route are not solved jointly, and other
+            shapes are left out: on Rovinj and Chiba all windows with them led back to the shape that was flown.
     """
 
     radii: tuple[Radius, ...]
@@ -238,7 +239,7 @@ class Search:
         """Return other routes through the segments of a flight; around the first those of the other starts as well."""
         begins = generator.base is first
         distinct = generator.distinct_segments() if begins and self._budget.local else None
-        around = generator.moves(changed, segments=distinct)
+        around = generator.moves(changed, shapes=not self._budget.local, segments=distinct)
         moves = [one for one in around if one.plan_penalty <= self._budget.plan_penalty_max]
         return moves + self._from_other_starts(first, generator) if begins else moves
 
