@@ -19,7 +19,7 @@ FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\n
 COURSE = """
 schema: airrace/track/1
 name: three gates and a pylon
-rules: {n_z_max: 10, floor_m: 5, start_speed_max_kt: 200}
+rules: {n_z_max: 10, floor_m: 5, start_speed_max_kt: 200, clearance: crossing}
 environment:
   wind: {from_deg: 250, speed_m_s: 6}
 gate_defaults: {height_m: 20, height_min_m: 15, height_max_m: 25, climb_min_deg: -10, climb_max_deg: 10}

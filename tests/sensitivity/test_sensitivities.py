@@ -161,6 +161,15 @@ def test_solving_again_finds_the_sensitivity_to_a_limit_of_the_pilot(key: str) -
     assert_found_by_solving_again(f"rules.pilot.{key}", *PILOT)
 
 
+CLEAR = "rules.clearance=flight"
+
+
+@pytest.mark.parametrize("key", ["gates.side.east_m", "gates.last.width_m", "gates.side.clearance_m", "rules.n_z_max"])
+def test_solving_again_finds_the_sensitivity_where_the_wing_keeps_clear_of_pylons_all_along(key: str) -> None:
+    assert optimum(COURSE, CLEAR).pylon_conditions
+    assert_found_by_solving_again(key, CLEAR)
+
+
 @pytest.mark.parametrize("key", ["rules.start_speed_max_kt", "environment.wind.speed_m_s", "environment.wind.from_deg"])
 def test_solving_again_finds_the_sensitivity_where_the_start_speed_is_an_airspeed(key: str) -> None:
     assert_found_by_solving_again(key, "rules.start_speed=indicated")
