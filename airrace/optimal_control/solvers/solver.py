@@ -352,7 +352,8 @@ class PreparedProblem:
             if judged is None or judged[0].curvature is not Curvature.INDEFINITE:
                 break
             start = np.clip(result.w + side * judged[1], bounds.lower, bounds.upper)
-            found = self._solver.solve(start, bounds, p, None)
+            _, lam_x, _ = kkt_error(self._functions, layout, result.w, p, result.lam_g)
+            found = self._solver.solve(start, bounds, p, Multipliers(result.lam_g, lam_x))
             better = found.success and found.objective < result.objective
             spent = result.iterations + found.iterations
             result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
