@@ -460,6 +460,23 @@ def test_all_functions_have_the_bits_of_casadis_own_program(name: str) -> None:
             assert np.array_equal(found, expected)
 
 
+def test_ipopt_evaluates_what_fatrop_does() -> None:
+    problem = PROBLEMS["everything"]
+    layout = Layout(problem)
+    assembly = Assembly(layout, build_kernels(problem.system, problem.scheme))
+    (w, lam_g), p = random_point(layout, 2), layout.parameter_values()
+    program, other = ProgramFunctions(Evaluation(assembly)), Evaluation(assembly)
+    program.begin(p)
+    jacobian, hessian = program.derivatives["nlp_jac_g"], program.derivatives["nlp_hess_l"]
+    assert jacobian.sparsity_out(jacobian.n_out() - 1) == assembly.jacobian.sparsity
+    assert hessian.sparsity_out(hessian.n_out() - 1) == ca.triu(assembly.hessian.sparsity)
+    other.at(w, p)
+    other.lam_f, other.lam_g[:] = LAM_F, lam_g
+    other.curve()
+    upper = assembly.hessian.rows <= assembly.hessian.columns
+    assert np.array_equal(np.array(hessian(w, p, LAM_F, lam_g).nonzeros()), other.hessian[upper])
+
+
 ROLL_MODE = 0.08  # s, its time constant
 
 
