@@ -157,7 +157,7 @@ class FidelityContinuation:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             sources = (below, *below.alternatives)
             results = [self._optimum(stage, list(self._warm_starts(stage, one, session)), session) for one in sources]
-            result = _with_log(self._fastest(self._resolve_near_ties(results, session)), session)
+            result = _with_log(self._fastest(results), session)
         self.done[stage] = result
         return result
 
@@ -203,14 +203,14 @@ class FidelityContinuation:
         return solve_with_refinement(session, starts, refine, diagnose=diagnose)
 
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
-        """Check the meshes of optima of one stage where they may hide which of them is the fastest.
+        """Check the meshes of optima of one stage where they may hide which of them are the fastest.
 
         Of those, only optima whose check succeeds still hold, unless none does.
         """
         times = [one.trajectory.race_time if one.holds else math.inf for one in results]
         closest = min(times) + NEAR_TIE * self._settings.certificate.race_time_of(min(times))
         close = [time <= closest < math.inf for time in times]
-        if sum(close) < 2:
+        if sum(close) <= (self._settings.alternatives or CARRIED_MAX):  # all of them are carried on
             return results
         after = [self._checked(one, session) if near else one for one, near in zip(results, close, strict=True)]
         if not any(one.certified for one in after):
