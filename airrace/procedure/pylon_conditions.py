@@ -193,13 +193,16 @@ class PylonRooms:
         """
         conditions, missed, needless = list(self.conditions_on(plan)), 0.0, 0.0
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
+        end = float(flown.durations.sum())
         for number, before in enumerate(conditions):
             approach = min((one for one in approaches if flown.same(before, one)), key=_distance, default=None)
             if approach is None:
                 continue
+            missed = max(missed, approach.shortfall)
+            if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
+                continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
             left = self._room(before, self._seen(approach.pylon, flown.state(before.leg, before.share)))
             left -= self._asked(before)
-            missed = max(missed, approach.shortfall)
             needless = max(needless, -approach.shortfall if left < HOLDS else 0.0)
             conditions[number] = flown.at(before, approach)
             distances[number], binding[number] = approach.distance, left < BINDING

@@ -145,6 +145,10 @@ def test_who_asks_for_more_clearance_gets_more() -> None:
     assert times == sorted(times)
 
 
+def test_predictions_are_wrong_by_centimetres_also_where_a_pylon_is_abeam_behind_the_finish() -> None:
+    assert all(abs(one.error) < 0.05 for one in optimum(SMALL, PLAN).pylon_conditions)
+
+
 def test_a_stored_flight_states_the_problem_that_it_was_solved_with(tmp_path: Path) -> None:
     """Else its multipliers would belong to other limits, and another mesh would have another race time."""
     result = optimum(SMALL, PLAN)
