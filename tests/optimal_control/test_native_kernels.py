@@ -389,6 +389,7 @@ def test_functions_and_patterns_are_those_of_the_casadi_program(assembly: Assemb
         for _ in range(2):
             assert functions.gradient.tolist() == np.asarray(gradient).ravel().tolist()
             functions.gradient[:] = np.nan
+            functions.forget()
             functions.slope()
 
 

@@ -447,6 +447,7 @@ def test_certificate_measures_with_the_limit_of_its_race(races: float, share: fl
         claim=Item("solver", 0.0, 0.0),
         status="solved",
         kkt_error=0.0,
+        second_order=None,
         coarser_race_time=duration + share * limit,
     )
     (item,) = (one for one in certificate.items if one.name == RACE_TIME_CHANGE)

@@ -415,10 +415,10 @@ def test_every_rule_that_differs_is_told_in_words() -> None:
     flight = half_cuban().flight()
     pilot = PilotLimits(n_z_low=0.5, steady_start=True)
     rules = replace(flight.course.rules, pilot=pilot, n_z=Interval(-1.0, 9.0), p=3.0)
-    rules = replace(rules, clearance=ClearanceRule.FLIGHT, start_speed=StartSpeed.TRUE)
+    rules = replace(rules, clearance=ClearanceRule.CROSSING, start_speed=StartSpeed.TRUE)
     other = replace(flight, race=replace(flight.race, course=replace(flight.course, rules=rules)))
     told = {what: (first, second) for what, first, second in conditions(flight, other)}
-    assert told["rules: clearance"] == ("crossing", "flight")
+    assert told["rules: clearance"] == ("flight", "crossing")
     assert told["rules: start_speed"] == ("ground", "true")
     assert told["rules: n_z"] == ("-2 to 10", "-1 to 9")
     assert told["rules: p"] == ("none", "3")
