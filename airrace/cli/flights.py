@@ -127,12 +127,12 @@ def brief(
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")
-        told = Brief.of(open_flight(name, stage=stage))
-        answer.fields.update(told.as_object())
+        brief = Brief.of(open_flight(name, stage=stage))
+        answer.fields.update(brief.as_object())
         if as_csv:
-            answer.texts.append(told.to_csv())
+            answer.texts.append(brief.to_csv())
         elif not as_json:
-            answer.texts.append(render(told.table(units_named(units), unicode=takes_unicode()), columns=PAGE))
+            answer.texts.append(render(brief.table(units_named(units), unicode=takes_unicode()), columns=PAGE))
 
 
 def compare(

@@ -188,8 +188,8 @@ def items_table(certificate: "Certificate", verdict: str = "") -> Table:
 
 def _open_clause(certificate: "Certificate") -> str:
     """Return a clause for what is only measured and is not as it should be; empty where there is nothing."""
-    told = (f"; but {one.name} missed by {one.value:.2f} {one.unit} ({one.where})" for one in certificate.undecided)
-    return "".join(told)
+    clauses = (f"; but {one.name} missed by {one.value:.2f} {one.unit} ({one.where})" for one in certificate.undecided)
+    return "".join(clauses)
 
 
 def _certificate_line(result: StageResult, certificate: "Certificate") -> str:

@@ -51,7 +51,7 @@ ROOMS = {
 
 
 @record
-class Flown:
+class ReplayedFlight:
     """A flight as it was replayed.
 
     Attributes:
@@ -173,7 +173,7 @@ class PylonRooms:
         """Return the conditions along a plan as constraints on every leg."""
         legs: list[list[PathConstraint]] = [[] for _ in plan.waypoints[1:]]
         for one in self.conditions_on(plan):
-            pylon, wanted = self.pylons[one.element, one.post], self._asked(one)
+            pylon, wanted = self.pylons[one.element, one.post], self._required_room(one)
             bounds = {
                 name: Interval(lower=wanted) if sign > 0.0 else Interval(upper=-wanted)
                 for name, sign in ROOMS[one.side]
@@ -183,35 +183,37 @@ class PylonRooms:
             legs[one.leg].append(PathConstraint(name, bounds, self.room, values, at=one.share))
         return [tuple(leg) for leg in legs]
 
-    def measured(self, plan: Plan, flown: Flown, approaches: Sequence[ClosestApproach]) -> MeasuredConditions:
+    def measure(
+        self, plan: Plan, replayed: ReplayedFlight, approaches: Sequence[ClosestApproach]
+    ) -> MeasuredConditions:
         """Return the conditions as a flight measures them.
 
         Args:
             plan: that the problem was stated along.
-            flown: the flight.
+            replayed: the flight.
             approaches: of its wing to all pylons.
         """
         conditions, missed, needless = list(self.conditions_on(plan)), 0.0, 0.0
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
-        end = float(flown.durations.sum())
+        end = float(replayed.durations.sum())
         for number, before in enumerate(conditions):
-            approach = min((one for one in approaches if flown.same(before, one)), key=_distance, default=None)
+            approach = min((one for one in approaches if replayed.same(before, one)), key=_distance, default=None)
             if approach is None:
                 continue
             missed = max(missed, approach.shortfall)
             if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
-            left = self._room(before, self._seen(approach.pylon, flown.state(before.leg, before.share)))
-            left -= self._asked(before)
+            left = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
+            left -= self._required_room(before)
             needless = max(needless, -approach.shortfall if left < HOLDS else 0.0)
-            conditions[number] = flown.at(before, approach)
+            conditions[number] = replayed.at(before, approach)
             distances[number], binding[number] = approach.distance, left < BINDING
         for approach in sorted(approaches, key=_distance):
-            if approach.shortfall > 0.0 and not any(flown.same(one, approach) for one in conditions):
+            if approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
                 pylon = approach.pylon
                 new = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
-                new = flown.at(new, approach)
-                seen = self._seen(pylon, flown.state(new.leg, new.share))
+                new = replayed.at(new, approach)
+                seen = self._observe(pylon, replayed.state(new.leg, new.share))
                 sides = {side: self._room(dataclasses.replace(new, side=side), seen) for side in PylonSide}
                 conditions.append(dataclasses.replace(new, side=max(sides, key=lambda side: sides[side])))
                 distances.append(approach.distance)
@@ -219,14 +221,19 @@ class PylonRooms:
                 missed = max(missed, approach.shortfall)
         return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless)
 
-    def placed(
-        self, found: MeasuredConditions, flown: Flown, mesh: Sequence[Fractions], guess: Iterate, nodes: Marks
+    def place(
+        self,
+        found: MeasuredConditions,
+        replayed: ReplayedFlight,
+        mesh: Sequence[Fractions],
+        guess: Iterate,
+        nodes: Marks,
     ) -> tuple[Mesh, Iterate, tuple[PylonCondition, ...]]:
         """Return another mesh with nodes moved to the moments abeam, the guess on it, and the conditions at its nodes.
 
         Args:
             found: the conditions as a flight measures them.
-            flown: the flight.
+            replayed: the flight.
             mesh: fractions of every leg.
             guess: on that mesh.
             nodes: those at which a condition may be asked for, shape (N + 1,); the ends of legs are among them.
@@ -242,25 +249,25 @@ class PylonRooms:
             places = np.concatenate([[0.0], np.cumsum(mesh[one.leg])])
             places = places[nodes[first_node[one.leg] : first_node[one.leg + 1] + 1]]
             share = min(float(places[int(np.abs(places - one.share).argmin())]), 1.0)
-            conditions.append(self._corrected(dataclasses.replace(one, share=share), flown, distance))
+            conditions.append(self._with_error(dataclasses.replace(one, share=share), replayed, distance))
         return mesh, guess, tuple(conditions)
 
-    def _corrected(self, condition: PylonCondition, flown: Flown, distance: float) -> PylonCondition:
+    def _with_error(self, condition: PylonCondition, replayed: ReplayedFlight, distance: float) -> PylonCondition:
         """Return a condition with the error of its prediction; as it is where that is not known."""
         pylon = self.pylons[condition.element, condition.post]
-        room = self._room(condition, self._seen(pylon, flown.state(condition.leg, condition.share)))
+        room = self._room(condition, self._observe(pylon, replayed.state(condition.leg, condition.share)))
         if not (distance >= TOUCHED and room > 0.0):  # NaN is not
             return condition
         return dataclasses.replace(condition, error=min(max(room - distance, -ERROR_MAX), ERROR_MAX))
 
-    def _asked(self, condition: PylonCondition) -> float:
+    def _required_room(self, condition: PylonCondition) -> float:
         """Return the room that a condition asks for, m."""
         return self.pylons[condition.element, condition.post].required + condition.error
 
     def _arguments(self, pylon: PylonPost) -> tuple[float, ...]:
         return (pylon.north, pylon.east, pylon.height, self.semispan, *self.values)
 
-    def _seen(self, pylon: PylonPost, state: Array) -> dict[str, float]:
+    def _observe(self, pylon: PylonPost, state: Array) -> dict[str, float]:
         """Return what is observed of a pylon in a state (n_x,)."""
         values = self.room.values(state, np.array(self._arguments(pylon)))
         return dict(zip(PylonRoom.names(), np.asarray(values).ravel().tolist(), strict=True))

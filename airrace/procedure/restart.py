@@ -163,14 +163,14 @@ def _on_other_route(
     if not point_mass.holds or continued.stage is Stage.POINT_MASS:
         return point_mass if point_mass.certified else None
     whole = continuation.start_along(continued.stage, point_mass, session)
-    start = _spliced(whole, continued, around.phases, name)
+    start = _splice(whole, continued, around.phases, name)
     draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
     first = certified_state(session, start.flight, draft, start.barrier, (primary,), None)
     found = refine_from(session, start, replace(first, iterations_max=ITERATIONS_MAX, purpose="on another route"))
     return found if isinstance(found, StageResult) and found.certified else None
 
 
-def _spliced(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
+def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
     """Return a start with some phases as given, and the others as in an optimum on another route."""
     mesh, stored, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
     if nodes[optimum.trajectory.first_node].all():

@@ -25,7 +25,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.wing_clearance import ClosestApproach
 from airrace.procedure.certification import certify, conclude, examine, failures
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.pylon_conditions import NEEDLESS, Flown, MeasuredConditions
+from airrace.procedure.pylon_conditions import NEEDLESS, MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -179,23 +179,23 @@ class Refined:
         return approaches(self.flight, optimum.problem, optimum.iterate, optimum.evidence.replay)
 
     @cached_property
-    def flown(self) -> Flown:
+    def replayed_flight(self) -> ReplayedFlight:
         """The optimum as it was replayed."""
         optimum, _ = self.solved
-        return Flown(optimum.problem, optimum.iterate.durations, optimum.evidence.replay)
+        return ReplayedFlight(optimum.problem, optimum.iterate.durations, optimum.evidence.replay)
 
     @cached_property
     def pylons(self) -> MeasuredConditions | None:
         """The conditions on pylons as the optimum measures them; None where the rules ask for none."""
         rooms = self.flight.rooms
-        return None if rooms is None else rooms.measured(self.flight.plan, self.flown, self.approaches)
+        return None if rooms is None else rooms.measure(self.flight.plan, self.replayed_flight, self.approaches)
 
     def keep_clear(self, draft: MeshProposal) -> tuple[StageProblem, MeshProposal]:
         """Return the flight with the conditions on pylons as the optimum measures them, and a mesh made for them."""
         rooms = self.flight.rooms
         if rooms is None or self.pylons is None:
             return self.flight, draft
-        mesh, guess, conditions = rooms.placed(self.pylons, self.flown, draft.mesh, draft.guess, draft.coarser)
+        mesh, guess, conditions = rooms.place(self.pylons, self.replayed_flight, draft.mesh, draft.guess, draft.coarser)
         return self.flight.with_conditions(conditions), replace(draft, mesh=mesh, guess=guess)
 
     def too_near(self, share: float = 1.0) -> bool:

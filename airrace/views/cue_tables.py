@@ -112,15 +112,15 @@ def _action_rows(cues: Sequence[Cue]) -> Iterator[tuple[Value, ...]]:
             match one:
                 case RollAction():
                     banks = (math.degrees(angle) for angle in (one.bank_from, one.bank_to, one.angle))
-                    told = ("roll", one.side, one.time, one.duration, *banks, _through(one), None, None, None)
+                    values = ("roll", one.side, one.time, one.duration, *banks, _through(one), None, None, None)
                 case Pull():
                     through = "the top" if one.over_the_top else ""
                     load = (one.n_z, math.degrees(one.turn), _finite(one.apex))
                     verb = "pull" if one.n_z > 0.0 else "push"
-                    told = (verb, one.side, one.time, one.duration, None, None, None, through, *load)
+                    values = (verb, one.side, one.time, one.duration, None, None, None, through, *load)
                 case _:
-                    told = ("apex", "", one.time, one.duration, None, None, None, "", None, None, one.height)
-            yield (*place, *told, text)
+                    values = ("apex", "", one.time, one.duration, None, None, None, "", None, None, one.height)
+            yield (*place, *values, text)
 
 
 def _finite(value: float) -> float | None:

@@ -119,8 +119,8 @@ def _touches(certificate: Certificate | None) -> str:
     """Return what is told of a clearance from pylons that is missed and does not decide; empty where there is none."""
     items = () if certificate is None else certificate.items
     missed = next((one.value for one in items if one.name == CLEARANCE and math.isinf(one.limit)), 0.0)
-    told = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"
-    return told if missed >= TOLD else ""
+    text = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"
+    return text if missed >= TOLD else ""
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:

@@ -94,7 +94,7 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         share = np.clip((time - time[first]) / (time[last] - time[first]), 0.0, 1.0)
         added = turn * share**2 * (3.0 - 2.0 * share)
         kind = f"roll through {'level' if one.inverted else 'inverted'}"
-        yield Reroll(one.first, one.last, kind, _rolled(problem, iterate, added))
+        yield Reroll(one.first, one.last, kind, _roll_over(problem, iterate, added))
 
 
 def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
@@ -110,10 +110,10 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         away = np.maximum(np.maximum(time[first] - time, time - time[last]), 0.0)
         nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
         added = -2.0 * (bank + nearest) * np.clip(1.0 - away / BLEND, 0.0, 1.0)
-        yield Reroll(first, last, "pull on the other side", _rolled(problem, iterate, added))
+        yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added))
 
 
-def _rolled(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
+def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
     """Return a flight rolled further by an angle (rad) at each node."""
     fastest, time = problem.system.states[ROLL_RATE].upper, _time(problem, iterate)
     state, control, half = iterate.state.copy(), iterate.control.copy(), 0.5 * added
