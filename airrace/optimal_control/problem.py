@@ -109,19 +109,19 @@ class Phase:
 
     def without_watches_at(self, node: int) -> Self:
         """Return the phase without what is asked for at one node of it alone: where its state is known."""
-        kept = (one for one in self.watches if one.at is None or self.nearest_node(one.at) != node)
-        return replace(self, watches=tuple(kept))
+        others = (one for one in self.watches if one.at is None or self.nearest_node(one.at) != node)
+        return replace(self, watches=tuple(others))
 
-    def part(self, kept: slice) -> Self:
+    def part(self, intervals: slice) -> Self:
         """Return some successive intervals as a phase of their own, with what is asked for at one node of them."""
         fractions = np.array(self.fractions)
-        before, whole = float(fractions[: kept.start or 0].sum()), float(fractions[kept].sum())
+        before, whole = float(fractions[: intervals.start or 0].sum()), float(fractions[intervals].sum())
         watches: list[PathConstraint] = []
         for one in self.watches:
             at = one.at if one.at is None else (one.at - before) / whole
             if at is None or -WHOLE <= at <= 1.0 + WHOLE:
                 watches.append(one if at is None else replace(one, at=min(max(at, 0.0), 1.0)))
-        return replace(self, fractions=tuple((fractions[kept] / whole).tolist()), watches=tuple(watches))
+        return replace(self, fractions=tuple((fractions[intervals] / whole).tolist()), watches=tuple(watches))
 
 
 @record

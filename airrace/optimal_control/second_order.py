@@ -128,7 +128,7 @@ def judge(
         less = direction_below(form, -threshold)
         if less is not None:
             found, least = less, min(form.curvature(less), -threshold)
-            negative = direction_below(replace(form, kept=equal | active | weak), -threshold)
+            negative = direction_below(replace(form, active=equal | active | weak), -threshold)
             if negative is not None and form.curvature(negative) < -threshold:  # a saddle only where it is measured
                 curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
     phase, quantity = ("", "") if found is None else _place(layout, found)
@@ -177,7 +177,7 @@ class StageQuadratic:
         dynamics: `x_next = F z` of each interval, (m, n_k), column by column.
         row_counts: number of rows of each stage, shape (N + 1,).
         rows: of each stage, row by row.
-        kept: which (rows, unknowns) are zero, shape (n_r + n_w,).
+        active: which (rows, unknowns) are zero, shape (n_r + n_w,).
         weights: of each stage in the norm of directions, shape (N + 1,).
     """
 
@@ -187,15 +187,15 @@ class StageQuadratic:
     dynamics: Array
     row_counts: NDArray[np.int32]
     rows: Array
-    kept: NDArray[np.bool_]
+    active: NDArray[np.bool_]
     weights: Array
 
     @classmethod
-    def of(cls, matrices: StageMatrices, kept: NDArray[np.bool_], weights: Array) -> "StageQuadratic":
+    def of(cls, matrices: StageMatrices, active: NDArray[np.bool_], weights: Array) -> "StageQuadratic":
         """Return the form of a program's Lagrangian, which refers to the matrices."""
         gaps, rows = np.split(matrices.constraints.doubles, [matrices.gap_size])
         sizes, counts = matrices.sizes, matrices.row_counts
-        return cls(matrices.states, sizes, matrices.hessian.doubles, gaps, counts, rows, kept, weights)
+        return cls(matrices.states, sizes, matrices.hessian.doubles, gaps, counts, rows, active, weights)
 
     def curvature(self, direction: Array) -> float:
         """Return the curvature along a direction, shape (n_w,)."""
@@ -241,7 +241,7 @@ class _Beginning(NamedTuple):
 def _native_recursion(native: Any, form: StageQuadratic, shift: float) -> _Beginning | None:  # Any: made by ctypes
     m, sizes = form.states, form.sizes.astype(np.int64)
     gains, costs, ahead = (np.empty(size) for size in (len(form.hessian), int(sizes.max()) ** 2, 2 * m * m))
-    given = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.kept, form.weights)
+    given = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.active, form.weights)
     arrays, count = [np.ascontiguousarray(one) for one in given], ctypes.c_int()
     found = (gains.ctypes.data, costs.ctypes.data, ahead.ctypes.data, ctypes.byref(count))
     stage: int = native.null_space_riccati(len(sizes), m, *(one.ctypes.data for one in arrays), shift, *found)
@@ -266,16 +266,16 @@ def _recursion(form: StageQuadratic, shift: float) -> _Beginning | None:
     """Do what `null_space.c` does."""
     m, sizes = form.states, form.sizes.astype(np.int64)
     counts = form.row_counts.astype(np.int64)
-    of_rows, of_unknowns = np.split(form.kept, [len(form.kept) - int(sizes.sum())])
+    of_rows, of_unknowns = np.split(form.active, [len(form.active) - int(sizes.sum())])
     hessians, steps = form.hessians, form.steps
-    rows, kept, held = _blocks(form.rows, counts * sizes), _blocks(of_rows, counts), _blocks(of_unknowns, sizes)
+    rows, active, held = _blocks(form.rows, counts * sizes), _blocks(of_rows, counts), _blocks(of_unknowns, sizes)
     costs: Array = np.zeros((m, m))
     ahead: Array = np.zeros((0, m))
     gains: list[Array] = []  # the last stage first
     for k in range(len(sizes) - 1, -1, -1):
         n = int(sizes[k])
         ends: Array = steps[k] if k < len(steps) else np.zeros((m, n))
-        own = rows[k].reshape(-1, n)[kept[k]]
+        own = rows[k].reshape(-1, n)[active[k]]
         T, ahead = _eliminate(np.concatenate([own, ahead @ ends]), held[k], m)
         F: Array = ends @ T
         M: Array = T.T @ hessians[k] @ T - shift * form.weights[k] * (T.T @ T) + F.T @ costs @ F
@@ -345,8 +345,8 @@ def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
 def _row_space(rows: Array) -> Array:
     """Return orthonormal rows that span the same; what is left of a row below `RANK` of it is left out."""
     lengths = np.sqrt((rows * rows).sum(axis=1))
-    kept = lengths > RANK
-    rows = rows[kept] / lengths[kept, None]
+    independent = lengths > RANK
+    rows = rows[independent] / lengths[independent, None]
     if len(rows) < 2:
         return rows
     _, S, Vt = np.linalg.svd(rows, full_matrices=False)

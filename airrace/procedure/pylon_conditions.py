@@ -1,7 +1,7 @@
 """The conditions that the wing keeps clear of pylons when it is abeam of them, and their measurement on a flight.
 
 A condition is asked for at one node, from which the room beside the pylon is predicted (`airrace.dynamics.pylon_room`).
-Where nothing was flown yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
+Where there is no flight yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
 distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and what the prediction
 was wrong by is added to what is asked for. Pylons of other elements get a condition where a flight comes too near to
 them: to the side, or above, where the least is missing.
@@ -31,16 +31,29 @@ from airrace.system import Observation
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-ONE_PASSING = 0.5
-"""The time within which a pylon is passed but once, s."""
-TOUCHED = 0.05
-"""The distance, m, below which a pylon is taken to be hit: how deep, its distance does not tell."""
-ERROR_MAX = 1.0
-"""The largest error of a prediction that is believed, m."""
-NEEDLESS = 0.05
-"""The length by which a condition may keep the wing farther away than its clearance, m."""
-HOLDS, BINDING = 0.01, 1.0
-"""The room left, m, up to which a condition is what keeps the wing away, and up to which it may be on the next mesh."""
+
+@record
+class PylonSettings:
+    """The thresholds of conditions on pylons.
+
+    Attributes:
+        one_passing: time within which a pylon is passed but once, s.
+        touched: distance below which a pylon is taken to be hit, m: how deep, its distance does not tell.
+        error_max: largest error of a prediction that is taken for true, m.
+        needless: length by which a condition may keep the wing farther away than its clearance, m.
+        holds: room left up to which a condition is what keeps the wing away, m.
+        binding: room left up to which it may be that on the next mesh, m.
+    """
+
+    one_passing: float = 0.5
+    touched: float = 0.05
+    error_max: float = 1.0
+    needless: float = 0.05
+    holds: float = 0.01
+    binding: float = 1.0
+
+
+SETTINGS = PylonSettings()
 
 ROOMS = {
     PylonSide.RIGHT: (("left_tip", 1.0), ("right_tip", 1.0)),
@@ -77,7 +90,7 @@ class ReplayedFlight:
         """Tell whether an approach is that of a condition's pylon at the same passing."""
         time = float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
         own = (condition.element, condition.post) == (approach.pylon.name, approach.pylon.post)
-        return own and abs(approach.time - time) <= ONE_PASSING
+        return own and abs(approach.time - time) <= SETTINGS.one_passing
 
     def at(self, condition: PylonCondition, approach: ClosestApproach) -> PylonCondition:
         """Return a condition at the moment abeam of an approach."""
@@ -104,6 +117,11 @@ class MeasuredConditions:
     binding: tuple[bool, ...]
     missed: float
     needless: float
+
+    @property
+    def is_needless(self) -> bool:
+        """Whether a condition keeps the wing farther away than another solve would."""
+        return self.needless > SETTINGS.needless
 
 
 @record
@@ -205,9 +223,9 @@ class PylonRooms:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
             left = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
             left -= self._required_room(before)
-            needless = max(needless, -approach.shortfall if left < HOLDS else 0.0)
+            needless = max(needless, -approach.shortfall if left < SETTINGS.holds else 0.0)
             conditions[number] = replayed.at(before, approach)
-            distances[number], binding[number] = approach.distance, left < BINDING
+            distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         for approach in sorted(approaches, key=_distance):
             if approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
                 pylon = approach.pylon
@@ -256,9 +274,10 @@ class PylonRooms:
         """Return a condition with the error of its prediction; as it is where that is not known."""
         pylon = self.pylons[condition.element, condition.post]
         room = self._room(condition, self._observe(pylon, replayed.state(condition.leg, condition.share)))
-        if not (distance >= TOUCHED and room > 0.0):  # NaN is not
+        if not (distance >= SETTINGS.touched and room > 0.0):  # NaN is not
             return condition
-        return dataclasses.replace(condition, error=min(max(room - distance, -ERROR_MAX), ERROR_MAX))
+        most = SETTINGS.error_max
+        return dataclasses.replace(condition, error=min(max(room - distance, -most), most))
 
     def _required_room(self, condition: PylonCondition) -> float:
         """Return the room that a condition asks for, m."""

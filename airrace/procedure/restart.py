@@ -138,12 +138,12 @@ def start_from(
         flights += [faster] if faster else []
     if flights:
         best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
-        kept, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
+        carried, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
         remark = _remark(another, obstacles, f"the start is {what}")
         if best is not main and not isinstance(main, str):
             route = around.text if around and best is faster else "an alternative of the stored one"
             remark = "; ".join([*filter(None, [remark]), f"{another.name}: another route has become faster: {route}"])
-        return replace(best, alternatives=kept, attempts=log, timings=session.timings()), remark
+        return replace(best, alternatives=carried, attempts=log, timings=session.timings()), remark
     if around is not None:
         point_mass = continuation.refine_route(around.best, session)
         if point_mass.holds:

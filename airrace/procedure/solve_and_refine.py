@@ -25,7 +25,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.wing_clearance import ClosestApproach
 from airrace.procedure.certification import certify, conclude, examine, failures
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.pylon_conditions import NEEDLESS, MeasuredConditions, ReplayedFlight
+from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -206,8 +206,7 @@ class Refined:
         """
         if self.pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
-        limit = share * self.session.settings.certificate.gate_length
-        return self.pylons.missed > limit or self.pylons.needless > NEEDLESS
+        return self.pylons.missed > share * self.session.settings.certificate.gate_length or self.pylons.is_needless
 
     @property
     def barrier(self) -> InitialBarrier:

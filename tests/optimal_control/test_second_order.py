@@ -41,7 +41,7 @@ def recursion(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 def form_of(
     hessian: list[np.ndarray], dynamics: list[np.ndarray], rows: list[np.ndarray], held: list[np.ndarray]
 ) -> StageQuadratic:
-    """The form with these matrices by stage, of which every row is kept, and equal weights."""
+    """The form with these matrices by stage, of which every row is active, and equal weights."""
     counts = [len(block) for block in rows]
     return StageQuadratic(
         states=len(dynamics[0]),
@@ -50,13 +50,13 @@ def form_of(
         dynamics=np.concatenate([F.T.ravel() for F in dynamics]),
         row_counts=np.array(counts, dtype=np.int32),
         rows=np.concatenate([block.ravel() for block in rows]),
-        kept=np.concatenate([np.ones(sum(counts), dtype=bool), *held]),
+        active=np.concatenate([np.ones(sum(counts), dtype=bool), *held]),
         weights=np.ones(len(hessian)),
     )
 
 
 def random_form(random: np.random.Generator, intervals: int, m: int, u: int) -> StageQuadratic:
-    """Any quadratic form, with rows of which some are kept, now and then dependent, and unknowns that are held."""
+    """Any quadratic form, with rows of which some are active, now and then dependent, and unknowns that are held."""
     sizes = [m + random.integers(0, u + 1) for _ in range(intervals)] + [m]
     hessian = [block + block.T for block in (random.normal(size=(n, n)) for n in sizes)]
     dynamics = [random.normal(size=(m, n)) / np.sqrt(n) for n in sizes[:-1]]
@@ -64,8 +64,8 @@ def random_form(random: np.random.Generator, intervals: int, m: int, u: int) -> 
     rows = [np.concatenate([one, one[:1] * 3.0]) if random.random() < 0.3 else one for one in rows]
     form = form_of(hessian, dynamics, rows, [random.random(n) < 0.15 for n in sizes])
     number = sum(len(one) for one in rows)
-    kept = np.concatenate([random.random(number) < 0.8, form.kept[number:]])
-    return replace(form, kept=kept, weights=random.uniform(0.1, 2.0, len(sizes)))
+    active = np.concatenate([random.random(number) < 0.8, form.active[number:]])
+    return replace(form, active=active, weights=random.uniform(0.1, 2.0, len(sizes)))
 
 
 def shifted(form: StageQuadratic, shift: float) -> StageQuadratic:
@@ -75,23 +75,23 @@ def shifted(form: StageQuadratic, shift: float) -> StageQuadratic:
 
 
 def dense(form: StageQuadratic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The whole Hessian, all that is kept, and the weights of the norm."""
+    """The whole Hessian, all that is active, and the weights of the norm."""
     begins, m = np.cumsum([0, *form.sizes]), form.states
-    number = len(form.kept) - begins[-1]
+    number = len(form.active) - begins[-1]
     gaps = np.zeros((m * len(form.steps), begins[-1]))
     for k, F in enumerate(form.steps):
         gaps[k * m : (k + 1) * m, begins[k] : begins[k + 1]] = F
         gaps[k * m : (k + 1) * m, begins[k + 1] : begins[k + 1] + m] -= np.eye(m)
     blocks = np.split(form.rows, np.cumsum(form.row_counts * form.sizes)[:-1])
     rows = scipy.linalg.block_diag(*(one.reshape(-1, n) for one, n in zip(blocks, form.sizes, strict=True)))
-    held = np.eye(begins[-1])[form.kept[number:]]
-    kept = np.concatenate([gaps, rows[form.kept[:number]], held])
-    return scipy.linalg.block_diag(*form.hessians), kept, np.repeat(form.weights, form.sizes)
+    held = np.eye(begins[-1])[form.active[number:]]
+    active = np.concatenate([gaps, rows[form.active[:number]], held])
+    return scipy.linalg.block_diag(*form.hessians), active, np.repeat(form.weights, form.sizes)
 
 
-def curvatures(H: np.ndarray, kept: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def curvatures(H: np.ndarray, active: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """All curvatures along directions that keep everything, in rising order."""
-    Z = scipy.linalg.null_space(kept, rcond=1e-9)
+    Z = scipy.linalg.null_space(active, rcond=1e-9)
     return scipy.linalg.eigh(Z.T @ H @ Z, Z.T @ (weights[:, None] * Z), eigvals_only=True)
 
 
@@ -101,8 +101,8 @@ def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None
     """With it planted at zero, the recursion finds all directions above a little less, and one below a little more."""
     random = np.random.default_rng(seed)
     form = random_form(random, *random.integers([1, 1, 0], [9, 6, 4]))
-    H, kept, weights = dense(form)
-    found = curvatures(H, kept, weights)
+    H, active, weights = dense(form)
+    found = curvatures(H, active, weights)
     if len(found) == 0:  # nothing can move
         assert direction_below(form, 1e9) is None
         return
@@ -112,7 +112,7 @@ def test_least_curvature_is_that_of_the_dense_reduced_hessian(seed: int) -> None
     direction = direction_below(planted, margin)
     assert direction is not None
     assert planted.curvature(direction) <= 1.001 * margin
-    assert np.abs(kept @ direction).max() < 1e-9 * np.abs(direction).max()
+    assert np.abs(active @ direction).max() < 1e-9 * np.abs(direction).max()
 
 
 @pytest.mark.skipif(library() is None, reason="there is no native library")
@@ -165,14 +165,14 @@ def test_a_row_that_late_controls_cannot_keep_is_kept_by_earlier_ones() -> None:
 
 
 @pytest.mark.usefixtures("recursion")
-@pytest.mark.parametrize("kept", [5, 15, 30])
-def test_a_limit_behind_three_lags_that_is_kept_for_long_hides_nothing(kept: int) -> None:
+@pytest.mark.parametrize("active", [5, 15, 30])
+def test_a_limit_behind_three_lags_that_is_kept_for_long_hides_nothing(active: int) -> None:
     """Keeping the last of three integrators at every node is unstable by 3.7 per node [Astrom 1984]; a lever beside it
     costs next to nothing, and less than nothing once."""
     F = np.array([[1.0, 1.0, 0.5, 1.0 / 6.0, 0.0], [0.0, 1.0, 1.0, 0.5, 0.0], [0.0, 0.0, 1.0, 1.0, 0.0]])
     sizes, begin = [5] * 40 + [3], 4
     held = [np.zeros(n, dtype=bool) for n in sizes]
-    for one in held[begin : begin + kept]:
+    for one in held[begin : begin + active]:
         one[0] = True
     hessian = [np.diag([1.0, 1.0, 1.0, 1e-3, 1e-7][:n]) for n in sizes]
     form = form_of(hessian, [F] * 40, [np.zeros((0, n)) for n in sizes], held)
@@ -188,7 +188,7 @@ def test_a_limit_behind_three_lags_that_is_kept_for_long_hides_nothing(kept: int
 
 @pytest.mark.parametrize("name", sorted(PROBLEMS))
 def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
-    """With some rows and bounds kept, against the sparse matrices of the whole program."""
+    """With some rows and bounds active, against the sparse matrices of the whole program."""
     problem = PROBLEMS[name]
     layout = Layout(problem)
     functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
@@ -198,8 +198,8 @@ def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
     matrices = StageMatrices(functions.assembly)
     assert matrices.write(functions.jacobian_sources(), functions.hessian_sources())
     random = np.random.default_rng(4)
-    kept = random.random(len(layout.row_index) + layout.unknowns) < 0.1
-    form = StageQuadratic.of(matrices, kept, np.full(layout.intervals + 1, 0.3))
+    active = random.random(len(layout.row_index) + layout.unknowns) < 0.1
+    form = StageQuadratic.of(matrices, active, np.full(layout.intervals + 1, 0.3))
     functions.linearise()
     functions.curve()
     H, J = (
@@ -209,7 +209,7 @@ def test_form_of_a_program_is_its_hessian_and_its_jacobian(name: str) -> None:
             (functions.jacobian, functions.assembly.jacobian),
         )
     )
-    of_rows, held = np.split(kept, [len(layout.row_index)])
+    of_rows, held = np.split(active, [len(layout.row_index)])
     places = np.concatenate([layout.gap_index.ravel(), layout.row_index[of_rows]])
     whole = np.concatenate([J[places], np.eye(layout.unknowns)[held]])
     found = curvatures(H, whole, np.full(layout.unknowns, 0.3))

@@ -19,16 +19,29 @@ from airrace.procedure.phase_segments import QUATERNION
 from airrace.records import record
 from airrace.trajectory import Array
 
-BANKED = math.sin(math.radians(30.0))
-"""The sine of the bank from which on a flight is banked to a side (1)."""
-OVERBANKED = math.cos(math.radians(105.0))
-"""The cosine of the bank beyond which an aircraft pulls down (1). In hard level turns it is banked by up to 104 deg."""
-OVERBANKED_MAX = 2.5
-"""The longest time for which an aircraft that could do so on either side pulls down, s; else it turns meanwhile."""
-LONGEST = 2.0
-"""The longest roll that is flown the other way, s; through level flight it may be a weave, which needs no roll."""
-BLEND = 0.4
-"""The time in which a guess changes sides before and after that, s."""
+
+@record
+class RollSettings:
+    """The thresholds of rolls.
+
+    Attributes:
+        banked: sine of the bank from which on a flight is banked to a side (1).
+        pulls_down: cosine of the bank beyond which an aircraft pulls down (1). In hard level turns it is banked by up
+            to 104 deg.
+        pull_down_max: longest time for which an aircraft that could do so on either side pulls down, s; else it turns
+            meanwhile.
+        roll_max: longest roll that is reversed, s; through level flight it may be a weave, which needs no roll.
+        blend: time in which a guess changes sides before and after a pull-down, s.
+    """
+
+    banked: float = math.sin(math.radians(30.0))
+    pulls_down: float = math.cos(math.radians(105.0))
+    pull_down_max: float = 2.5
+    roll_max: float = 2.0
+    blend: float = 0.4
+
+
+SETTINGS = RollSettings()
 ROLL_RATE = PointMassState.names().index("p_Kbar")
 
 
@@ -73,7 +86,7 @@ def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
 def reversals(q: Array) -> list[Reversal]:
     """Return the rolls from one side to the other in a history of attitudes (4, n), in order."""
     right, bank = rotation(list(q))[2][1], _bank(q)
-    banked = np.flatnonzero(np.abs(right) > BANKED).tolist()
+    banked = np.flatnonzero(np.abs(right) > SETTINGS.banked).tolist()
     return [
         Reversal(a, b, angle := float(bank[b] - bank[a]), (angle > 0.0) != bool(right[b] > 0.0))
         for a, b in itertools.pairwise(banked)
@@ -87,7 +100,7 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     fastest = problem.system.states[ROLL_RATE].upper
     for one in reversals(iterate.state[QUATERNION]):
         turn, first, last = -math.copysign(math.tau, one.angle), one.first, one.last
-        if time[last] - time[first] > LONGEST:
+        if time[last] - time[first] > SETTINGS.roll_max:
             continue
         while time[last] - time[first] < abs(one.angle + turn) / fastest and (first > 0 or last < len(time) - 1):
             first, last = max(0, first - 1), min(len(time) - 1, last + 1)
@@ -102,14 +115,14 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     time, q = _time(problem, iterate), iterate.state[QUATERNION]
     R, bank = rotation(list(q)), _bank(q)
     turned = {node for one in reversals(q) if one.inverted for node in (one.first, one.last)}
-    for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > BANKED)):
+    for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > SETTINGS.banked)):
         if turned.intersection(range(first, last + 1)):
             continue
-        if R[2][2][first : last + 1].min() > OVERBANKED or time[last] - time[first] > OVERBANKED_MAX:
+        if R[2][2][first : last + 1].min() > SETTINGS.pulls_down or time[last] - time[first] > SETTINGS.pull_down_max:
             continue
         away = np.maximum(np.maximum(time[first] - time, time - time[last]), 0.0)
         nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
-        added = -2.0 * (bank + nearest) * np.clip(1.0 - away / BLEND, 0.0, 1.0)
+        added = -2.0 * (bank + nearest) * np.clip(1.0 - away / SETTINGS.blend, 0.0, 1.0)
         yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added))
 
 

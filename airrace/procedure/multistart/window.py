@@ -172,9 +172,9 @@ class _Window:
         seconds = float(base.iterate.durations[first:last].sum())
         steps = interval_durations(base.problem, base.iterate.durations)
         durations = guess.durations.copy()
-        for place, kept in ((0, slice(head, None)), (-1, slice(None, -tail or None))):
-            durations[place] *= np.array(phases[place].fractions)[kept].sum()
-            phases[place] = phases[place].part(kept)
+        for place, rest in ((0, slice(head, None)), (-1, slice(None, -tail or None))):
+            durations[place] *= np.array(phases[place].fractions)[rest].sum()
+            phases[place] = phases[place].part(rest)
         if head or tail:
             seconds -= float(steps[nodes[first] : begin].sum() + steps[end : nodes[last]].sum())
             columns = guess.control.shape[1]
@@ -203,14 +203,14 @@ class _Window:
             return found, self.problem
         base, (head, tail) = self.move.base, self.move.spare
         before, behind = self.first - head, self.last + tail
-        flown, steps = base.iterate, interval_durations(base.problem, base.iterate.durations)
+        whole, steps = base.iterate, interval_durations(base.problem, base.iterate.durations)
         own = interval_durations(self.problem, found.durations)
         state = np.hstack(
-            [flown.state[:, before : self.first], found.state, flown.state[:, self.last + 1 : behind + 1]]
+            [whole.state[:, before : self.first], found.state, whole.state[:, self.last + 1 : behind + 1]]
         )
         align_quaternions(state)
         control = np.hstack(
-            [flown.control[:, before : self.first], found.control, flown.control[:, self.last : behind]]
+            [whole.control[:, before : self.first], found.control, whole.control[:, self.last : behind]]
         )
         steps = np.concatenate([steps[before : self.first], own, steps[self.last : behind]])
         pieces = np.split(steps, self.phases.first_node[1:-1])
