@@ -43,12 +43,12 @@ from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
-THRESHOLD = 1e-3
+THRESHOLD = 1e-2
 """The curvature that counts as zero, in the objective's unit for a change of one scale in the mean square.
 
 It is relaxed with the size of the multipliers, as the KKT error is. A change that large then costs or gains less than
-0.5 ms, a tenth of the 5 ms to which race times are certified. The Hessian itself is hardly known better: solvers leave
-errors of 1e-8 in the multipliers, a stage may stand for no more than 1e-4 of a race, and -1.1e-4 was met at an optimum.
+the 5 ms to which race times are certified. The Hessian is not known much better: solvers leave errors of 1e-8 in the
+multipliers, a stage may stand for no more than 1e-4 of a race, and -1.1e-3 was met at an optimum.
 """
 Number = TypeVar("Number", np.float64, np.bool_)
 

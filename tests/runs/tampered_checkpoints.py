@@ -269,8 +269,8 @@ FOUND: dict[str, Tampering] = {
     "words of the solver in its item": last(items(lambda item: replace(item, where="perfect"), "solver")),
     "kind of the curvature": last(second_order(curvature=Curvature.INDEFINITE)),
     "place of the curvature": last(second_order(phase="g99")),
-    "curvature that counts as zero": last(second_order(threshold=2e-3)),
-    "least curvature": last(second_order(least=1e-2)),
+    "curvature that counts as zero": last(second_order(threshold=2e-2)),
+    "least curvature": last(second_order(least=1e-1)),
     "number of weakly active limits": last(second_order(weakly_active=0)),
     "no curvature": last(certificate(lambda one: replace(one, second_order=None))),
     "an item missing": last(
