@@ -21,7 +21,7 @@ every_guess = pytest.mark.parametrize(
 )
 
 
-def limited(race: Race, **limits: Interval) -> Race:
+def limited(race: Race, **limits: Interval | ClearanceRule) -> Race:
     """The race under other rules."""
     return dataclasses.replace(
         race, course=dataclasses.replace(race.course, rules=dataclasses.replace(race.course.rules, **limits))
