@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.certificate import Curvature, SecondOrder
+from airrace.optimal_control.certificate import SADDLE, Curvature, SecondOrder
 from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
@@ -43,12 +43,11 @@ from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
-THRESHOLD = 1e-2
+THRESHOLD = 1e-4
 """The curvature that counts as zero, in the objective's unit for a change of one scale in the mean square.
 
-It is relaxed with the size of the multipliers, as the KKT error is. A change that large then costs or gains less than
-the 5 ms to which race times are certified. The Hessian is not known much better: solvers leave errors of 1e-8 in the
-multipliers, a stage may stand for no more than 1e-4 of a race, and -1.1e-3 was met at an optimum.
+It is relaxed with the size of the multipliers, as the KKT error is. A change that large then costs less than 5e-5 s, a
+hundredth of the 5 ms to which race times are certified.
 """
 Number = TypeVar("Number", np.float64, np.bool_)
 
@@ -122,14 +121,15 @@ def judge(
     form = StageQuadratic.of(matrices, equal | active, _shares(layout, w))
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
     threshold = THRESHOLD * largest / MULTIPLIER_SCALE
+    saddle = SADDLE * threshold
     found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if found is not None:
         curvature, least = Curvature.SINGULAR, min(form.curvature(found), threshold)  # however the direction is rounded
-        less = direction_below(form, -threshold)
+        less = direction_below(form, -saddle)
         if less is not None:
-            found, least = less, min(form.curvature(less), -threshold)
-            negative = direction_below(replace(form, active=equal | active | weak), -threshold)
-            if negative is not None and form.curvature(negative) < -threshold:  # a saddle only where it is measured
+            found, least = less, min(form.curvature(less), -saddle)
+            negative = direction_below(replace(form, active=equal | active | weak), -saddle)
+            if negative is not None and form.curvature(negative) < -saddle:  # a saddle only where it is measured
                 curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
     phase, quantity = ("", "") if found is None else _place(layout, found)
     verdict = SecondOrder(

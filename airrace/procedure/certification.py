@@ -105,7 +105,7 @@ def negative_curvature(second_order: SecondOrder | None) -> Item:
         return Item("negative_curvature", math.nan, 0.0, "s", "")
     indefinite = second_order.curvature is Curvature.INDEFINITE
     value, where = (-second_order.least, second_order.where) if indefinite else (0.0, "")
-    return Item("negative_curvature", value, second_order.threshold, "s", where)
+    return Item("negative_curvature", value, second_order.saddle, "s", where)
 
 
 def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:

@@ -43,7 +43,7 @@ COUNTED = 1e-2
 """The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as a
 fraction of the one that counts as zero."""
 BORDERLINE = 0.2
-"""The distance from the curvature that counts as zero, as a fraction of it, within which nothing is decided."""
+"""The distance from a curvature at which kinds differ, as a fraction of it, within which nothing is decided."""
 CLAUSES_MAX = 4
 """The number of discrepancies that a sentence tells one by one."""
 
@@ -159,11 +159,14 @@ def _item(mine: Item, its: Item) -> Iterator[str]:
 def _second_order(mine: SecondOrder, its: SecondOrder) -> Iterator[str]:
     """Yield what differs.
 
-    Rounding decides between kinds, and between directions, where the least curvature is near to one that counts as
-    zero, and of some limits whether multiplier or slack is larger.
+    Rounding decides between kinds, and between directions, where the least curvature is near to that of another kind,
+    and of some limits whether multiplier or slack is larger.
     """
     zero = its.threshold
-    near = abs(abs(its.least) - zero) < BORDERLINE * zero and not abs(mine.least) > (1.0 + BORDERLINE) * zero
+    near = any(
+        abs(abs(its.least) - edge) < BORDERLINE * edge and not abs(mine.least) > (1.0 + BORDERLINE) * edge
+        for edge in (zero, its.saddle)
+    )
     before, found = ((one.curvature.value, one.where) for one in (mine, its))
     saddle = Curvature.INDEFINITE in (mine.curvature, its.curvature)
     if before != found and (saddle or not near):

@@ -112,7 +112,7 @@ def _optimum(certificate: Certificate | None) -> str:
         return "a local optimum" if judged is None else "a local optimum, by limits that hardly press"
     if judged.curvature is Curvature.POSITIVE:
         return "a local minimum"
-    return f"a local minimum but for changes that cost nothing, as of the {judged.quantity} on {judged.phase}"
+    return f"a local minimum but for changes that cost next to nothing, as of the {judged.quantity} on {judged.phase}"
 
 
 def _touches(certificate: Certificate | None) -> str:

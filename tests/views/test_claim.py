@@ -31,10 +31,10 @@ def flown(second_order: SecondOrder) -> StageResult:
         (
             Curvature.SINGULAR,
             3e-8,
-            "certified: a local minimum but for changes that cost nothing, as of the commanded throttle on "
+            "certified: a local minimum but for changes that cost next to nothing, as of the commanded throttle on "
             "1:g1 -> 1:finish, all limits",
         ),
-        (Curvature.SINGULAR, -2e-4, "certified: a local optimum, by limits that hardly press, all limits"),
+        (Curvature.SINGULAR, -2e-2, "certified: a local optimum, by limits that hardly press, all limits"),
     ],
 )
 def test_a_minimum_is_claimed_only_where_the_curvature_tells_so(curvature: Curvature, least: float, words: str) -> None:
@@ -48,7 +48,7 @@ def test_of_a_saddle_nothing_is_claimed() -> None:
     assert claim([saddle]) == ""
     assert saddle.certificate is not None
     (item,) = saddle.certificate.failed
-    assert (item.name, item.value, item.limit) == ("negative_curvature", 0.02, 1e-4)
+    assert (item.name, item.value, item.limit) == ("negative_curvature", 0.02, 1e-2)
     assert item.where == "1:g1 -> 1:finish, commanded throttle"
 
 
