@@ -102,7 +102,7 @@ def _limits(race: Race) -> Iterator[list[str]]:
     start = race.course.passages[0].speed
     yield ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")]
     yield ["speed", _speeds(envelope.V)]
-    kind = {StartSpeed.GROUND: "over ground"}.get(rules.start_speed, f"{rules.start_speed.value} airspeed")
+    kind = {StartSpeed.GROUND: "over ground"}.get(rules.start_speed, rules.start_speed.value.replace("_", " "))
     yield ["speed at the start", f"{_speeds(start)}, {kind}" if start.bounded else "free"]
     yield ["height", _range(rules.height, "m")]
     yield ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"]

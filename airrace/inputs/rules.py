@@ -42,9 +42,9 @@ class LimitsEntry(Schema):
     floor_m: Height = Field(default=10.0, description="least height above the origin")
     ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = optional("largest height above the origin")
     start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = optional("largest speed at the start")
-    start_speed: Literal["ground", "true", "indicated"] = Field(
-        default="ground",
-        description="what that is a limit of: the speed over `ground`, or the `true` or `indicated` airspeed",
+    start_speed: Literal["ground_speed", "true_airspeed", "indicated_airspeed"] = Field(
+        default="ground_speed",
+        description="what that is a limit of",
     )
     clearance: Literal["flight", "crossing"] = Field(
         default="flight",
@@ -167,8 +167,11 @@ def build_rules(entry: LimitsEntry, preset: str | None, reporter: Reporter) -> R
         height=Interval.between(entry.floor_m, entry.ceiling_m),
         clearance=ClearanceRule(entry.clearance),
         start_speed=StartSpeed(entry.start_speed),
-        pilot=entry.pilot.complete().build(),
+        pilot=entry.pilot.build(),
     )
+    for key, needed in (("low_height_m", "n_z_min_low"), ("turn_tolerance_g", "steady_turn")):
+        if getattr(entry.pilot, key) is not None and getattr(entry.pilot, needed) in (None, "none"):
+            reporter.value(("rules", "pilot", key), f"says nothing without `{needed}`")
     if rules.alpha_A.empty:
         reporter.value(("rules", "alpha_min_deg"), f"must not exceed `alpha_max_deg`, {entry.alpha_max_deg:g}")
     if rules.height.empty:

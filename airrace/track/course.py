@@ -126,9 +126,9 @@ class ClearanceRule(Enum):
 class StartSpeed(Enum):
     """The speed that the limit at the start is a limit of."""
 
-    GROUND = "ground"
-    TRUE = "true"
-    INDICATED = "indicated"
+    GROUND = "ground_speed"
+    TRUE = "true_airspeed"
+    INDICATED = "indicated_airspeed"
 
 
 @record

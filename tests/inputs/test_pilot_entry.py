@@ -60,7 +60,13 @@ def test_numbers_of_the_preset_are_parameters_and_limits_that_may_give_way() -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["rules.pilot=fast", "rules.pilot.steady_turn=yes", "rules.pilot.gate_onset_max_g_s=0"]
+    "text",
+    [
+        "rules.pilot=fast",
+        "rules.pilot.steady_turn=yes",
+        "rules.pilot.gate_onset_max_g_s=0",
+        "rules.pilot.low_height_m=30",
+    ],
 )
 def test_what_makes_no_sense_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"pilot"):
@@ -69,5 +75,6 @@ def test_what_makes_no_sense_is_refused(text: str) -> None:
 
 def test_the_start_speed_is_over_ground_unless_the_rules_say_otherwise() -> None:
     assert load_inputs(TRACK).race.course.rules.start_speed is StartSpeed.GROUND
-    said = load_inputs(TRACK, overrides=["rules.start_speed=indicated"]).race.course.rules
-    assert said.start_speed is StartSpeed.INDICATED
+    for kind in StartSpeed:
+        said = load_inputs(TRACK, overrides=[f"rules.start_speed={kind.value}"]).race.course.rules
+        assert said.start_speed is kind

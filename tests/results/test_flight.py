@@ -419,7 +419,7 @@ def test_every_rule_that_differs_is_told_in_words() -> None:
     other = replace(flight, race=replace(flight.race, course=replace(flight.course, rules=rules)))
     told = {what: (first, second) for what, first, second in conditions(flight, other)}
     assert told["rules: clearance"] == ("flight", "crossing")
-    assert told["rules: start_speed"] == ("ground", "true")
+    assert told["rules: start_speed"] == ("ground_speed", "true_airspeed")
     assert told["rules: n_z"] == ("-2 to 10", "-1 to 9")
     assert told["rules: p"] == ("none", "3")
     assert told["rules: n_z_low"] == ("none", "0.5")

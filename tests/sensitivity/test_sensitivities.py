@@ -172,7 +172,7 @@ def test_solving_again_finds_the_sensitivity_where_the_wing_keeps_clear_of_pylon
 
 @pytest.mark.parametrize("key", ["rules.start_speed_max_kt", "environment.wind.speed_m_s", "environment.wind.from_deg"])
 def test_solving_again_finds_the_sensitivity_where_the_start_speed_is_an_airspeed(key: str) -> None:
-    assert_found_by_solving_again(key, "rules.start_speed=indicated")
+    assert_found_by_solving_again(key, "rules.start_speed=indicated_airspeed")
 
 
 def test_only_an_optimum_with_its_own_multipliers_has_sensitivities() -> None:
