@@ -197,6 +197,17 @@ def test_fatrop_goes_on_from_its_own_iterate_where_steps_lead_nowhere(monkeypatc
     assert solution.objective == pytest.approx(expected.objective, abs=1e-6)
 
 
+@pytest.mark.parametrize("most", [10, 25, 40])
+def test_all_who_are_asked_share_the_iterations_of_the_options(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        predictor_corrector, "PARAMETERS", replace(predictor_corrector.PARAMETERS, iterations_max=8, nearly_optimal=0.0)
+    )
+    options = replace(OPTIONS, barrier=1e-2, iterations_max=most, tolerance=1e-17)
+    solution = PreparedProblem(LAYOUT, KERNELS, "fatrop", options).solve(LAYOUT, random_iterate(PROBLEM, 1), NOTHING)
+    assert not solution.success
+    assert solution.iterations <= most + 2  # fatrop counts the iteration at which it ends, each time
+
+
 def test_without_known_multipliers_the_last_iteration_is_the_end() -> None:
     prepared = PreparedProblem(LAYOUT, KERNELS, "fatrop", replace(OPTIONS, iterations_max=14, barrier=1e-2))
     assert prepared.solve(LAYOUT, random_iterate(PROBLEM, 1)).ending is Ending.ITERATION_LIMIT

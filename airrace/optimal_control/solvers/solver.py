@@ -162,7 +162,7 @@ class Fatrop(Solver):
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
         known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
         results: list[SolverResult] = []
-        for result in self._relay(guess, bounds, p, known):
+        for result in self._relay(guess, bounds, p, known, results):
             results.append(result)
             if result.success or self._left(results) <= 0:
                 break
@@ -174,25 +174,34 @@ class Fatrop(Solver):
     def _left(self, results: Sequence[SolverResult]) -> int:
         return self._options.iterations_max - sum(one.iterations for one in results)
 
-    def _relay(self, guess: Array, bounds: Bounds, p: Array, known: Array | None) -> Iterator[SolverResult]:
-        """Yield what everybody reaches who is asked, one after the other, until one of them succeeds."""
-        options, near, first = self._options, self._near, self._options.iterations_max
-        if known is not None and near is not None:
-            first = min(first, HAND_OVER)
-            if options.algorithm == "predictor-corrector":
-                yield near.solve(guess, bounds, p, known, options)
-        reached = self._fatrop.solve(guess, bounds, p, known, max_iter=first)
+    def _relay(
+        self, guess: Array, bounds: Bounds, p: Array, known: Array | None, results: Sequence[SolverResult]
+    ) -> Iterator[SolverResult]:
+        """Yield what everybody reaches who is asked, one after the other, until one of them succeeds.
+
+        Args:
+            guess, bounds, p: of the program.
+            known: multipliers of constraints and bounds; None if nothing is known of them.
+            results: those that were yielded, which leave the others fewer iterations.
+        """
+        near, first = self._near, HAND_OVER
+        if known is None or near is None:
+            first = self._options.iterations_max
+        elif self._options.algorithm == "predictor-corrector":
+            yield near.solve(guess, bounds, p, known, self._options)
+        reached = self._fatrop.solve(guess, bounds, p, known, max_iter=min(first, self._left(results)))
         yield reached
         while reached.ending in (Ending.CREEPING, Ending.ITERATION_LIMIT):
-            options = replace(options, barrier=reached.barrier)
+            options = replace(self._options, barrier=reached.barrier, iterations_max=self._left(results))
             known = np.concatenate([reached.lam_g, reached.lam_w])
             if near is not None:
                 yield near.solve(reached.w, bounds, p, known, options)
+            left = self._left(results)
             if reached.ending is Ending.CREEPING:
-                ipopt = Ipopt(self._functions, options, resumes=True)
+                ipopt = Ipopt(self._functions, replace(options, iterations_max=left), resumes=True)
                 yield ipopt.solve(reached.w, bounds, p, Multipliers(reached.lam_g, reached.lam_w))
                 break
-            reached = self._fatrop.solve(reached.w, bounds, p, known, mu_init=reached.barrier)
+            reached = self._fatrop.solve(reached.w, bounds, p, known, mu_init=reached.barrier, max_iter=left)
             yield reached
 
 
@@ -304,14 +313,12 @@ class PreparedProblem:
         bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
         p = layout.parameter_values()
         start = np.clip(layout.pack(guess), bounds.lower, bounds.upper)
-        seconds = 0.0
+        started = time.perf_counter()
         if refusal := self._refusal(start, bounds, p):
             unsolved = np.zeros(layout.constraints)
             result = SolverResult(start, unsolved, np.nan, refusal, refusal.value, False, 0, 0.0)
         else:
-            started = time.perf_counter()
             result = self._solver.solve(start, bounds, p, multipliers)
-            seconds = time.perf_counter() - started
         error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
         second_order: SecondOrder | None = None
         if self._options.curvature and (result.success or error.largest <= OPTIMAL):
@@ -319,6 +326,7 @@ class PreparedProblem:
             result, second_order = self._beyond_saddles(layout, bounds, p, reached)
             if result is not reached:
                 error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
+        seconds = time.perf_counter() - started
         return Solution(
             solver=self._name,
             ending=result.ending,
@@ -355,9 +363,9 @@ class PreparedProblem:
             _, lam_x, _ = kkt_error(self._functions, layout, result.w, p, result.lam_g)
             found = self._solver.solve(start, bounds, p, Multipliers(result.lam_g, lam_x))
             better = found.success and found.objective < result.objective
-            spent = result.iterations + found.iterations
+            spent, derived = (a + b for a, b in zip(_effort(result), _effort(found), strict=True))
             result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
-            result = replace(result, iterations=spent)
+            result = replace(result, iterations=int(spent), derivative_seconds=derived)
             if better:
                 judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
         return result, None if judged is None else judged[0]
@@ -369,3 +377,8 @@ class PreparedProblem:
         self._functions.at(start, p)
         finite = np.isfinite(self._functions.f) and np.isfinite(self._functions.g).all()
         return None if finite else Ending.INVALID_GUESS
+
+
+def _effort(result: SolverResult) -> tuple[float, float]:
+    """Return the iterations of a solve, and the seconds that its derivatives took."""
+    return result.iterations, result.derivative_seconds

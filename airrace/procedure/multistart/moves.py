@@ -4,7 +4,6 @@ import bisect
 import dataclasses
 import itertools
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 
 import numpy as np
@@ -107,7 +106,7 @@ class MoveGenerator:
 
     def rolls(self, changed: Set[int]) -> Iterator[Move]:
         """Yield each roll from side to side flown the other way, in windows that hold a phase that has changed."""
-        base, nodes, numbers = self.base, self.base.problem.first_node, Counter[tuple[int, str]]()
+        base, nodes = self.base, self.base.problem.first_node
         flight, steps = (
             dataclasses.replace(base.flight, plan=self._plan),
             interval_durations(base.problem, base.iterate.durations),
@@ -116,18 +115,16 @@ class MoveGenerator:
         for one in rerolls(base.problem, base.iterate):
             inside = [each for each in self.segments if one.first < nodes[each.last] and nodes[each.first] < one.last]
             own, segment = range(inside[0].first, inside[-1].last), inside[0]
-            numbers[segment.number, one.kind] += 1
             begin = bisect.bisect_left(time, time[one.first] - SETTINGS.reach)
             end = min(bisect.bisect_left(time, time[one.last] + SETTINGS.reach), len(time) - 1)
             first = min(own[0], bisect.bisect_right(nodes[1:-1], begin))
             last = max(own[-1], bisect.bisect_left(nodes[1:-1], end)) + 1
             if changed.isdisjoint(range(first, last)):
                 continue
-            kind = f"{one.kind} ({numbers[segment.number, one.kind]})"
             pieces = [phase_piece(one.flight, base.problem, index) for index in range(first, last)]
             spare = (self._spare(first, begin - nodes[first]), self._spare(last - 1, nodes[last] - end))
             barrier = InitialBarrier.PIECES
-            yield Move(base, first, last, flight, pieces, segment, kind, barrier=barrier, spare=spare, own=own)
+            yield Move(base, first, last, flight, pieces, segment, one.kind, barrier=barrier, spare=spare, own=own)
 
     def _spare(self, phase: int, count: int) -> int:
         """Return how many of so many intervals at an end of a phase need not be in a window."""

@@ -42,7 +42,7 @@ class RollSettings:
 
 
 SETTINGS = RollSettings()
-ROLL_RATE = PointMassState.names().index("p_Kbar")
+ROLL_RATE_ROW = PointMassState.names().index("p_Kbar")
 
 
 @record
@@ -97,7 +97,7 @@ def reversals(q: Array) -> list[Reversal]:
 def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each roll from side to side through inverted instead of level flight, or the other way round."""
     time = _time(problem, iterate)
-    fastest = problem.system.states[ROLL_RATE].upper
+    fastest = problem.system.states[ROLL_RATE_ROW].upper
     for one in reversals(iterate.state[QUATERNION]):
         turn, first, last = -math.copysign(math.tau, one.angle), one.first, one.last
         if time[last] - time[first] > SETTINGS.roll_max:
@@ -116,7 +116,7 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     R, bank = rotation(list(q)), _bank(q)
     turned = {node for one in reversals(q) if one.inverted for node in (one.first, one.last)}
     for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > SETTINGS.banked)):
-        if turned.intersection(range(first, last + 1)):
+        if first == last or turned.intersection(range(first, last + 1)):
             continue
         if R[2][2][first : last + 1].min() > SETTINGS.pulls_down or time[last] - time[first] > SETTINGS.pull_down_max:
             continue
@@ -128,13 +128,13 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
 
 def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
     """Return a flight rolled further by an angle (rad) at each node."""
-    fastest, time = problem.system.states[ROLL_RATE].upper, _time(problem, iterate)
+    fastest, time = problem.system.states[ROLL_RATE_ROW].upper, _time(problem, iterate)
     state, control, half = iterate.state.copy(), iterate.control.copy(), 0.5 * added
     turned = [np.cos(half), np.sin(half), np.zeros_like(half), np.zeros_like(half)]
     state[QUATERNION] = np.array(product(list(state[QUATERNION]), turned))
-    state[ROLL_RATE] = np.clip(state[ROLL_RATE] + np.gradient(added, time), -fastest, fastest)
+    state[ROLL_RATE_ROW] = np.clip(state[ROLL_RATE_ROW] + np.gradient(added, time), -fastest, fastest)
     names = [one.rate_of for one in problem.system.controls]
-    control[names.index(PointMassState.names()[ROLL_RATE])] = np.diff(state[ROLL_RATE]) / np.diff(time)
+    control[names.index(PointMassState.names()[ROLL_RATE_ROW])] = np.diff(state[ROLL_RATE_ROW]) / np.diff(time)
     return Iterate(iterate.durations, state, control)
 
 

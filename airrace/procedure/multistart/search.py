@@ -245,7 +245,9 @@ class Search:
 
     def _improve(self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]) -> CoarseSolution | None:
         """Return a faster flight, from some moves; None if none was found."""
-        improving = self._improving([one for one in moves if (one.segment.number, one.kind) not in self._tabu])
+        improving = self._improving(
+            [one for one in moves if one.recurs or (one.segment.number, one.kind) not in self._tabu]
+        )
         improving += self._improving(
             [again for one in improving for again in generator.replicate_in_other_laps(one, one.move.kind)]
         )

@@ -12,7 +12,7 @@ from airrace.optimal_control.problem import Iterate
 from airrace.procedure.phase_segments import align_quaternions
 from airrace.trajectory import Array
 
-ROLL_RATE = 2.0
+GUESS_ROLL_RATE_MAX = 2.0
 """The largest roll rate in the guess, rad/s; where a path is almost straight its bank jumps."""
 
 
@@ -75,4 +75,6 @@ def _set_attitude(state: Array, time: Array, rows: Sequence[str]) -> None:
     align_quaternions(state)
     state[rows.index("V_K")] = speed
     state[rows.index("n_z")] = np.linalg.norm(lift, axis=0) / g0
-    state[rows.index("p_Kbar")] = np.clip(np.gradient(np.unwrap(banks), time), -ROLL_RATE, ROLL_RATE)
+    state[rows.index("p_Kbar")] = np.clip(
+        np.gradient(np.unwrap(banks), time), -GUESS_ROLL_RATE_MAX, GUESS_ROLL_RATE_MAX
+    )

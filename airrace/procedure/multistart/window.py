@@ -69,6 +69,11 @@ class Move:
     own: range | None = None
 
     @property
+    def recurs(self) -> bool:
+        """Whether it may be tried again around another flight, for it belongs to that: a roll."""
+        return self.own is not None
+
+    @property
     def changed(self) -> range:
         """The indices of the phases that are put into the flight."""
         return self.phases if self.own is None else self.own

@@ -14,7 +14,7 @@ from airrace.frames import quaternion, rotation
 from airrace.planning.race import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.moves import MoveGenerator
-from airrace.procedure.multistart.rolls import ROLL_RATE, rerolls, reversals
+from airrace.procedure.multistart.rolls import ROLL_RATE_ROW, rerolls, reversals
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
@@ -57,13 +57,25 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
     own = base.iterate.state
     for one in rerolls(base.problem, base.iterate):
         state = one.flight.state
-        other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE)]
+        other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE_ROW)]
         assert state[other_rows] == pytest.approx(own[other_rows])
         for here, there in zip(rotation(list(own[QUATERNION])), rotation(list(state[QUATERNION])), strict=True):
             assert there[0] == pytest.approx(here[0], abs=1e-9)  # the direction of flight
         cosine = (own[QUATERNION] * state[QUATERNION]).sum(axis=0)
         assert cosine[0] == pytest.approx(1.0)
         assert cosine[-1] == pytest.approx(-1.0 if one.kind.startswith("roll") else 1.0)
+
+
+@pytest.mark.parametrize("node", [0, -1])
+def test_a_flight_that_begins_or_ends_in_a_pull_down_has_windows_for_its_rolls(node: int) -> None:
+    """A pull down at a single node leaves nothing to be flown on the other side."""
+    base = planned_coarse_solution(SMALL)
+    state = base.iterate.state.copy()
+    state[QUATERNION, node] = quaternion(0.0, 0.0, 130.0 * DEGREE)
+    align_quaternions(state)
+    over = dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, state=state))
+    assert not any(one.first == one.last for one in rerolls(over.problem, over.iterate))
+    assert all(move.own for move in rolls(over, SMALL))
 
 
 def rolls(base: CoarseSolution, race: Race) -> list[Move]:
