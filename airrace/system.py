@@ -3,6 +3,7 @@
 Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
 """
 
+import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -81,6 +82,7 @@ class Observation:
     values: ca.Function
 
 
+@functools.lru_cache(maxsize=64)
 def side_by_side(one: Observation, other: Observation) -> Observation:
     """Join two observations of the same states: the quantities and parameters of the first, then those of the second.
 

@@ -71,7 +71,7 @@ class SecondOrder:
 
     def __str__(self) -> str:
         """Return the verdict in a clause."""
-        weak = f"; {self.active} limits active, {self.weakly_active} weakly active or not" if self.weakly_active else ""
+        weak = f"; {self.active} active limits, {self.weakly_active} weakly active" if self.weakly_active else ""
         if self.curvature is Curvature.POSITIVE:
             return f"positive, above {self.threshold:.1e} s{weak}"
         kinds = f"a minimum from {self.threshold:.1e} s on, a saddle below {-self.saddle:.1e} s"

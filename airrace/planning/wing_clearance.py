@@ -15,6 +15,7 @@ where samples are 0.02 s apart. Of a cubic the distance is sampled closely and o
 """
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -70,6 +71,11 @@ class Wing:
     time: Array
     centre: Array
     half: Array
+
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """The slopes of centre and half at the given times, m/s; each of shape (3, n)."""
+        return np.gradient(self.centre, self.time, axis=1), np.gradient(self.half, self.time, axis=1)
 
 
 @record
@@ -195,8 +201,7 @@ def _between(wing: Wing, steps: np.ndarray, shares: Array) -> tuple[Array, Array
     """Return centre and half of a wing within some steps (m,), at shares (m, k) of them; each of shape (3, m, k)."""
     h, s = np.diff(wing.time)[steps][:, None], shares
     found: list[Array] = []
-    for way in (wing.centre, wing.half):
-        slope = np.gradient(way, wing.time, axis=1)
+    for way, slope in zip((wing.centre, wing.half), wing.slopes, strict=True):
         first, last = way[:, steps, None], way[:, steps + 1, None]
         found.append(
             (1.0 + 2.0 * s) * (1.0 - s) ** 2 * first

@@ -177,12 +177,12 @@ class FidelityContinuation:
         """
         solved = self.done[stage]
         session.restore_log(solved.attempts, solved.timings)
-        main, *alternatives = (self._checked(one, session) for one in (solved, *solved.alternatives))
+        main, *alternatives = (self.confirm_mesh(one, session) for one in (solved, *solved.alternatives))
         result = dataclasses.replace(_with_log(main, session), alternatives=tuple(alternatives))
         self.done[stage] = result
         return result
 
-    def _checked(self, optimum: StageResult, session: SolverSession) -> StageResult:
+    def confirm_mesh(self, optimum: StageResult, session: SolverSession) -> StageResult:
         """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""
         if optimum.certified or not optimum.holds:
             return optimum
@@ -212,7 +212,7 @@ class FidelityContinuation:
         close = [time <= closest < math.inf for time in times]
         if sum(close) <= (self._settings.alternatives or CARRIED_MAX):  # all of them are carried on
             return results
-        after = [self._checked(one, session) if near else one for one, near in zip(results, close, strict=True)]
+        after = [self.confirm_mesh(one, session) if near else one for one, near in zip(results, close, strict=True)]
         if not any(one.certified for one in after):
             return after
         return [

@@ -48,13 +48,11 @@ class Trim:
     Attributes:
         crossing: what the boundaries of passages observe.
         settled: what is zero in a settled flight.
-        both: the two of them, side by side.
         values: its parameters, the numbers of aircraft and air.
     """
 
     crossing: Observation
     settled: Observation
-    both: Observation
     values: tuple[float, ...]
 
     @classmethod
@@ -62,7 +60,7 @@ class Trim:
         """Return the condition for a model that sees the course's passages as `crossing`."""
         settled = settled_observation(model)
         values = tuple(float(value) for value in model.parameter_values)
-        return cls(crossing, settled, side_by_side(crossing, settled), values)
+        return cls(crossing, settled, values)
 
     def at(self, boundary: Boundary) -> Boundary:
         """Return the boundary of a passage that is to be met in settled flight."""
@@ -71,7 +69,7 @@ class Trim:
         return dataclasses.replace(
             boundary,
             bounds={**boundary.bounds, **{one.name: ZERO for one in self.settled.quantities}},
-            observation=self.both if seen is self.crossing else side_by_side(seen, self.settled),
+            observation=side_by_side(seen, self.settled),
             values=(*boundary.values, *self.values),
         )
 

@@ -1,7 +1,6 @@
 """The limits of a pilot as parts of the problem: at gates, over start and finish, and near the ground."""
 
 import dataclasses
-import functools
 import math
 from typing import Self
 
@@ -96,7 +95,7 @@ class PilotConditions:
         return dataclasses.replace(
             boundary,
             bounds={**boundary.bounds, **bounds},
-            observation=_side_by_side(seen, self.crossing),
+            observation=side_by_side(seen, self.crossing),
             values=(*boundary.values, limits.turn_tolerance, *self.values),
         )
 
@@ -111,8 +110,3 @@ def _near_ground(
 ) -> PathConstraint:
     bounds = {LOW_LOAD_FACTOR.name: Interval(lower=limits.n_z_low)}
     return PathConstraint(NEAR_GROUND, bounds, smooth, (limits.low_height, *values), exact)
-
-
-@functools.lru_cache(maxsize=64)
-def _side_by_side(first: Observation, second: Observation) -> Observation:
-    return side_by_side(first, second)

@@ -3,9 +3,12 @@
 The other run's flight is solved again under this race's numbers, on the two meshes that it was certified on: first on
 the coarser one, from the stored flight; then on the finer one, from the stored flight moved by what the first solve
 has changed, with more intervals where that guess lets expect errors of integration. Of a flight that was solved on
-one mesh only, all intervals are halved first that its coarser mesh has as well. No model is simulated, no mesh is
-looked for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as
+one mesh only, all intervals are halved first that its coarser mesh has as well. No model is simulated for that, no mesh
+is looked for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as
 always.
+
+Meanwhile a search around the stored flight, by the point mass, looks for a faster route. Its legs are refined by the
+point mass, flown along by the stage's model, and put into the stored flight.
 """
 
 import itertools
@@ -160,8 +163,11 @@ def _on_other_route(
 ) -> StageResult | None:
     """Return the optimum of a stage from an optimum with a few legs on a faster route; None if none is certified."""
     point_mass = continuation.refine_route(around.best, session)
-    if not point_mass.holds or continued.stage is Stage.POINT_MASS:
+    if continued.stage is Stage.POINT_MASS:
+        point_mass = continuation.confirm_mesh(point_mass, session)
         return point_mass if point_mass.certified else None
+    if not point_mass.holds:
+        return None
     whole = continuation.start_along(continued.stage, point_mass, session)
     start = _splice(whole, continued, around.phases, name)
     draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]

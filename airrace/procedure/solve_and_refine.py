@@ -20,6 +20,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import restrict
+from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.wing_clearance import ClosestApproach
@@ -268,8 +269,15 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
 
     last = iterate_meshes(first, step, following)
     if last.optimum is None and last.state.too_near is not None:
-        last = last.state.too_near
+        last = _with_curvature(last.state.too_near)
     return Failure(start, last.solution, last.state.before) if last.optimum is None else _finish(start, last)
+
+
+def _with_curvature(refined: Refined) -> Refined:
+    """Return an optimum that was only passed by, with its curvature judged."""
+    optimum, solution = refined.solved
+    judged = second_order(optimum.problem, optimum.iterate, solution.multipliers.constraints)
+    return replace(refined, solution=replace(solution, second_order=None if judged is None else judged[0]))
 
 
 def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:

@@ -24,7 +24,7 @@ from airrace.results.legs import Leg, legs_of, passings_around
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
 
-TOLERANCE = 0.1
+NEAR_MISS = 0.1
 """The length by which a clearance is missed before it is reported, m: nobody beside the course could see less."""
 BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
@@ -234,7 +234,7 @@ def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
     asked = replace(one, required=max(one.required, UNASKED))
     start, finish = flight.crossings[0].time, flight.crossings[-1].time
     racing = (flight.time >= start) & (flight.time <= finish)
-    below = racing & (one.values < asked.required - TOLERANCE)  # NaN is not below
+    below = racing & (one.values < asked.required - NEAR_MISS)  # NaN is not below
     turns = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(np.int8)))
     for first, end in turns.reshape(-1, 2).tolist():
         yield at_row(flight, asked, first + int(np.argmin(one.values[first:end])))

@@ -163,10 +163,12 @@ def _second_order(mine: SecondOrder, its: SecondOrder) -> Iterator[str]:
     and of some limits whether multiplier or slack is larger.
     """
     zero = its.threshold
-    near = any(
-        abs(abs(its.least) - edge) < BORDERLINE * edge and not abs(mine.least) > (1.0 + BORDERLINE) * edge
-        for edge in (zero, its.saddle)
-    )
+
+    def borders(one: SecondOrder, edge: float) -> bool:
+        return abs(abs(one.least) - edge) < BORDERLINE * edge
+
+    near = any(borders(its, edge) and not abs(mine.least) > (1.0 + BORDERLINE) * edge for edge in (zero, its.saddle))
+    near = near or (its.curvature is Curvature.POSITIVE and borders(mine, zero))
     before, found = ((one.curvature.value, one.where) for one in (mine, its))
     saddle = Curvature.INDEFINITE in (mine.curvature, its.curvature)
     if before != found and (saddle or not near):

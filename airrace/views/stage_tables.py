@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from airrace.optimal_control.certificate import Certificate, Curvature
 from airrace.procedure.result import CLEARANCE, GateSplit, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
+from airrace.results.clearances import NEAR_MISS
 from airrace.views.tables import Cell, Column, Table
 
-TOLD = 0.1
-"""The length, m, from which on a missed clearance that does not decide is told with a race time."""
 _SPLITS = (
     Column("gate", key="passage"),
     Column("time", "s", ".3f", "time_s"),
@@ -109,7 +108,11 @@ def _optimum(certificate: Certificate | None) -> str:
     """Return what an optimum that holds is, as far as its curvature tells."""
     judged = None if certificate is None else certificate.second_order
     if judged is None or judged.hangs_on_weak_limits:
-        return "a local optimum" if judged is None else "a local optimum, by limits that hardly press"
+        return (
+            "a local optimum"
+            if judged is None
+            else "a local optimum, a minimum as far as limits that are weakly active hold"
+        )
     if judged.curvature is Curvature.POSITIVE:
         return "a local minimum"
     return f"a local minimum but for changes that cost next to nothing, as of the {judged.quantity} on {judged.phase}"
@@ -120,7 +123,7 @@ def _touches(certificate: Certificate | None) -> str:
     items = () if certificate is None else certificate.items
     missed = next((one.value for one in items if one.name == CLEARANCE and math.isinf(one.limit)), 0.0)
     text = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"
-    return text if missed >= TOLD else ""
+    return text if missed >= NEAR_MISS else ""
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:

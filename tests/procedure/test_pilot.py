@@ -136,6 +136,8 @@ def test_an_infeasible_race_names_the_pilot() -> None:
     free = named["the pilot's limits at gates"]
     assert all(not NAMES & one.bounds.keys() for one in free.boundaries)
     assert "the pilot's limits at gates" not in dict(without_one_limit(problem_of(SMALL), 1))
+    start_alone = problem_of(flown_by(PilotLimits(steady_start=True, turn_tolerance=0.5)))
+    assert not NAMES & dict(without_one_limit(start_alone, 1))["the pilot's limits at gates"].start.bounds.keys()
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from airrace.planning.lint import RemarkKind
 from airrace.planning.race import Race
 from airrace.procedure.guess import leg_seconds
 from airrace.results import Flight, legs_of
-from airrace.results.clearances import BESIDE, TOLERANCE, near_misses
+from airrace.results.clearances import BESIDE, NEAR_MISS, near_misses
 from airrace.results.planned import is_planned, plan_clearances, planned_flight, remarks_on_line
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import Point
@@ -181,5 +181,5 @@ def test_a_near_miss_belongs_to_a_passing_right_beside_it(seconds: float) -> Non
 
 def test_a_pylon_at_its_clearance_is_no_near_miss() -> None:
     half = 0.5 * rovinj().aircraft.airframe.b * math.cos(0.1)
-    assert near_misses(beside_a_gate(-half - 3.5 + 0.5 * TOLERANCE, 0.1)) == ()
-    assert len(near_misses(beside_a_gate(-half - 3.5 + 2.0 * TOLERANCE, 0.1))) == 1
+    assert near_misses(beside_a_gate(-half - 3.5 + 0.5 * NEAR_MISS, 0.1)) == ()
+    assert len(near_misses(beside_a_gate(-half - 3.5 + 2.0 * NEAR_MISS, 0.1))) == 1

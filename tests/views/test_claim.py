@@ -34,7 +34,11 @@ def flown(second_order: SecondOrder) -> StageResult:
             "certified: a local minimum but for changes that cost next to nothing, as of the commanded throttle on "
             "1:g1 -> 1:finish, all limits",
         ),
-        (Curvature.SINGULAR, -2e-2, "certified: a local optimum, by limits that hardly press, all limits"),
+        (
+            Curvature.SINGULAR,
+            -2e-2,
+            "certified: a local optimum, a minimum as far as limits that are weakly active hold, all limits",
+        ),
     ],
 )
 def test_a_minimum_is_claimed_only_where_the_curvature_tells_so(curvature: Curvature, least: float, words: str) -> None:

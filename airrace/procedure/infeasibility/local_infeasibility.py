@@ -145,10 +145,10 @@ def without_one_limit(problem: Problem, phase: int) -> Iterator[tuple[str, Probl
                 states, path = _without_limit(system.states, name), _without_limit(system.path, name)
                 free = dataclasses.replace(system, states=states, path=path)
                 yield f"{text} ({f'{allowed} {unit}'.rstrip()})", dataclasses.replace(problem, system=free)
-    ends = [without_pilot(one.end) for one in problem.phases]
-    if [one.bounds for one in ends] != [one.end.bounds for one in problem.phases]:
+    begin, *ends = (without_pilot(one) for one in problem.boundaries)
+    if [one.bounds for one in (begin, *ends)] != [one.bounds for one in problem.boundaries]:
         phases = (dataclasses.replace(one, end=end) for one, end in zip(problem.phases, ends, strict=True))
-        free = dataclasses.replace(problem, start=without_pilot(problem.start), phases=tuple(phases))
+        free = dataclasses.replace(problem, start=begin, phases=tuple(phases))
         yield "the pilot's limits at gates", free
     start, finish = without_trim(problem.start), without_trim(problem.phases[last].end)
     if start.bounds != problem.start.bounds:

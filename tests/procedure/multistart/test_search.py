@@ -255,6 +255,7 @@ def test_around_a_good_flight_no_other_route_is_found() -> None:
 
 
 ALONE = dataclasses.replace(OFF, alternatives=1)
+ALONE_QUICK = dataclasses.replace(QUICK, alternatives=1)
 
 
 def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResult:
@@ -269,6 +270,22 @@ def test_run_started_from_a_flight_the_wrong_way_round_has_the_optimum_that_it_h
     result = started(optimum(SLALOM, OFF), QUICK)
     assert result.remarks.startswith("calm.h5: another route has become faster: ")
     assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
+
+
+def test_faster_route_is_gone_on_from_where_more_stages_are_wanted_than_are_stored() -> None:
+    wrong = optimum(SLALOM, OFF)
+    first, last = optimize(
+        WINDY,
+        ALONE_QUICK,
+        until=Stage.TRANSFER_FUNCTION,
+        threads=1,
+        start=[wrong],
+        start_name="calm.h5",
+        progress=Silent(),
+    )
+    assert first.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
+    assert first.remarks.startswith("calm.h5: another route has become faster: ")
+    assert last.certified
 
 
 def test_faster_route_is_put_into_a_flight_of_higher_fidelity() -> None:
