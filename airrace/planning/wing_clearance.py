@@ -166,13 +166,12 @@ def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
     return distance, time
 
 
-def at(wing: Wing, time: float) -> tuple[Array, Array]:
-    """Return velocity over ground (2,), m/s, and centre (3,) of an aircraft at a time, s."""
-    step = int(np.clip(np.searchsorted(wing.time, time, side="right") - 1, 0, len(wing.time) - 2))
-    share = (time - wing.time[step]) / (wing.time[step + 1] - wing.time[step])
-    (centre, _) = _between(wing, np.array([step]), np.array([[share]]))
-    velocity = (wing.centre[:2, step + 1] - wing.centre[:2, step]) / (wing.time[step + 1] - wing.time[step])
-    return velocity, centre[:, 0, 0]
+def at(wing: Wing, times: Array) -> tuple[Array, Array]:
+    """Return velocities over ground (2, m), m/s, and centres (3, m) of an aircraft at times (m,), s."""
+    steps = np.clip(np.searchsorted(wing.time, times, side="right") - 1, 0, len(wing.time) - 2)
+    h = wing.time[steps + 1] - wing.time[steps]
+    (centre, _) = _between(wing, steps, ((times - wing.time[steps]) / h)[:, None])
+    return (wing.centre[:2, steps + 1] - wing.centre[:2, steps]) / h, centre[:, :, 0]
 
 
 def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[int]) -> Iterator[ClosestApproach]:
@@ -185,21 +184,21 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
     """
     for pylon in pylons:
         distance, time = closest_in_steps(wing, pylon)
-        for leg, (begin, end) in enumerate(pairwise(legs)):
-            step = begin + int(np.argmin(distance[begin:end]))
-            velocity, centre = at(wing, float(time[step]))
-            speed = max(float(np.hypot(*velocity)), 1e-9)
-            d = centre[:2] - np.array([pylon.north, pylon.east])
-            along = float(velocity @ d) / speed
-            beside = float(velocity[0] * d[1] - velocity[1] * d[0]) / speed
-            nearest = float(time[step])
-            abeam = nearest - min(max(along / speed, -ABEAM_MAX), ABEAM_MAX)
-            yield ClosestApproach(pylon, leg, float(distance[step]), nearest, abeam, along, beside)
+        steps = np.array([begin + int(np.argmin(distance[begin:end])) for begin, end in pairwise(legs)])
+        velocity, centre = at(wing, time[steps])
+        speed = np.maximum(np.hypot(*velocity), 1e-9)
+        d = centre[:2] - np.array([[pylon.north], [pylon.east]])
+        along = np.sum(velocity * d, axis=0) / speed
+        beside = (velocity[0] * d[1] - velocity[1] * d[0]) / speed
+        abeam = time[steps] - np.clip(along / speed, -ABEAM_MAX, ABEAM_MAX)
+        columns = (distance[steps], time[steps], abeam, along, beside)
+        for leg, numbers in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+            yield ClosestApproach(pylon, leg, *numbers)
 
 
 def _between(wing: Wing, steps: np.ndarray, shares: Array) -> tuple[Array, Array]:
     """Return centre and half of a wing within some steps (m,), at shares (m, k) of them; each of shape (3, m, k)."""
-    h, s = np.diff(wing.time)[steps][:, None], shares
+    h, s = (wing.time[steps + 1] - wing.time[steps])[:, None], shares
     found: list[Array] = []
     for way, slope in zip((wing.centre, wing.half), wing.slopes, strict=True):
         first, last = way[:, steps, None], way[:, steps + 1, None]

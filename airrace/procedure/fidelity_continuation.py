@@ -155,9 +155,9 @@ class FidelityContinuation:
             result = diagnose_infeasibility(result, self._race, self.flight(stage), session, self._relaxed)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
-            sources = (below, *below.alternatives)
-            results = [self._optimum(stage, list(self._warm_starts(stage, one, session)), session) for one in sources]
-            result = _with_log(self._fastest(results), session)
+            self.prepare(stage)
+            jobs = [functools.partial(self._optimum_above, stage, one) for one in (below, *below.alternatives)]
+            result = _with_log(self._fastest(session.side_by_side(jobs)), session)
         self.done[stage] = result
         return result
 
@@ -177,7 +177,8 @@ class FidelityContinuation:
         """
         solved = self.done[stage]
         session.restore_log(solved.attempts, solved.timings)
-        main, *alternatives = (self.confirm_mesh(one, session) for one in (solved, *solved.alternatives))
+        jobs = [functools.partial(self.confirm_mesh, one) for one in (solved, *solved.alternatives)]
+        main, *alternatives = session.side_by_side(jobs)
         result = dataclasses.replace(_with_log(main, session), alternatives=tuple(alternatives))
         self.done[stage] = result
         return result
@@ -202,6 +203,10 @@ class FidelityContinuation:
         diagnose = None if stage is Stage.POINT_MASS else diagnose_window
         return solve_with_refinement(session, starts, refine, diagnose=diagnose)
 
+    def _optimum_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult:
+        """Return the optimum of a stage from that of the stage below."""
+        return self._optimum(stage, list(self._warm_starts(stage, below, session)), session)
+
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
         """Check the meshes of optima of one stage where they may hide which of them are the fastest.
 
@@ -212,7 +217,9 @@ class FidelityContinuation:
         close = [time <= closest < math.inf for time in times]
         if sum(close) <= (self._settings.alternatives or CARRIED_MAX):  # all of them are carried on
             return results
-        after = [self.confirm_mesh(one, session) if near else one for one, near in zip(results, close, strict=True)]
+        checks = [functools.partial(self.confirm_mesh, one) for one, near in zip(results, close, strict=True) if near]
+        checked = iter(session.side_by_side(checks))
+        after = [next(checked) if near else one for one, near in zip(results, close, strict=True)]
         if not any(one.certified for one in after):
             return after
         return [
@@ -248,7 +255,11 @@ class FidelityContinuation:
     def refine_route(self, found: CoarseSolution, session: SolverSession) -> StageResult:
         """Return the point mass's optimum from a rough one."""
         start = Start(found.flight, found.problem, found.iterate, InitialBarrier.OTHER_STAGE)
-        return self._optimum(Stage.POINT_MASS, [functools.partial(_itself, start)], session)
+        return self._optimum_from(start, session)
+
+    def _optimum_from(self, start: Start, session: SolverSession) -> StageResult:
+        """Return the point mass's optimum from a start."""
+        return self._optimum(Stage.POINT_MASS, [lambda: start], session)
 
     def _point_mass(self, session: SolverSession) -> StageResult:
         """Optimise the point mass from what the search found, then from the homotopy and the plan.
@@ -263,12 +274,13 @@ class FidelityContinuation:
             return self._optimum(Stage.POINT_MASS, known, session)
         found = self._search_routes(budget, session)
         best = found.report(0)
-        results: list[StageResult] = []
         wanted = max(found.near, self._settings.alternatives or 1)
-        for number, start in enumerate(found.starts):
-            if number >= wanted and any(_confirms(one, best) for one in results):
+        jobs = [functools.partial(self._optimum_from, one) for one in found.starts]
+        results = session.side_by_side(jobs[:wanted])
+        for job in jobs[wanted:]:
+            if any(_confirms(one, best) for one in results):
                 break
-            results.append(self._optimum(Stage.POINT_MASS, [functools.partial(_itself, start)], session))
+            results.append(job(session))
         if not any(one.holds for one in results):
             results.append(self._optimum(Stage.POINT_MASS, known, session))
         results = list(self._resolve_near_ties(results, session))
@@ -390,7 +402,3 @@ def _confirms(result: StageResult, report: SearchReport) -> bool:
     if not result.holds or not report.routes:
         return result.holds
     return result.trajectory.race_time <= report.routes[0].race_time + MAX_LOSS
-
-
-def _itself(start: Start) -> Start:
-    return start

@@ -88,9 +88,10 @@ class ReplayedFlight:
 
     def same(self, condition: PylonCondition, approach: ClosestApproach) -> bool:
         """Tell whether an approach is that of a condition's pylon at the same passing."""
+        if (condition.element, condition.post) != (approach.pylon.name, approach.pylon.post):
+            return False
         time = float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
-        own = (condition.element, condition.post) == (approach.pylon.name, approach.pylon.post)
-        return own and abs(approach.time - time) <= SETTINGS.one_passing
+        return abs(approach.time - time) <= SETTINGS.one_passing
 
     def at(self, condition: PylonCondition, approach: ClosestApproach) -> PylonCondition:
         """Return a condition at the moment abeam of an approach."""

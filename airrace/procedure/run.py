@@ -7,6 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
@@ -84,15 +85,16 @@ def optimize(
     ]
     if not (wanted or unchecked):
         return
-    with SolverService(
+    service = SolverService(
         threads=threads,
         stall_seconds=settings.solver.stall_seconds,
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
-    ) as service:
+    )
+    budget = Budget.of(race.plan, settings.mesh)
+    with service, closing(SolverSession(service, settings, progress, threads, deadline, budget)) as session:
         if is_missing():
             progress.activity(MISSING, 0, 0)
-        session = SolverSession(service, settings, progress, threads, deadline, Budget.of(race.plan, settings.mesh))
         for stage in unchecked:
             progress.stage_started(stage)
             yield continuation.check_mesh(stage, session)

@@ -23,7 +23,7 @@ from airrace.optimal_control.solvers.process.service import SolverService, Solve
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.start import InitialBarrier
@@ -49,6 +49,7 @@ MEASURED = "its errors are measured to be within the certificate's limit"
 """The words added to the status of a solution that its solver does not claim but that is an optimum."""
 
 Found = TypeVar("Found")
+Solved = TypeVar("Solved")
 
 
 @dataclass
@@ -103,7 +104,7 @@ class BackgroundSearch(Generic[Found]):
         if self._make is not None:
             self._service = self._make()
             self._threads = ThreadPoolExecutor(1, thread_name_prefix="background search")
-            self._future = self._threads.submit(self._run, SolverPool(self._service, 1, self._make))
+            self._future = self._threads.submit(self._run, SolverPool([self._service]))
         return self
 
     def __exit__(
@@ -150,11 +151,56 @@ class SolverSession:
     derivative_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
     background: BackgroundSearch[Any] | None = None  # Any: whatever is searched for
+    companions: list[SolverService] = field(default_factory=list[SolverService])
 
-    def pool(self) -> SolverPool:
-        """Return the solver process and others beside it, for solves that do not depend on each other."""
-        # A quick search rarely has more jobs at once.
-        return SolverPool(self.service, min(self.threads, 8), self._another)
+    def close(self) -> None:
+        """End the solver processes that were started beside the session's own."""
+        while self.companions:
+            self.companions.pop().end()
+
+    def side_by_side(self, jobs: Sequence[Callable[["SolverSession"], Solved]]) -> list[Solved]:
+        """Return what jobs lead to that do not depend on one another, as many at once as there are threads.
+
+        Each has a session of its own, with the budget as it is now, so that no result depends on how many are done at
+        once. What they solve is on record in the order of the jobs; only the first reports its progress.
+        """
+        if len(jobs) < 2:
+            return [job(self) for job in jobs]
+        spent, most = self.budget.spent, min(self.threads, len(jobs))
+        sessions = [
+            replace(
+                self,
+                progress=Silent() if number else self.progress,
+                threads=self.threads // most,
+                attempts=[],
+                budget=replace(self.budget),
+                derivative_seconds=0.0,
+            )
+            for number in range(len(jobs))
+        ]
+
+        def work(service: SolverService, number: int) -> Solved:
+            sessions[number].service = service
+            return jobs[number](sessions[number])
+
+        with self.pool(most) as pool:
+            results = pool.work(range(len(jobs)), work)
+        for one in sessions:
+            self.attempts += one.attempts
+            self.derivative_seconds += one.derivative_seconds
+            self.budget.spent += one.budget.spent - spent
+        return results
+
+    def pool(self, most: int = 8) -> SolverPool:
+        """Return the solver process and others beside it, for solves that do not depend on each other.
+
+        Args:
+            most: the largest number of processes. A quick search rarely has more jobs at once than 8.
+        """
+        others = min(self.threads, most) - 1
+        while len(self.companions) < others:
+            self.companions.append(self._another())
+        return SolverPool([self.service, *self.companions[:others]])
 
     def search_in_background(self, search: Callable[[SolverPool], Found]) -> BackgroundSearch[Found]:
         """Return a search beside what is solved here: at once where there are two threads, else afterwards."""

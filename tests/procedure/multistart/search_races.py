@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 from disk_cache import cached_across_workers
 from races import DEGREE, EDGE_540, RULES, course, level, prepared, pylon, settings
@@ -65,8 +65,8 @@ def search_point_mass(race: Race, chosen: Settings, threads: int) -> StageResult
 @contextmanager
 def open_session(settings: Settings = PLAN, threads: int = 1) -> Iterator[SolverSession]:
     """A solver process of its own, ended afterwards."""
-    with SolverService() as service:
-        yield SolverSession(service, settings, Silent(), threads)
+    with SolverService() as service, closing(SolverSession(service, settings, Silent(), threads)) as session:
+        yield session
 
 
 @functools.cache

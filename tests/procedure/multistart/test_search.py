@@ -1,6 +1,7 @@
 """The search over routes, from scratch and around a start, on one thread or several."""
 
 import dataclasses
+import functools
 import itertools
 import logging
 import threading
@@ -40,6 +41,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Route, Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort, Settings
+from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.start import InitialBarrier
 from airrace.trajectory import Trajectory
@@ -402,20 +404,14 @@ class Idle(SolverService):
         assert not self.working
 
 
-def crew_of(size: int) -> tuple[SolverPool, Idle, list[Idle]]:
-    own, added = Idle(), list[Idle]()
-
-    def make() -> Idle:
-        added.append(Idle())
-        return added[-1]
-
-    return SolverPool(own, size, make), own, added
+def pool_of(size: int) -> tuple[SolverPool, list[Idle]]:
+    services = [Idle() for _ in range(size)]
+    return SolverPool(services), services
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
 def test_results_come_in_the_order_of_the_jobs_whoever_is_first(size: int) -> None:
-    pool, _, added = crew_of(size)
-    assert len(added) == size - 1
+    pool, _ = pool_of(size)
 
     def do(_: SolverService, job: int) -> int:
         time.sleep(0.02 / (1 + job))
@@ -427,7 +423,7 @@ def test_results_come_in_the_order_of_the_jobs_whoever_is_first(size: int) -> No
 
 
 def test_nobody_works_on_two_jobs_at_once() -> None:
-    pool, own, added = crew_of(3)
+    pool, services = pool_of(3)
     all_at_work = threading.Barrier(3, timeout=PATIENCE)
 
     def do(service: SolverService, job: int) -> None:
@@ -436,25 +432,18 @@ def test_nobody_works_on_two_jobs_at_once() -> None:
         service.working = True
         if job < 3:
             all_at_work.wait()
-            assert all(one.working for one in (own, *added))
+            assert all(one.working for one in services)
             all_at_work.wait()
         time.sleep(0.001)
         service.working = False
 
     with pool:
         pool.work(range(20), do)
-
-
-def test_those_that_were_added_are_ended_and_the_first_one_works_on() -> None:
-    pool, own, added = crew_of(3)
-    with pool:
-        pass
-    assert [one.ended for one in added] == [True, True]
-    assert not own.ended
+    assert not any(one.ended for one in services)
 
 
 def test_error_reaches_the_caller_and_ends_all_for_any_may_be_in_mid_solve() -> None:
-    pool, own, added = crew_of(2)
+    pool, services = pool_of(2)
 
     def do(_: SolverService, job: int) -> int:
         if job == 1:
@@ -463,12 +452,11 @@ def test_error_reaches_the_caller_and_ends_all_for_any_may_be_in_mid_solve() -> 
 
     with pytest.raises(SolverCrash, match="died"), pool:
         pool.work(range(4), do)
-    assert own.ended
-    assert all(one.ended for one in added)
+    assert all(one.ended for one in services)
 
 
 def test_what_is_left_of_the_jobs_after_an_error_is_not_begun_on_a_process_that_was_ended() -> None:
-    pool, own, added = crew_of(2)
+    pool, services = pool_of(2)
     begun: list[int] = []
 
     def do(service: SolverService, job: int) -> None:
@@ -482,25 +470,10 @@ def test_what_is_left_of_the_jobs_after_an_error_is_not_begun_on_a_process_that_
     with pytest.raises(SolverCrash), pool:
         pool.work(range(10), do)
     assert len(begun) <= 3
-    assert own.ended
-    assert added[0].ended
+    assert all(one.ended for one in services)
 
 
-def test_no_process_is_left_where_one_cannot_be_started() -> None:
-    made: list[Idle] = []
-
-    def make() -> Idle:
-        if made:
-            raise OSError("no memory")
-        made.append(Idle())
-        return made[-1]
-
-    with pytest.raises(OSError, match="no memory"):
-        SolverPool(Idle(), 3, make)
-    assert made[0].ended
-
-
-def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> None:
+def test_process_that_was_started_anew_in_the_pool_does_not_die_with_it() -> None:
     """On Linux a process ends with the thread that has started it."""
     coarse = planned_coarse_solution(SMALL)
 
@@ -519,6 +492,28 @@ def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> Non
     assert inside is not None
     assert outside is not None
     assert outside.objective == inside.objective
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_jobs_side_by_side_are_solved_and_recorded_as_one_after_the_other(threads: int) -> None:
+    coarse = planned_coarse_solution(SMALL)
+
+    def solve(session: SolverSession, number: int) -> tuple[float, float]:
+        time.sleep(0.1 * (3 - number))  # the last one is done first
+        found = session.solve(coarse.problem, coarse.iterate, f"job {number}", barrier=InitialBarrier.COARSE)
+        assert found is not None
+        session.budget.spent += 1000  # what one job spends, no other lacks
+        return found.objective, session.budget.spent
+
+    with open_session(threads=threads) as session:
+        session.budget.spent = 7
+        results = session.side_by_side([functools.partial(solve, number=number) for number in range(3)])
+        assert len(session.companions) == threads - 1
+        assert {spent for _, spent in results} == {1007}
+        assert session.budget.spent == 3007
+        assert [one.purpose for one in session.attempts] == ["job 0", "job 1", "job 2"]
+        assert len({objective for objective, _ in results}) == 1
+    assert not session.companions
 
 
 def test_service_that_was_ended_starts_no_other_process() -> None:

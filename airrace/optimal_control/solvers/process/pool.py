@@ -15,27 +15,16 @@ Done = TypeVar("Done")
 class SolverPool:
     """Solver processes side by side, for jobs that do not depend on one another.
 
-    It is a context manager that ends those processes that it has started, and all of them after an error. The result of
-    a job does not depend on who does it, nor on how many there are.
-
-    Args:
-        service: a process that exists already and is one of the pool.
-        size: how many there are in all.
-        make: starts another process.
+    It is a context manager that ends all of them after an error. The result of a job does not depend on who does it,
+    nor on how many there are.
     """
 
-    def __init__(self, service: SolverService, size: int, make: Callable[[], SolverService]) -> None:
-        self._own, self._added = service, list[SolverService]()
-        try:
-            for _ in range(size - 1):
-                self._added.append(make())
-        except BaseException:
-            self._end_added()
-            raise
+    def __init__(self, services: Sequence[SolverService]) -> None:
+        self._services = services
         self._free: queue.SimpleQueue[SolverService] = queue.SimpleQueue()
-        for one in (service, *self._added):
+        for one in services:
             self._free.put(one)
-        self._pool = ThreadPoolExecutor(size, thread_name_prefix="pool")
+        self._pool = ThreadPoolExecutor(len(services), thread_name_prefix="pool")
 
     def __enter__(self) -> Self:
         return self
@@ -44,15 +33,12 @@ class SolverPool:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)  # first, or a process that is ended would be given a job
-        self._end_added()
         if error is not None:  # which may leave any of them in mid-solve
-            self._own.end()
+            for one in self._services:
+                one.end()
         self._pool.shutdown()
-        self._own.stop_unless_started_here()
-
-    def _end_added(self) -> None:
-        for service in self._added:
-            service.end()
+        for one in self._services:
+            one.stop_unless_started_here()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
         """Do all jobs and return their results in order; an error is that of the first job that has one."""
