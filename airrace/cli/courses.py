@@ -20,6 +20,7 @@ from airrace.cli.options import (
     track_option,
 )
 from airrace.standard_streams import STANDARD, stem_of
+from airrace.views.plain_text import one_line
 
 
 def check(
@@ -70,7 +71,7 @@ def init(
     like: Annotated[Path | None, track_option("Copy this course, a file or a name that comes along.")] = None,
     from_: Annotated[
         Path | None,
-        file_option("FILE", "Sketch the course from placemarks: KML, GPX or GeoJSON, in race order.", "--from"),
+        file_option("FILE", "Sketch the course from placemarks: KML, KMZ, GPX or GeoJSON, in race order.", "--from"),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -80,17 +81,21 @@ def init(
     """Write a course to begin with.
 
     NAME.yaml flies as it stands, and its comments say what every part of it is. track.schema.json, which is written
-    beside it, lets editors complete its keys and mark mistakes. - is stdout.
+    beside it, lets editors complete its keys and mark mistakes. - is stdout. What is guessed of placemarks, and those
+    that are not taken over, are listed, and stand at the end of the file.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.courses import init as write_course
+        from airrace.runs.courses import begin_course
 
         ensure_room(name, as_json=as_json)
-        path = write_course(name, like=like, from_=from_, force=force)
+        course = begin_course(name, like=like, from_=from_, force=force)
+        path, fields = course.path, {} if from_ is None else course.as_object()
         remark = f"; fly it with `airrace optimize {path} --until point-mass`"
         if from_ is not None:
             remark = f"; look at it with `airrace check {path}`, for placemarks say little"
-        answer_with_files(answer, [path], quiet=quiet, remark=remark)
+        answer_with_files(answer, [path], quiet=quiet, remark=remark, **fields)
+        if course.remarks and path != STANDARD and not quiet:
+            answer.texts.append("\n".join(one_line(one.text) for one in course.remarks))
 
 
 def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:

@@ -1,37 +1,36 @@
-"""A course from placemarks of other programs (KML, GPX, GeoJSON): a track file that can be checked, and gone on with.
+"""A course from placemarks of other programs: a track file that can be checked, and gone on with.
 
 A line between two places, no longer than `GATE_WIDTH_MAX`, is a gate between its two pylons, and so are two points that
-are called alike but for `left` and `right`; any other point is a single pylon. Areas are the airspace, where they are
-called so, else people. Elements follow one another as in the file: gates in the direction of the way, pylons on the
-outside of the turn.
+are called alike but for a side; any other point is a single pylon. People, safety lines and the airspace are what is
+called so (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the airspace, the rest are
+people. Elements follow one another as in the file: gates in the direction of the way, pylons on the outside of the
+turn. Every guess, and all that is not taken over, is told.
 """
 
-import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from enum import Enum
-from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import Element
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import yaml
 
-from airrace.errors import Finding, InputError
-from airrace.inputs.document import read_content
 from airrace.inputs.nodes import LIMITS
-from airrace.logs.reading import xml_tree
+from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
 from airrace.logs.recording import refuse
 from airrace.records import record
-from airrace.standard_streams import name_of
+from airrace.track import polygons
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
 GATE_WIDTH_MAX = 60.0
 """The length beyond which a line is no gate, m."""
-SIDES = re.compile(r"^(?P<name>.*?)[ _-]*\b(?P<side>left|right|l|r)$", re.IGNORECASE)
+STRAIGHT = 1.0
+"""The distance of its corners from the line through its ends up to which a line is a straight one, m."""
+CROWD_DISTANCE = 100.0
+"""The distance from people until the file says better, m."""
+SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
 # the order and its laps, which way gates are passed and on which side pylons are passed, the rules, the aircraft,
@@ -39,124 +38,51 @@ NOTICE = """\
 """
 
 
-class PlacemarkShape(Enum):
-    """The shape of a placemark: its places are one point, the corners of a line, or those of an area."""
-
-    POINT = "point"
-    LINE = "line"
-    AREA = "area"
-
-
 @record
-class Placemark:
-    """A place with a name.
+class ImportRemark:
+    """A guess about a placemark, or why it is not taken over.
 
     Attributes:
-        name: what it is called; often empty.
-        shape: what its places are.
-        places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
+        name: of the placemark.
+        form: its shape and the number of its places, in words.
+        taken_as: what it was taken for; empty where it is not taken over.
+        reason: why, a clause.
     """
 
     name: str
-    shape: PlacemarkShape
-    places: tuple[tuple[float, float], ...]
+    form: str
+    taken_as: str
+    reason: str
 
-
-def read_placemarks(path: Path) -> list[Placemark]:
-    """Return the placemarks of a file, in its order: KML, GPX (waypoints and routes) or GeoJSON.
-
-    Raises:
-        InputError: there is no such file, it is damaged or too large, or it holds no placemarks.
-    """
-    findings: list[Finding] = []
-    name, content = name_of(path), read_content(path, findings)
-    if content is None:
-        raise InputError(findings)
-    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        root = xml_tree(name, content)
-        found = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
-    else:
-        found = list(_of_geojson(name, content))
-    if not found:
-        refuse(name, 0, "holds no placemarks; expected KML, GPX or GeoJSON with points, lines or areas")
-    if len(found) > LIMITS.placemarks:
-        refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
-    return found
-
-
-def _of_kml(path: str, root: Element) -> Iterator[Placemark]:
-    shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
-    for mark in root.iter("Placemark"):
-        holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
-        for one in mark.iter():
-            if one.tag in shapes and one not in holes:
-                places = [text.split(",") for text in (one.findtext("coordinates") or "").split()]
-                yield from _placemark(path, mark.findtext("name"), shapes[one.tag], places)
-
-
-def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
-    for one in root.iter():
-        if one.tag in ("wpt", "rtept"):
-            place = one.get("lon", ""), one.get("lat", "")
-            yield from _placemark(path, one.findtext("name"), PlacemarkShape.POINT, [place])
-
-
-def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
-    try:
-        root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
-        for entry in root["features"] if root["type"] == "FeatureCollection" else [root]:
-            properties: Any = entry.get("properties") or {}
-            yield from _geometry(path, properties.get("name"), entry.get("geometry") or {"type": ""})
-    except json.JSONDecodeError as error:
-        refuse(path, error.lineno, f"is neither KML, GPX nor GeoJSON: {error.msg}")
-    except (AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError):
-        refuse(path, 0, "is no GeoJSON as RFC 7946 has it: expected a FeatureCollection with geometries")
-
-
-def _geometry(path: str, name: object, geometry: Any) -> Iterator[Placemark]:  # Any: JSON, see above
-    places: Any = geometry.get("coordinates")
-    match geometry["type"]:
-        case "Point":
-            yield from _placemark(path, name, PlacemarkShape.POINT, [places])
-        case "LineString":
-            yield from _placemark(path, name, PlacemarkShape.LINE, places)
-        case "Polygon":
-            yield from _placemark(path, name, PlacemarkShape.AREA, places[0])
-        case "GeometryCollection":
-            for one in geometry["geometries"]:
-                yield from _geometry(path, name, one)
-        case _:
-            return
-
-
-def _placemark(
-    path: str, name: object, shape: PlacemarkShape, places: Sequence[Sequence[object]]
-) -> Iterator[Placemark]:
-    """Yield a placemark if its places (longitude first) make one; the outline of an area is opened."""
-    corners = [_place(path, place[1::-1]) for place in places]
-    if shape is PlacemarkShape.AREA and len(corners) > 1 and corners[0] == corners[-1]:
-        corners.pop()
-    if len(corners) >= {PlacemarkShape.POINT: 1, PlacemarkShape.LINE: 2, PlacemarkShape.AREA: 3}[shape]:
-        yield Placemark(" ".join(str(name or "").split()), shape, tuple(corners))
-
-
-def _place(path: str, texts: Sequence[object]) -> tuple[float, float]:
-    try:
-        latitude, longitude = (float(str(text)) for text in texts)
-    except ValueError:
-        refuse(path, 0, f"`{', '.join(str(text)[:20] for text in texts)}` is no latitude and longitude")
-    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(latitude + longitude)):
-        refuse(path, 0, f"{latitude:g}, {longitude:g} is no latitude and longitude, in degrees")
-    return latitude, longitude
+    @property
+    def text(self) -> str:
+        """The remark in words."""
+        thing = f"'{self.name}', {self.form}" if self.name else f"{self.form} without a name"
+        return (
+            f"guessed: {thing}, is {self.taken_as}: {self.reason}"
+            if self.taken_as
+            else (f"not taken over: {thing}: {self.reason}")
+        )
 
 
 @record
-class _Sketch:
-    """An element: its name, its two pylons or its only one, as the file has them and in metres."""
+class SketchedCourse:
+    """The text of a track file, and what is to be told of the placemarks it was made of."""
+
+    text: str
+    remarks: tuple[ImportRemark, ...]
+
+
+@record
+class _SketchedElement:
+    """An element: its name, its two pylons or its only one, as the file has them and in metres; whether its pylons are
+    called left and right.
+    """
 
     name: str
     places: tuple[tuple[float, float], ...]
     points: tuple[Point, ...]
+    sided: bool = False
 
     @property
     def middle(self) -> Point:
@@ -164,8 +90,8 @@ class _Sketch:
         return Point(sum(one.north for one in self.points) / count, sum(one.east for one in self.points) / count)
 
 
-def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
-    """Return the text of a track file.
+def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> SketchedCourse:
+    """Return a track file.
 
     Args:
         path: of the file with the placemarks, for messages.
@@ -175,81 +101,241 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> str:
     Raises:
         InputError: they hold no two elements.
     """
-    latitude, longitude = marks[0].places[0]
-    elements, skipped = _elements(marks, Origin(math.radians(latitude), math.radians(longitude)))
-    if len(elements) < 2:
+    latitude, longitude = next(one.places[0] for one in marks if one.places)
+    sketch = _Sketch(Origin(math.radians(latitude), math.radians(longitude)))
+    others = sketch.take_elements(marks)
+    if len(sketch.elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
-    areas = [mark for mark in marks if mark.shape is PlacemarkShape.AREA]
-    airspace = next((mark for mark in areas if "airspace" in mark.name.lower()), None)
-    names: set[str] = set()
-    crowd = {
-        _key(mark.name or "crowd", names): {
-            "polygon": _degrees(mark.places),
-            "distance_m": 100.0,
-        }  # until the file says better
-        for mark in areas
-        if mark is not airspace
-    }
+    for mark in sorted(others, key=lambda one: one.named is not Subject.AIRSPACE):
+        sketch.take_surroundings(mark)
+    elements, lap = sketch.elements, sketch.passings()
     track = {
         "schema": "airrace/track/1",
         "name": _printable(title),
         "aircraft": "edge540",
         "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},
         "rules": {"n_z_max": 10, "floor_m": 10, "start_speed_max_kt": 200},
-        "gates": {one.name: _element(elements, index) for index, one in enumerate(elements)},
-        **({"crowd": crowd} if crowd else {}),
-        **({"airspace": _degrees(airspace.places)} if airspace else {}),
-        "course": {"start": elements[0].name, "lap": [one.name for one in elements[1:]]},
+        "gates": {one.name: sketch.element(index) for index, one in enumerate(elements)},
+        **({"safety_lines": sketch.lines} if sketch.lines else {}),
+        **({"crowd": sketch.crowd} if sketch.crowd else {}),
+        **({"airspace": sketch.airspace} if sketch.airspace else {}),
+        "course": {"start": elements[0].name, "lap": lap},
     }
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-    for one in skipped:
-        text += f"# not taken over: '{_printable(one.name)}', a {one.shape.value} of {len(one.places)} places\n"
-    return NOTICE.format(path=_printable(path)) + text
+    told = "".join(f"# {one.text}\n" for one in sketch.remarks)
+    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + told, tuple(sketch.remarks))
 
 
-def _elements(marks: Sequence[Placemark], origin: Origin) -> tuple[list[_Sketch], list[Placemark]]:
-    """Return the elements, and the placemarks of which none became one."""
-    sides = {_base(mark): index for index, mark in enumerate(marks) if mark.shape is PlacemarkShape.POINT}
-    partners = {
-        index: sides[name, "r"] for (name, side), index in sides.items() if side == "l" and (name, "r") in sides
-    }
-    names: set[str] = set()
-    found: list[_Sketch] = []
-    skipped: list[Placemark] = []
-    for index, mark in enumerate(marks):
-        if mark.shape is PlacemarkShape.AREA or index in partners.values():
-            continue
-        places, name = mark.places, mark.name
-        if index in partners:
-            places, name = (*places, *marks[partners[index]].places), _base(mark)[0]
+class _Sketch:
+    """A course as far as it is sketched."""
+
+    def __init__(self, origin: Origin) -> None:
+        self.origin = origin
+        self.elements: list[_SketchedElement] = []
+        self.lines: dict[str, object] = {}
+        self.crowd: dict[str, object] = {}
+        self.airspace: list[dict[str, float]] = []
+        self.remarks: list[ImportRemark] = []
+        self._sides: dict[str, list[bool]] = {}  # of a line that does not hold everywhere, which elements are beside it
+        self._names: set[str] = set()
+
+    # Gates and pylons.
+
+    def take_elements(self, marks: Sequence[Placemark]) -> list[Placemark]:
+        """Take the elements; return the placemarks that may be something else."""
+        partners, worded = _partners(marks), any(one.named is Subject.ELEMENT for one in marks)
+        others: list[Placemark] = []
+        for index, mark in enumerate(marks):
+            if index in partners:
+                self._take_pair(mark, marks[partners[index]])
+            elif index in partners.values():
+                continue
+            elif mark.shape is PlacemarkShape.OTHER:
+                self._drop(mark, mark.hint)
+            elif mark.subject is Subject.FLIGHT:
+                self._drop(mark, "it belongs to a flight")
+            elif mark.shape is PlacemarkShape.AREA or mark.subject not in (None, Subject.ELEMENT):
+                others.append(mark)
+            elif mark.shape is PlacemarkShape.LINE:
+                self._take_line(mark)
+            elif mark.subject is None and mark.name and worded:
+                self._drop(mark, "its name is not that of a gate or a pylon, as names of others are")
+            else:
+                self._add(mark.name, mark.places)
+                if _side(mark):
+                    self._guess(mark, "a single pylon", "there is none of the other side")
+                elif mark.named is not Subject.ELEMENT:
+                    self._guess(mark, "a pylon of the race", "its name does not say")
+        return others
+
+    def _take_pair(self, one: Placemark, other: Placemark) -> None:
+        left, right = (one, other) if _side(one) == "l" else (other, one)
+        places = (*left.places, *right.places)
+        width = _width(self._points(places))
+        if 0.0 < width <= GATE_WIDTH_MAX:
+            self._add(SIDE.sub("", parted(one.name)), places, sided=True)
+            return
+        for mark in (one, other):
+            self._add(mark.name, mark.places)
+            self._guess(mark, "a single pylon", f"the one of the other side stands {width:.0f} m away")
+
+    def _take_line(self, mark: Placemark) -> None:
+        width = _width(self._points(mark.places))
+        if len(mark.places) > 2:
+            self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
+        elif not 0.0 < width <= GATE_WIDTH_MAX:
+            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
+        else:
+            self._add(mark.name, mark.places)
+            if mark.name and mark.subject is not Subject.ELEMENT:
+                self._guess(mark, "a gate", "its name does not say")
+
+    def _add(self, name: str, places: tuple[tuple[float, float], ...], *, sided: bool = False) -> None:
+        key = _key(name or f"g{len(self.elements)}", self._names)
+        self.elements.append(_SketchedElement(key, places, self._points(places), sided))
+
+    def element(self, index: int) -> Mapping[str, object]:
+        """Return the keys of an element."""
+        one, last = self.elements[index], len(self.elements) - 1
+        before, after = self.elements[max(index - 1, 0)].middle, self.elements[min(index + 1, last)].middle
+        way = Point(after.north - before.north, after.east - before.east)
+        if len(one.points) == 1:
+            side = _outside(before, one.middle, after, way)
+            return {"type": "pylon", **_degrees(one.places)[0], "pass_side_deg": side}
+        left, right = one.points
+        # the axis is a quarter turn to the left of the way from the left pylon to the right one
+        forward = (right.east - left.east) * way.north - (right.north - left.north) * way.east
+        if one.sided and forward < 0.0:
+            self.remarks.append(
+                ImportRemark(
+                    one.name, "two points", "a gate", "the way leads through it with its left pylon on the right"
+                )
+            )
+        return {"type": "level", "pylons": _degrees(one.places if forward >= 0.0 else one.places[::-1])}
+
+    def passings(self) -> list[object]:
+        """Return the elements behind the start with the safety lines that do not hold everywhere."""
+        lap: list[object] = []
+        for index, one in enumerate(self.elements[1:], start=1):
+            lines = [name for name, sides in self._sides.items() if sides[index - 1] and sides[index]]
+            lap.append({"gate": one.name, "safety_lines": lines} if lines else one.name)
+        return lap
+
+    # What lies around.
+
+    def take_surroundings(self, mark: Placemark) -> None:
+        """Take people, safety lines and airspace."""
+        is_area, subject = mark.shape is PlacemarkShape.AREA, mark.subject
+        if len(mark.places) > LIMITS.corners:
+            self._drop(mark, f"a course has room for {LIMITS.corners} corners of a thing; draw it with fewer")
+        elif subject is Subject.CROWD:
+            self._take_crowd(mark)
+        elif subject is Subject.SAFETY_LINE and mark.shape is PlacemarkShape.LINE:
+            self._take_safety_line(mark)
+        elif subject is Subject.OBSTACLE:
+            self._drop(mark, "an obstacle")
+        elif subject is Subject.AIRSPACE and len(mark.places) > 2:
+            self._take_airspace(mark)
+        elif is_area and subject is not Subject.ELEMENT:
+            around = all(polygons.inside(one.middle, self._points(mark.places)) for one in self.elements)
+            if around and not self.airspace:
+                self._take_airspace(mark)
+            else:
+                self._take_crowd(mark)
+        else:
+            self._drop(mark, f"that is no {subject.value if subject else 'gate'}")
+
+    def _take_crowd(self, mark: Placemark) -> None:
+        shape = {PlacemarkShape.POINT: "point", PlacemarkShape.LINE: "line", PlacemarkShape.AREA: "polygon"}[mark.shape]
+        places = _degrees(mark.places)
+        where: object = places[0] if shape == "point" else places
+        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": CROWD_DISTANCE}
+        if mark.named is not Subject.CROWD:
+            self._guess(mark, "people", "its name does not say")
+
+    def _take_airspace(self, mark: Placemark) -> None:
+        if self.airspace:
+            self._drop(mark, "a course has one airspace, and another one is taken over")
+            return
+        self.airspace = _degrees(mark.places)
+        if mark.shape is PlacemarkShape.LINE:
+            self._guess(mark, "the border of the airspace", "it is not closed")
+        elif mark.named is not Subject.AIRSPACE:
+            self._guess(mark, "the airspace", "all gates and pylons lie within it, and its name does not say")
+
+    def _take_safety_line(self, mark: Placemark) -> None:
+        """Take a straight line, or every stretch of a bent one: kept on the side on which most elements stand."""
+        points, places = self._points(mark.places), mark.places
+        if all(abs(polygons.to_right(points[0], points[-1], one)) <= STRAIGHT for one in points[1:-1]):
+            points, places = (points[0], points[-1]), (places[0], places[-1])
+        for number, ((start, end), corners) in enumerate(zip(pairwise(points), pairwise(places), strict=True), start=1):
+            rights = [polygons.to_right(start, end, one.middle) > 0.0 for one in self.elements]
+            right = 2 * sum(rights) >= len(rights)
+            beside = [one is right for one in rights]
+            legs = sum(a and b for a, b in pairwise(beside))
+            what = "a safety line" if len(points) == 2 else f"a safety line along its stretch {number}, without ends"
+            if not legs:
+                self._drop(mark, f"no leg lies on one side of {'it' if len(points) == 2 else f'its stretch {number}'}")
+                continue
+            key, (first, last) = _key(mark.name or "safety_line", self._names), _degrees(corners)
+            self.lines[key] = {"from": first, "to": last, "keep": "right" if right else "left"}
+            if legs < len(rights) - 1:
+                self._sides[key] = beside
+                what += f" on {legs} of {len(rights) - 1} legs"
+                self._guess(mark, what, "the others begin or end on the other side, on which fewer elements stand")
+            elif len(points) > 2:
+                self._guess(mark, what, "a safety line of a course is straight, and this one is bent")
+
+    # What is told.
+
+    def _guess(self, mark: Placemark, taken_as: str, reason: str) -> None:
+        self.remarks.append(ImportRemark(_printable(mark.name), _form(mark), taken_as, reason))
+
+    def _drop(self, mark: Placemark, reason: str) -> None:
+        self._guess(mark, "", reason)
+
+    def _points(self, places: Sequence[tuple[float, float]]) -> tuple[Point, ...]:
         latitude, longitude = np.radians(np.array(places, np.float64)).T
-        north, east, _ = metres(latitude, longitude, origin)
-        points = tuple(Point(float(n), float(e)) for n, e in zip(north, east, strict=True))
-        width = len(points) == 2 and math.hypot(points[1].north - points[0].north, points[1].east - points[0].east)
-        if len(points) > 2 or (len(points) == 2 and not 0.0 < width <= GATE_WIDTH_MAX):
-            skipped.append(mark)
-            continue
-        found.append(_Sketch(_key(name or f"g{len(found)}", names), places, points))
-    return found, skipped
+        north, east, _ = metres(latitude, longitude, self.origin)
+        return tuple(Point(float(n), float(e)) for n, e in zip(north, east, strict=True))
 
 
-def _base(mark: Placemark) -> tuple[str, str]:
-    """Return the name without its side, and the side: `l`, `r` or nothing."""
-    found = SIDES.match(mark.name)
-    return (found["name"], found["side"][0].lower()) if found else (mark.name, "")
+def _partners(marks: Sequence[Placemark]) -> dict[int, int]:
+    """Return the pairs of points that are called alike but for the side, the second by the first."""
+    partners: dict[int, int] = {}
+    waiting: dict[tuple[tuple[str, ...], str], int] = {}
+    for index, mark in enumerate(marks):
+        side = _side(mark)
+        if mark.shape is PlacemarkShape.POINT and side and mark.subject in (None, Subject.ELEMENT):
+            name = tuple(word for word in words_of(mark.name) if word not in SIDES)
+            first = waiting.pop((name, "r" if side == "l" else "l"), None)
+            if first is None:
+                waiting[name, side] = index
+            else:
+                partners[first] = index
+    return partners
 
 
-def _element(elements: Sequence[_Sketch], index: int) -> Mapping[str, object]:
-    """Return the keys of an element."""
-    one = elements[index]
-    before, after = elements[max(index - 1, 0)].middle, elements[min(index + 1, len(elements) - 1)].middle
-    way = Point(after.north - before.north, after.east - before.east)
-    if len(one.points) == 1:
-        return {"type": "pylon", **_degrees(one.places)[0], "pass_side_deg": _outside(before, one.middle, after, way)}
-    left, right = one.points
-    # the axis is a quarter turn to the left of the way from the left pylon to the right one
-    forward = (right.east - left.east) * way.north - (right.north - left.north) * way.east
-    return {"type": "level", "pylons": _degrees(one.places if forward >= 0.0 else one.places[::-1])}
+def _side(mark: Placemark) -> str:
+    """Return the side that a name tells: `l`, `r` or nothing."""
+    found = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
+    return found[0] if len(found) == 1 else ""
+
+
+def _width(points: Sequence[Point]) -> float:
+    return math.hypot(points[-1].north - points[0].north, points[-1].east - points[0].east)
+
+
+def _form(mark: Placemark) -> str:
+    match mark.shape:
+        case PlacemarkShape.POINT:
+            return "a point"
+        case PlacemarkShape.LINE:
+            return f"a line of {len(mark.places)} places"
+        case PlacemarkShape.AREA:
+            return f"an area of {len(mark.places)} corners"
+        case PlacemarkShape.OTHER:
+            return "no point, line or area"
 
 
 def _outside(before: Point, here: Point, after: Point, way: Point) -> int:

@@ -32,7 +32,9 @@ class PassingReferenceEntry(ShorthandSchema):
         "which way a two-pylon gate is passed; `planned`: whichever makes the shorter race"
     )
     safety_lines: Annotated[list[str], Field(max_length=LIMITS.safety_lines)] = Field(
-        default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
+        default_factory=list[str],
+        description="names of `safety_lines` not to be crossed on the leg that leads here; one that no passing names "
+        "is not to be crossed on any leg",
     )
 
 
@@ -115,7 +117,7 @@ def _text(value: object) -> str | None:
 
 
 def check_references(reporter: Reporter) -> None:
-    """Report names of gates and safety lines that do not exist, gates passed twice in a row, lines without effect.
+    """Report names of gates and safety lines that do not exist, and gates passed twice in a row.
 
     The check works on the tree alone, so that a fault elsewhere hides nothing.
     """
@@ -152,19 +154,11 @@ def _check_neighbours(
 def _check_lines(references: Sequence[CourseReference], reporter: Reporter) -> None:
     lines = reporter.find(("safety_lines",))
     known = list(lines.entries) if isinstance(lines, MappingNode) else []
-    used: set[str] = set()
     for one in references:
         for index, name in one.safety_lines:
-            used.add(name)
             if name not in known:
                 meant = reporter.suggestion(name, known) or "; there are none in `safety_lines`"
                 reporter.value((*one.path, "safety_lines", index), f"unknown safety line `{name}`{meant}")
-    for name in known:
-        if name not in used:
-            reporter.key(
-                ("safety_lines", name),
-                "no passing names this line, so it is without effect; name it in the `safety_lines` of a passing",
-            )
 
 
 def build_passages(
@@ -174,24 +168,31 @@ def build_passages(
     start_speed: Interval,
     reporter: Reporter,
 ) -> tuple[Passage, ...]:
-    """Return every passage; they are only of use if nothing was reported. Names that do not exist are passed over."""
+    """Return every passage; they are only of use if nothing was reported. Names that do not exist are passed over.
+
+    A safety line that no passing names holds on all legs.
+    """
     course = reporter.find(("course",))
     if not _check_laps(entry, reporter) or not isinstance(course, MappingNode):
         return ()
+    references = _references(course)
+    named = {name for one in references for _, name in one.safety_lines}
+    everywhere = tuple(line for name, line in lines.items() if name not in named)
     passages: list[Passage] = []
     seen: Counter[str] = Counter()
     checked: set[tuple[KeyPath, str]] = set()  # a remark on a repeated lap is made once
     before: CompositeElement | None = None
-    for reference in _flight(_references(course), entry.laps or 1):
+    for reference in _flight(references, entry.laps or 1):
         element = elements.get(reference.gate or "")
         if element is None:
             before = None
             continue
-        sides_to_keep = tuple(lines[name] for _, name in reference.safety_lines if name in lines)
+        own = tuple(lines[name] for _, name in reference.safety_lines if name in lines)
+        sides_to_keep = (*everywhere, *own) if reference.lap else own
         if (reference.path, before.name if before else "") not in checked:
             checked.add((reference.path, before.name if before else ""))
             _check_reference(reference, element, reporter)
-            _check_sides(reference, [before, element], sides_to_keep, reporter)
+            _check_sides(reference, [before, element], own, reporter)
         for part in element.parts:
             name = f"{reference.lap}:{part.element.name}"
             seen[name] += 1
@@ -207,6 +208,9 @@ def build_passages(
                 )
             )
         before = element
+    _check_everywhere(
+        everywhere, [elements[one.gate] for one in references if one.gate and one.gate in elements], reporter
+    )
     return tuple(passages)
 
 
@@ -255,6 +259,30 @@ def _check_reference(reference: CourseReference, element: CompositeElement, repo
         reporter.value(reference.direction_path, message)
 
 
+def _check_everywhere(lines: Sequence[SafetyLine], passed: Sequence[CompositeElement], reporter: Reporter) -> None:
+    """Report an element that does not stand on the allowed side of a line that holds on all legs."""
+    for line in lines:
+        for element in passed:
+            where = _where_beyond(line, element)
+            if where:
+                reporter.key(
+                    ("safety_lines", line.name),
+                    f"no passing names this line, so it holds on all legs, but `{element.name}` stands {where}; name "
+                    "it in the `safety_lines` of the passings to which the legs lead on which it holds",
+                )
+                break
+
+
+def _where_beyond(line: SafetyLine, element: CompositeElement) -> str:
+    """Return in words where an element stands that is beyond a line or within its margin; nothing where it is not."""
+    if element.position is None or line.start == line.end:
+        return ""
+    room = room_beside(line, element.position[0])
+    if not room < line.margin:
+        return ""
+    return f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"
+
+
 def _check_sides(
     reference: CourseReference,
     ends: Sequence[CompositeElement | None],
@@ -264,13 +292,10 @@ def _check_sides(
     """Report an end of a leg that does not stand on the allowed side of the lines that the leg names."""
     for index, line in enumerate(lines):
         for element in ends:
-            if element is None or element.position is None or line.start == line.end:
-                continue
-            room = room_beside(line, element.position[0])
-            if room < line.margin:
+            where = _where_beyond(line, element) if element is not None else ""
+            if element is not None and where:
                 side = "right" if line.keep_right else "left"
                 margin = f" and {line.margin:g} m away" if line.margin else ""
-                where = f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"
                 reporter.value(
                     (*reference.path, "safety_lines", index),
                     f"the leg to `{reference.gate}` must stay {side} of `{line.name}`{margin}, but `{element.name}` "

@@ -55,7 +55,7 @@ class TrackEntry(Schema):
     )
     safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=dict[str, SafetyLineEntry],
-        description="lines not to be crossed on the legs whose passings name them, by name",
+        description="lines not to be crossed, by name: on the legs whose passings name them, else on all",
     )
     crowd: Annotated[dict[str, CrowdEntry], Field(max_length=LIMITS.crowds)] = Field(
         default_factory=dict[str, CrowdEntry], description="where people are, by name; avoided all along"

@@ -165,6 +165,8 @@ def xml_tree(path: str, content: bytes, take: Callable[[Element, int], None] = l
         parser.Parse(content, True)
     except expat.ExpatError as error:
         refuse(path, error.lineno, f"is no XML: {expat.ErrorString(error.code)}")
+    except (LookupError, ValueError):  # Python's codecs, of which expat takes those of a byte per letter
+        refuse(path, 1, "declares an encoding that is not read; save it as UTF-8")
     return builder.close()
 
 

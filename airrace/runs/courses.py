@@ -7,9 +7,10 @@ from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Inputs, load_inputs
-from airrace.inputs.course_import import read_placemarks, sketch_course
+from airrace.inputs.course_import import ImportRemark, sketch_course
 from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
+from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
 from airrace.planning.lint import Remark, RemarkKind, in_order, review
 from airrace.planning.race import Race
@@ -101,6 +102,22 @@ EDITORS_LINE = "# yaml-language-server: $schema="
 """The line that names the schema of a file to editors, up to the path."""
 
 
+@record
+class CourseFile:
+    """A track file that was written, and what is to be told of the placemarks from which it was sketched."""
+
+    path: Path
+    remarks: tuple[ImportRemark, ...] = ()
+
+    def as_object(self) -> dict[str, list[dict[str, str]]]:
+        """Return the guesses, and the placemarks that are not taken over, as plain values, for JSON."""
+        guessed = [asdict(one) for one in self.remarks if one.taken_as]
+        dropped = [
+            {"name": one.name, "form": one.form, "reason": one.reason} for one in self.remarks if not one.taken_as
+        ]
+        return {"guessed": guessed, "not_taken_over": dropped}
+
+
 def init(
     name: str | Path,
     *,
@@ -113,7 +130,8 @@ def init(
     Args:
         name: the name of the new file; `.yaml` is added where it is missing.
         like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
-        from_: a file of placemarks (KML, GPX or GeoJSON) from which the course is sketched; None for none.
+        from_: a file of placemarks (KML, KMZ, GPX or GeoJSON) from which the course is sketched; None for none. The
+            last lines of the file tell its guesses, and what is not taken over.
         force: whether existing files are overwritten. A schema that is already what it should be is none of them.
 
     Returns:
@@ -125,6 +143,13 @@ def init(
         InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
+    return begin_course(name, like=like, from_=from_, force=force).path
+
+
+def begin_course(
+    name: str | Path, *, like: str | Path | None = None, from_: str | Path | None = None, force: bool = False
+) -> CourseFile:
+    """Write a track file as `init` does; return it with what is to be told of it."""
     path = Path(name)
     path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
@@ -134,8 +159,10 @@ def init(
     written = path == STANDARD or _holds(schema_file, schema)
     if not written:
         ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
+    remarks: tuple[ImportRemark, ...] = ()
     if from_ is not None:
-        text = sketch_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
+        sketched = sketch_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
+        text, remarks = sketched.text, sketched.remarks
     else:
         text = _copied(Path(like)) if like is not None else _begun(path)
     if EDITORS_LINE not in text and path != STANDARD:
@@ -143,7 +170,7 @@ def init(
     if not written:
         write_text(schema_file, schema)
     write_text(path, text)
-    return path
+    return CourseFile(path, remarks)
 
 
 def _holds(path: Path, text: str) -> bool:

@@ -11,7 +11,7 @@ from airrace.track.polygons import Point
 
 @record
 class SafetyLine:
-    """A line not to be crossed, endless to both sides, on the legs that name it.
+    """A line not to be crossed, endless to both sides, on the legs that hold it.
 
     Attributes:
         start, end: two points of it; they give it a direction.

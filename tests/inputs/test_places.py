@@ -14,7 +14,7 @@ import airrace
 from airrace.errors import InputError, UsageError
 from airrace.export.globe import features
 from airrace.inputs import load_inputs
-from airrace.inputs.course_import import PlacemarkShape, read_placemarks
+from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point

@@ -87,6 +87,18 @@ def test_a_gate_within_the_margin_of_a_line_is_refused() -> None:
     assert message.endswith("and 200 m away, but `g2` stands 139.8 m from it")
 
 
+def test_a_line_that_no_passing_names_holds_on_every_leg() -> None:
+    unnamed = edited(RICH, ", safety_lines: [beach]", "")
+    start, *others = understood(unnamed).race.course.passages
+    assert not start.safety_lines
+    assert {line.name for one in others for line in one.safety_lines} == {"beach"}
+    assert all(one.safety_lines == others[0].safety_lines for one in others)
+    (found,) = findings_of(edited(unnamed, "keep: left", "keep: right"))
+    assert str(found).startswith(
+        "t.yaml:19:3: safety_lines.beach: no passing names this line, so it holds on all legs, but `g0` stands 269.6 m "
+    )
+
+
 def test_a_leg_over_laps_is_checked_at_both_of_its_ends() -> None:
     """The first leg of the second lap comes from the last gate of the first."""
     track = edited(
@@ -118,9 +130,6 @@ def test_a_crowd_without_a_distance_takes_that_of_the_rules() -> None:
 REFUSED = r"""
 to: {north_m: -479, east_m: -252} => to: {north_m: -557, east_m: -375}
 > 21:9: safety_lines.beach.to: is the same place as `from`; a line needs two different points
-, safety_lines: [beach] =>
-> 19:3: safety_lines.beach: no passing names this line, so it is without effect; name it in the `safety_lines` of a
-> passing
 safety_lines: [beach] => safety_lines: [beach, beech]
 > 37:66: course.lap.1.safety_lines.1: unknown safety line `beech`; did you mean `beach`?
 point: {latitude_deg: 45.07, longitude_deg: 13.63},  =>

@@ -1,0 +1,330 @@
+"""Placemarks of other programs: points, lines and areas with names, from KML, KMZ, GPX and GeoJSON.
+
+Parts of a geometry of several (`MultiGeometry`, `MultiPolygon`, ...) are placemarks of the same name; two points are a
+line. What has no geometry of these kinds, and the holes of areas, is returned as such, so that nobody loses it without
+a word.
+"""
+
+import io
+import json
+import math
+import re
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from airrace.errors import Finding, InputError
+from airrace.inputs.document import read_content
+from airrace.inputs.nodes import LIMITS
+from airrace.logs.reading import xml_tree
+from airrace.logs.recording import refuse
+from airrace.records import record
+from airrace.standard_streams import name_of
+
+NAMES = ("name", "title", "label")
+"""Attributes that say what a feature is called, whatever the case of their letters."""
+HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
+"""Attributes that say what a feature is, likewise."""
+
+
+class Subject(Enum):
+    """What a placemark is on a course; `FLIGHT` is what was flown there."""
+
+    ELEMENT = "gate or pylon"
+    OBSTACLE = "obstacle"
+    SAFETY_LINE = "safety line"
+    CROWD = "people"
+    AIRSPACE = "airspace"
+    FLIGHT = "flight"
+
+
+WORDS = (
+    (Subject.OBSTACLE, "obstacles?|hazards?"),
+    (Subject.SAFETY_LINE, "(safety|dead|display|show|no fly) ?lines?|deadline"),
+    (Subject.CROWD, "crowds?|spectators?|public|audience|grandstands?"),
+    (Subject.AIRSPACE, "air ?space|(race|racing|display|flying|aerobatic) (area|box|zone)|boundary|border"),
+    (Subject.ELEMENT, "gates?|pylons?|start|finish|turn|chicane|quad|knife"),
+    (
+        Subject.OBSTACLE,
+        "masts?|cranes?|towers?|lighthouse|antennae?|chimneys?|power ?lines?|wires?|cables?|buildings?|bridge|"
+        "(wind )?turbines?|trees?|silos?|tanks?|stacks?|steeple|church",
+    ),
+    (Subject.CROWD, "people|stands?|visitors?|vip|beach|promenade|tribunes?|car park|parking|camp(ing|site)?"),
+    (Subject.FLIGHT, "flights?|flight\\d+|passings?|tracks?"),
+)
+"""The words that tell what a placemark is, as regular expressions; the first line of which one is met decides."""
+_PATTERNS = [(subject, re.compile(rf"\b({words})\b")) for subject, words in WORDS]
+_LABEL = re.compile(r"[a-z]{0,3} ?\d{1,3} ?[a-z]?|[a-z]")
+"""Names of elements without a word: `g4`, `P 12`, `7`, `wp3a`, `c`."""
+
+SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+"""Words that name one of the two pylons of a gate."""
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words and numbers of a name in lower case: `g1_left`, `g1Left` and `G1 left` have the same."""
+    return re.findall(r"[^\W\d_]+|\d+", parted(name).lower())
+
+
+def parted(name: str) -> str:
+    """Return a name with a space before every capital letter that follows on a small one."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+
+
+def subject_in(text: str) -> Subject | None:
+    """Return the subject that the words of a text name; None for none."""
+    words = " ".join(words_of(text))
+    return next((subject for subject, pattern in _PATTERNS if pattern.search(words)), None)
+
+
+class PlacemarkShape(Enum):
+    """The shape of a placemark: its places are one point, the corners of a line, or those of an area; or none of it."""
+
+    POINT = "point"
+    LINE = "line"
+    AREA = "area"
+    OTHER = "other"
+
+
+@record
+class Placemark:
+    """A place with a name.
+
+    Attributes:
+        name: what it is called; often empty.
+        shape: what its places are.
+        places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
+        hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
+    """
+
+    name: str
+    shape: PlacemarkShape
+    places: tuple[tuple[float, float], ...] = ()
+    hint: str = ""
+
+    @cached_property
+    def named(self) -> Subject | None:
+        """What its name says that it is; None where that says nothing."""
+        element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
+        return subject_in(self.name) or (Subject.ELEMENT if element else None)
+
+    @cached_property
+    def subject(self) -> Subject | None:
+        """What its name says that it is, else what stands beside it."""
+        return self.named or subject_in(self.hint)
+
+
+@record
+class _Label:
+    """What is said of a placemark: by which messages name its file, its name, and what hints at its kind."""
+
+    path: str
+    name: str = ""
+    hint: str = ""
+
+    @classmethod
+    def of(cls, path: str, name: object, *hints: object) -> "_Label":
+        return cls(path, _one_line(name), _one_line(" / ".join(str(one) for one in hints if one)))
+
+    def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
+        """Yield a placemark if its places (longitude first) make one.
+
+        The outline of an area is opened, and a line that ends where it begins is an area.
+        """
+        corners = [_place(self.path, place[1::-1]) for place in places]
+        corners = [one for one, before in zip(corners, [None, *corners], strict=False) if one != before]
+        closed = len(corners) > 1 and corners[0] == corners[-1]
+        if shape is PlacemarkShape.LINE and closed and len(corners) > 3:
+            shape = PlacemarkShape.AREA
+        if shape is PlacemarkShape.AREA and closed:
+            corners.pop()
+        least = {PlacemarkShape.POINT: 1, PlacemarkShape.LINE: 2, PlacemarkShape.AREA: 3}[shape]
+        if len(corners) >= least:
+            yield Placemark(self.name, shape, tuple(corners), self.hint)
+        else:
+            yield Placemark(self.name, PlacemarkShape.OTHER, (), f"{shape.value} of {len(corners)} places")
+
+    def other(self, what: str, suffix: str = "") -> Placemark:
+        """Return what is no placemark of a course; `what` it is."""
+        return Placemark(f"{self.name}{suffix}", PlacemarkShape.OTHER, (), what)
+
+
+def read_placemarks(path: Path) -> list[Placemark]:
+    """Return the placemarks of a file, in its order: KML, KMZ, GPX (waypoints, routes, tracks) or GeoJSON.
+
+    Raises:
+        InputError: there is no such file, it is damaged or too large, or it holds no placemarks.
+    """
+    findings: list[Finding] = []
+    name, content = name_of(path), read_content(path, findings)
+    if content is None:
+        raise InputError(findings)
+    if content.startswith(b"PK"):
+        content = _unpacked(name, content)
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
+        root = xml_tree(name, content)
+        try:
+            found = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
+        except RecursionError:
+            refuse(name, 0, "holds folders within folders without end")
+    else:
+        found = list(_of_geojson(name, content))
+    if all(one.shape is PlacemarkShape.OTHER for one in found):
+        refuse(name, 0, "holds no placemarks; expected KML, KMZ, GPX or GeoJSON with points, lines or areas")
+    if len(found) > LIMITS.placemarks:
+        refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
+    return found
+
+
+def _unpacked(path: str, content: bytes) -> bytes:
+    """Return the document of a KMZ, the first of its KML files."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entry = next((one for one in archive.infolist() if one.filename.lower().endswith(".kml")), None)
+            if entry is None:
+                refuse(path, 0, "is an archive without a KML document")
+            with archive.open(entry) as file:
+                unpacked = file.read(LIMITS.size + 1)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+        refuse(path, 0, f"is a damaged archive: {error}")
+    if len(unpacked) > LIMITS.size:
+        refuse(path, 0, f"is too large unpacked: at most {LIMITS.size} bytes are read")
+    return unpacked
+
+
+# KML
+
+
+def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
+    for one in root:
+        if one.tag == "Placemark":
+            yield from _of_mark(path, one, folders)
+        elif one.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
+            yield _Label.of(path, one.findtext("name")).other(one.tag)
+        else:
+            inside = f"{one.findtext('name') or ''} / {folders}" if one.tag == "Folder" else folders
+            yield from _of_kml(path, one, inside)
+
+
+def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
+    attributes = {one.get("name", "").lower(): one.text for one in mark.iter("SimpleData")}
+    attributes |= {one.get("name", "").lower(): one.findtext("value") for one in mark.iter("Data")}
+    name = mark.findtext("name") or _first(attributes, NAMES)
+    label = _Label.of(path, name, *_all(attributes, HINTS), mark.findtext("styleUrl"), folders)
+    shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
+    holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
+    parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
+    for one in mark.iter():
+        if one in holes:
+            yield label.other("hole in an area", ", a hole")
+        elif one.tag in shapes:
+            text = re.sub(r"\s*,\s*", ",", one.findtext("coordinates") or "")
+            parts.append((shapes[one.tag], [place.split(",") for place in text.split()]))
+        elif one.tag in ("Track", "Model"):
+            yield label.other("flown track" if one.tag == "Track" else "three-dimensional model")
+    if not parts and not any(one.tag in ("Track", "Model") for one in mark.iter()):
+        yield label.other("placemark without a geometry")
+    if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
+        parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
+    for shape, places in parts:
+        yield from label.shaped(shape, places)
+
+
+# GPX
+
+
+def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
+    def label(one: Element, *hints: object) -> _Label:
+        return _Label.of(path, one.findtext("name"), one.findtext("type"), one.findtext("sym"), *hints)
+
+    for one in root:
+        if one.tag == "wpt":
+            yield from label(one).shaped(PlacemarkShape.POINT, [_gpx_place(one)])
+        elif one.tag == "rte":
+            points = list(one.iter("rtept"))
+            if subject_in(one.findtext("name") or "") in (None, Subject.ELEMENT):
+                for point in points:
+                    yield from label(point).shaped(PlacemarkShape.POINT, [_gpx_place(point)])
+            else:
+                yield from label(one).shaped(PlacemarkShape.LINE, [_gpx_place(point) for point in points])
+        elif one.tag == "trk":
+            for segment in one.iter("trkseg"):
+                places = [_gpx_place(point) for point in segment.iter("trkpt")]
+                yield from label(one).shaped(PlacemarkShape.LINE, places)
+
+
+def _gpx_place(one: Element) -> tuple[str, str]:
+    return one.get("lon", ""), one.get("lat", "")
+
+
+# GeoJSON
+
+
+def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
+    try:
+        root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
+        kind = root["type"]
+        if kind not in ("FeatureCollection", "Feature"):
+            root = {"geometry": root}
+        for entry in root["features"] if kind == "FeatureCollection" else [root]:
+            known: Any = entry.get("properties") or {}
+            properties = {str(key).lower(): value for key, value in known.items()}
+            label = _Label.of(path, _first(properties, NAMES), *_all(properties, HINTS))
+            geometry: Any = entry.get("geometry")
+            if geometry is None:
+                yield label.other("feature without a geometry")
+            else:
+                yield from _geometry(label, geometry)
+    except json.JSONDecodeError as error:
+        refuse(path, error.lineno, f"is neither KML, GPX nor GeoJSON: {error.msg}")
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError):
+        refuse(path, 0, "is no GeoJSON as RFC 7946 has it: expected a FeatureCollection with geometries")
+
+
+def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON, see above
+    kind, places = geometry["type"], geometry.get("coordinates")
+    match kind:
+        case "Point":
+            yield from label.shaped(PlacemarkShape.POINT, [places])
+        case "LineString":
+            yield from label.shaped(PlacemarkShape.LINE, places)
+        case "MultiPoint" if len(places) == 2:
+            yield from label.shaped(PlacemarkShape.LINE, places)
+        case "Polygon":
+            yield from label.shaped(PlacemarkShape.AREA, places[0])
+            for _ in places[1:]:
+                yield label.other("hole in an area", ", a hole")
+        case "MultiPoint" | "MultiLineString" | "MultiPolygon":
+            for one in places:
+                yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": one})
+        case "GeometryCollection":
+            for one in geometry["geometries"]:
+                yield from _geometry(label, one)
+        case _:
+            yield label.other(f"geometry of the type `{_one_line(kind)[:40]}`")
+
+
+def _first(attributes: Mapping[str, object], keys: Sequence[str]) -> object:
+    return next(iter(_all(attributes, keys)), None)
+
+
+def _all(attributes: Mapping[str, object], keys: Sequence[str]) -> list[object]:
+    return [attributes[key] for key in keys if attributes.get(key) not in (None, "")]
+
+
+def _one_line(text: object) -> str:
+    return " ".join(("" if text is None else str(text)).split())
+
+
+def _place(path: str, texts: Sequence[object]) -> tuple[float, float]:
+    try:
+        latitude, longitude = (float(str(text)) for text in texts)
+    except ValueError:
+        refuse(path, 0, f"`{', '.join(str(text)[:20] for text in texts)}` is no latitude and longitude")
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(latitude + longitude)):
+        refuse(path, 0, f"{latitude:g}, {longitude:g} is no latitude and longitude, in degrees")
+    return latitude, longitude
