@@ -15,6 +15,7 @@ where samples are 0.02 s apart. Of a cubic the distance is sampled closely and o
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -23,6 +24,7 @@ import numpy as np
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.track.gates import Passing, Tolerant
+from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 UNASKED = 0.5
@@ -36,6 +38,15 @@ ABEAM_MAX = 0.1
 wing hits, it could be longer."""
 LEVEL = 1e-9
 """The extent of a wing, m, below which it has none in a direction; other points of it are the nearest then."""
+
+
+Place = tuple[float, float]
+"""North and east of a pylon, m, rounded so that places can be compared."""
+
+
+def place_of(post: "Point | PylonPost") -> Place:
+    """Return the place of a pylon; elements with a pylon in the same place share it, as those of a quad do."""
+    return round(post.north, 6), round(post.east, 6)
 
 
 @record
@@ -108,16 +119,18 @@ class ClosestApproach:
 
 def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     """Return all pylons of a course, in the order of the first passings of their elements."""
-    found: dict[tuple[float, float], PylonPost] = {}  # a quad's pylons may stand in one place
+    found: dict[Place, PylonPost] = {}
     for element in {one.element.name: one.element for one in course.passages}.values():
         drawing, required = element.drawing(), UNASKED
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
         for number, post in enumerate(drawing.posts):
-            place = (round(post.north, 6), round(post.east, 6))
             pylon = PylonPost(element.name, post.north, post.east, drawing.post_height, required, number)
-            if place not in found or found[place].required < required:
-                found[place] = pylon
+            before = found.get(place_of(post))
+            if before is None:
+                found[place_of(post)] = pylon
+            elif before.required < required:
+                found[place_of(post)] = replace(before, required=required)
     return tuple(found.values())
 
 

@@ -23,7 +23,7 @@ from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay
 from airrace.planning.plan import Plan
-from airrace.planning.wing_clearance import ClosestApproach, PylonPost, pylons_of
+from airrace.planning.wing_clearance import ClosestApproach, PylonPost, place_of, pylons_of
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record
@@ -170,12 +170,13 @@ class PylonRooms:
     def _at_passings(self, plan: Plan) -> tuple[PylonCondition, ...]:
         """Return a condition for every pylon of every passing, on the side on which the plan passes it."""
         found: list[PylonCondition] = []
+        standing = {place_of(one): one for one in self.pylons.values()}
         for number, waypoint in enumerate(plan.waypoints):
             element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
             posts = element.drawing().posts if element.place is not None else ()
-            for post, place in enumerate(posts):
-                pylon = self.pylons.get((element.name, post))
-                if pylon is None or element.heights.lower - self.semispan >= pylon.height + pylon.required:
+            for place in posts:
+                pylon = standing[place_of(place)]
+                if element.heights.lower - self.semispan >= pylon.height + pylon.required:
                     continue
                 assert element.place is not None
                 offset = math.cos(right) * (place.north - element.place[0]) + math.sin(right) * (
@@ -185,7 +186,7 @@ class PylonRooms:
                     offset = -math.cos(element.passing_side - right)
                 side = PylonSide.RIGHT if offset > 0.0 else PylonSide.LEFT
                 leg, share = max(number - 1, 0), float(number > 0)
-                found.append(PylonCondition(element.name, post, leg, share, side, 0.0))
+                found.append(PylonCondition(pylon.name, pylon.post, leg, share, side, 0.0))
         return tuple(found)
 
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:

@@ -113,6 +113,8 @@ WIDE = math.radians(89.9)
 class Gate(Tolerant):
     """Two pylons, passed between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
 
+    Those of a quad share four, at the corners of a square, and are passed in the middle between two pairs of them.
+
     Attributes:
         name: unique on the course.
         north, east: centre, m.
@@ -122,6 +124,7 @@ class Gate(Tolerant):
         bank: prescribed kinematic bank angle, rad (+pi/2: right wing down).
         either_bank: a knife-edge gate that allows either wing down.
         pylon_height: the height of the pylons' tops above the origin, m.
+        square: whether it is one of a quad.
     """
 
     name: str
@@ -135,6 +138,7 @@ class Gate(Tolerant):
     bank: float = 0.0
     either_bank: bool = False
     pylon_height: float = PYLON_HEIGHT
+    square: bool = False
 
     directed = True
 
@@ -201,13 +205,14 @@ class Gate(Tolerant):
         ]
 
     def drawing(self) -> Drawing:
-        """Return two pylons, and the window left between their clearances."""
+        """Return its pylons, and the window left between their clearances."""
         half, right = 0.5 * self.width, self.heading + math.pi / 2
         open_half = max(half - self.tolerances.clearance, 0.0)
         ends = self.beside(-half, right), self.beside(half, right)
+        diagonal, corners = math.sqrt(2.0) * half, (0.25 * math.pi + 0.5 * math.pi * np.arange(4)).tolist()
         return Drawing(
             legend="gate, and the courses through it",
-            posts=ends,
+            posts=tuple(self.beside(diagonal, right + corner) for corner in corners) if self.square else ends,
             post_height=self.pylon_height,
             across=ends,
             window=(self.beside(-open_half, right), self.beside(open_half, right)),

@@ -62,6 +62,20 @@ def test_a_quad_turns_to_the_side_it_says_whichever_way_it_is_flown(then: str, t
     assert (gate(first).north, gate(first).east) == (gate(second).north, gate(second).east) == (280.0, 480.0)
 
 
+@pytest.mark.parametrize("heading", [0.0, 33.0, 270.0])
+def test_the_gates_of_a_quad_share_four_pylons_beside_either_way_through_its_middle(heading: float) -> None:
+    given = passages(f"gates.q.heading_deg={heading}", "gates.q.width_m=12")
+    gates = [given[f"1:q/{number}"].element for number in (1, 2)]
+    places = [{(round(one.north, 6), round(one.east, 6)) for one in gate.drawing().posts} for gate in gates]
+    assert places[0] == places[1]
+    assert len(places[0]) == 4
+    for gate in gates:
+        assert isinstance(gate, Gate)
+        across = -math.sin(gate.heading), math.cos(gate.heading)
+        beside = [across[0] * (north - gate.north) + across[1] * (east - gate.east) for north, east in places[0]]
+        assert sorted(beside) == pytest.approx([-6.0, -6.0, 6.0, 6.0], abs=1e-5)
+
+
 def test_a_quad_with_either_side_leaves_the_second_direction_to_the_plan() -> None:
     found = passages("gates.q.then=either")
     assert (found["1:q/1"].direction, found["1:q/2"].direction) == (Direction.FORWARD, Direction.PLANNED)
@@ -303,13 +317,16 @@ def test_pylons_may_be_given_in_degrees() -> None:
     assert math.cos(gate.heading) == pytest.approx(1.0, abs=1e-4)
 
 
-def test_a_quad_may_be_given_by_its_first_gate() -> None:
+def test_a_quad_may_be_given_by_the_pylons_between_which_it_is_entered() -> None:
     pylons = "[{north_m: 600, east_m: 73.5}, {north_m: 600, east_m: 86.5}]"
     first, other = course(f"quad, then: left, pylons: {pylons}").passages[1:]
     assert isinstance(first.element, Gate)
     assert isinstance(other.element, Gate)
     assert math.cos(first.element.heading) == pytest.approx(1.0)
     assert math.sin(other.element.heading) == pytest.approx(-1.0)
+    assert first.element.place == other.element.place == pytest.approx((606.5, 80.0))
+    corners = {(round(one.north, 6), round(one.east, 6)) for one in other.element.drawing().posts}
+    assert corners == {(600.0, 73.5), (600.0, 86.5), (613.0, 73.5), (613.0, 86.5)}
 
 
 PYLONS = "pylons: [{north_m: 606.5, east_m: 80}, {north_m: 593.5, east_m: 80}]"

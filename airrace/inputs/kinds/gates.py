@@ -131,10 +131,12 @@ class KnifeEdgeGateEntry(TwoPylonEntry):
 
 @register
 class QuadEntry(TwoPylonEntry):
-    """Two pairs of pylons about one centre; one mention in the course is both passings, one after the other."""
+    """Four pylons at the corners of a square; one mention in the course is both passings, one after the other."""
 
     what: ClassVar[str] = "a quad"
-    type: Literal["quad"] = Field(description="two crossed gates, passed twice from perpendicular directions")
+    type: Literal["quad"] = Field(
+        description="four pylons at the corners of a square, passed twice from perpendicular directions"
+    )
     heading_deg: Azimuth | None = optional("the direction of the first passing in forward direction")
     then: KnifeEdgeName = Field(
         description="the second passing's direction: a quarter turn to this side of the first one's"
@@ -153,11 +155,15 @@ class QuadEntry(TwoPylonEntry):
         return {**numbers, "crossing_max_deg": min(numbers["crossing_max_deg"], QUAD_CROSSING_MAX_DEG)}
 
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
-        """Return two crossed gates.
+        """Return two crossed gates, as wide as the square.
 
-        The second one's heading is counted from the first one's, so that both turn when the quad is passed in reverse.
+        Pylons that are given are the pair between which the first passing enters it. The second one's heading is
+        counted from the first one's, so that both turn when the quad is passed in reverse.
         """
-        first = self.gate(name, defaults, places, self.bank)
+        first = dataclasses.replace(self.gate(name, defaults, places, self.bank), square=True)
+        if self.pylons is not None:
+            centre = first.beside(0.5 * first.width, first.heading)
+            first = dataclasses.replace(first, north=centre.north, east=centre.east)
         axis_deg = math.degrees(first.heading) if self.heading_deg is None else self.heading_deg
         second = dataclasses.replace(
             first,
