@@ -7,7 +7,7 @@ import logging
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
@@ -43,6 +43,9 @@ from airrace.track.course import Course
 from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching
 from airrace.views.units import units_named
+
+if TYPE_CHECKING:
+    from airrace.safety.footprint import Footprint
 
 TrackGiven = str | Path | Course | Race
 """A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
@@ -431,6 +434,38 @@ class Run(RunState):
     def brief(self, stage: str | Stage | None = None) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""
         return self.stage(stage).cues()
+
+    def footprint(
+        self,
+        stage: str | Stage | None = None,
+        *,
+        drag_area: float | None = None,
+        glide_ratio: float | None = None,
+        output: str | Path | None = None,
+        origin: str | None = None,
+    ) -> "Footprint":
+        """Return what falls where from every instant of a flight, as `airrace footprint` tells it.
+
+        This is mechanics, not the scatter formula of an authority, and no prediction.
+
+        Args:
+            stage: which stage; None for the last one.
+            drag_area: C_D A of the falling aircraft, m2; None for `C_D0` times its wing area.
+            glide_ratio: way over height without power; None for that of its polar.
+            output: a file to be written, `.geojson`, `.kml`, `.csv`, `.png`, `.svg` or `.pdf`; None for none.
+            origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
+
+        Raises:
+            UsageError: an argument says nothing sensible, there is no such stage, or it found no flight.
+            StorageError: the system refused.
+        """
+        from airrace.runs.footprints import flight_footprint, write_footprint
+
+        flight = self.flight(stage)
+        found = flight_footprint(flight, drag_area=drag_area, glide_ratio=glide_ratio)
+        if output is not None:
+            write_footprint(found, flight, Path(output), origin=origin)
+        return found
 
     def compare(self, other: RunState) -> Comparison:
         """Hold another run of the same passings against this one, as `airrace compare` does, at the highest stage that

@@ -12,6 +12,7 @@ import typer
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
 from airrace.cli.flights import brief, compare, export, import_log, plot, report
+from airrace.cli.footprint import footprint
 from airrace.cli.optimize import optimize, resume
 from airrace.cli.options import Command
 from airrace.cli.runs import sensitivity, show, verify
@@ -37,6 +38,7 @@ for _name, _command in {
     "plot": plot,
     "verify": verify,
     "sensitivity": sensitivity,
+    "footprint": footprint,
     "check": check,
     "batch": batch,
     "tracks": tracks,

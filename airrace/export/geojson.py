@@ -17,30 +17,40 @@ def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: on the globe.
         begin: when their clocks start.
     """
-    entries = [_on_course(feature) for course in courses(flights) for feature in features(course)]
+    return collection(flight_entries(flights, begin))
+
+
+def flight_entries(flights: Sequence[Flight], begin: datetime) -> list[dict[str, object]]:
+    """Return the features of the courses, the flights and their passings; arguments are those of `geojson`."""
+    entries = [_on_course(one) for course in courses(flights) for one in features(course)]
     for flight in flights:
         entries.append(_line(flight, begin))
         entries.extend(_passing(flight, one) for one in flight.crossings if one.found)
+    return entries
+
+
+def collection(entries: Sequence[Mapping[str, object]]) -> bytes:
+    """Return features as the content of a file."""
     return (json.dumps({"type": "FeatureCollection", "features": entries}, allow_nan=False) + "\n").encode()
 
 
-def _on_course(feature: Feature) -> dict[str, object]:
-    corners = [list(place) for place in feature.places]
-    properties = {"kind": feature.kind, "name": printable(feature.name), "note": feature.note}
-    match feature.shape:
+def _on_course(thing: Feature) -> dict[str, object]:
+    corners = [list(place) for place in thing.places]
+    properties = {"kind": thing.kind, "name": printable(thing.name), "note": thing.note}
+    match thing.shape:
         case Shape.POINT:
-            return _feature("Point", corners[0], properties)
+            return feature("Point", corners[0], properties)
         case Shape.LINE:
-            return _feature("LineString", corners, properties)
+            return feature("LineString", corners, properties)
         case Shape.AREA:
             following = [*corners[1:], corners[0]]
             area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
             ring = corners if area > 0.0 else corners[::-1]  # an outline runs counterclockwise
-            return _feature("Polygon", [[*ring, ring[0]]], properties)
+            return feature("Polygon", [[*ring, ring[0]]], properties)
 
 
 def _line(flight: Flight, begin: datetime) -> dict[str, object]:
-    return _feature(
+    return feature(
         "LineString",
         _positions(flight),
         {
@@ -63,12 +73,13 @@ def _passing(flight: Flight, crossing: TimedCrossing) -> dict[str, object]:
     numbers = {name: round(value, 6) for name, value in values.items() if np.isfinite(value)}
     properties = {"kind": "passing", "name": crossing.name, "flight": printable(flight.label), "time_s": crossing.time}
     (place,) = _positions(flight.at([crossing.time]))
-    return _feature("Point", place, properties | numbers)
+    return feature("Point", place, properties | numbers)
 
 
 def _positions(flight: Flight) -> list[list[float]]:
     return [[round(east, 8), round(north, 8), round(up, 3)] for east, north, up in places(flight)]
 
 
-def _feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
+def feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
+    """Return a feature: its geometry and what is said of it."""
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

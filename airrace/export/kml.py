@@ -34,8 +34,19 @@ def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: on the globe.
         begin: when their clocks start.
     """
+    return content_of(kml_document(flights, begin))
+
+
+def content_of(document: ET.Element) -> bytes:
+    """Return a document as the content of a file."""
     root = ET.Element("kml", {"xmlns": KML, "xmlns:gx": GX})
-    document = add_element(root, "Document")
+    root.append(document)
+    return ET.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def kml_document(flights: Sequence[Flight], begin: datetime) -> ET.Element:
+    """Return the document, to which more can be added; arguments are those of `kml`."""
+    document = ET.Element("Document")
     add_element(document, "name", ", ".join(dict.fromkeys(printable(one.course.name) for one in flights)))
     styles = {kind.replace(" ", "-"): (colour, 3.0) for kind, colour in KINDS.items()}
     styles |= {f"flight{number}": (COLOURS[number % len(COLOURS)], 2.5) for number in range(len(flights))}
@@ -51,7 +62,7 @@ def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
             _add_feature(folder, feature)
     for number, flight in enumerate(flights):
         _add_flight(_folder(document, printable(flight.label)), flight, begin, f"#flight{number}")
-    return ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return document
 
 
 def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:

@@ -29,6 +29,8 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("plot", RUN),
     ("verify", RUN),
     ("sensitivity", RUN),
+    ("footprint", RUN),
+    ("footprint", RUN, "--output", "fallen.csv"),
     ("check", COURSE),
     ("tracks",),
     ("init", "mine"),

@@ -1,0 +1,91 @@
+"""Footprints in files: outlines on the globe beside course and flight, all impacts as comma-separated values."""
+
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+
+from airrace.export.geojson import collection, feature, flight_entries
+from airrace.export.globe import add_element
+from airrace.export.kml import content_of, kml_document
+from airrace.results import Flight
+from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint
+from airrace.safety.outlines import Outline
+from airrace.track.course import Origin
+from airrace.track.geodetic import geodetic
+from airrace.trajectory import Array
+
+FALLS, GLIDES = "free fall", "glide without power"
+
+
+def footprint_geojson(footprint: Footprint, flight: Flight, begin: datetime) -> bytes:
+    """Return course, flight and footprint as GeoJSON (RFC 7946).
+
+    Args:
+        footprint: of the flight.
+        flight: on the globe.
+        begin: when its clock starts.
+    """
+    entries = flight_entries([flight], begin)
+    for name, outlines in _layers(footprint):
+        rings = [[_closed(ring, flight.course.origin) for ring in (one.border, *one.holes)] for one in outlines]
+        properties = {"kind": "footprint", "name": name, "note": NOT_AN_AUTHORITYS}
+        entries.append(feature("MultiPolygon", rings, properties))
+    return collection(entries)
+
+
+def footprint_kml(footprint: Footprint, flight: Flight, begin: datetime) -> bytes:
+    """Return course, flight and footprint as KML 2.2; arguments are those of `footprint_geojson`."""
+    document = kml_document([flight], begin)
+    for (name, outlines), colour in zip(_layers(footprint), ("2b39c0", "b8865b"), strict=True):  # blue, green, red
+        mark = add_element(document, "Placemark")
+        add_element(mark, "name", name)
+        add_element(mark, "description", NOT_AN_AUTHORITYS)
+        style = add_element(mark, "Style")
+        add_element(add_element(style, "LineStyle"), "color", "ff" + colour)
+        add_element(add_element(style, "PolyStyle"), "color", ("60" if name == FALLS else "10") + colour)
+        pieces = add_element(mark, "MultiGeometry")
+        for one in outlines:
+            polygon = add_element(pieces, "Polygon")
+            for kind, ring in (("outer", one.border), *(("inner", hole) for hole in one.holes)):
+                places = (f"{east:.7f},{north:.7f}" for east, north in _closed(ring, flight.course.origin))
+                boundary = add_element(add_element(polygon, f"{kind}BoundaryIs"), "LinearRing")
+                add_element(boundary, "coordinates", " ".join(places))
+    return content_of(document)
+
+
+def footprint_csv(footprint: Footprint) -> str:
+    """Return one row per instant: where the aircraft is and where it falls to, m, and how far that is from people."""
+    states, every = footprint.states, footprint.settings.glide_every
+    columns: dict[str, Array] = {"time_s": footprint.time}
+    columns |= dict(zip(("north_m", "east_m", "height_m"), states.place.T, strict=True))
+    columns["ground_speed_m_s"] = states.speed
+    for name, fall in (("vacuum", footprint.vacuum), ("drag", footprint.drag)):
+        columns |= {f"{name}_north_m": fall.place[:, 0], f"{name}_east_m": fall.place[:, 1]}
+        columns |= {f"{name}_fall_s": fall.time, f"{name}_impact_m_s": fall.speed}
+    columns |= {f"{name}_way_m": way for name, way in footprint.lengths.items()}
+    glide = np.full((len(footprint.time), 2), np.nan)
+    glide[footprint.glide_rows] = footprint.reach.straight
+    columns |= {"glide_north_m": glide[:, 0], "glide_east_m": glide[:, 1]}
+    columns |= {f"{one.name}_distance_m": footprint.distances(one) for one in footprint.race.course.crowd}
+    labels = footprint.labels
+    lines = [f"# {NOT_AN_AUTHORITYS}", f"# glides: one for every {every} instants"]
+    lines.append(",".join(["flight", *map(_quoted, columns)]))
+    rows = np.stack(list(columns.values()), axis=1).tolist()
+    texts = (",".join("" if value != value else f"{value + 0.0:.10g}" for value in row) for row in rows)
+    return "\n".join([*lines, *(f"{_quoted(label)},{text}" for label, text in zip(labels, texts, strict=True)), ""])
+
+
+def _layers(footprint: Footprint) -> list[tuple[str, Sequence[Outline]]]:
+    return [(FALLS, footprint.falls), (GLIDES, (footprint.glides,))]
+
+
+def _closed(ring: Array, origin: Origin) -> list[list[float]]:
+    """Return longitude and latitude of the corners of a ring, degrees, the first again at its end."""
+    latitude, longitude = geodetic(ring[:, 0], ring[:, 1], origin)
+    places = np.round(np.degrees(np.stack([longitude, latitude], axis=1)), 7)
+    return [*places.tolist(), places[0].tolist()]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text

@@ -1,0 +1,80 @@
+"""Footprints of flights as they are asked for: of a run, a stage or a log, as objects and in files."""
+
+import math
+from pathlib import Path
+
+from airrace.environment.air import StaticWind
+from airrace.errors import UsageError
+from airrace.export.globe import BEGIN, on_globe
+from airrace.quantities import KNOT
+from airrace.results import Flight
+from airrace.results.legs import passings_around
+from airrace.runs.flight_sources import origin_of
+from airrace.runs.output import write_text
+from airrace.safety.footprint import Footprint, Track, footprint_of
+from airrace.views.drawing import FORMATS, ensure_drawable, save_figure
+
+GLOBE = (".geojson", ".kml")
+SUFFIXES = (*GLOBE, ".csv", *FORMATS)
+
+
+def flight_footprint(flight: Flight, *, drag_area: float | None = None, glide_ratio: float | None = None) -> Footprint:
+    """Return what falls where from a flight; arguments and errors are those of `footprint_of` and `Track.of`."""
+    return footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+
+
+def ensure_footprint_file(path: Path) -> None:
+    """Find out now whether a footprint can be written into a file of this name.
+
+    Raises:
+        UsageError: the name says no known format, or a drawing needs matplotlib.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UsageError(f"cannot write a footprint into {path}; its name must end in one of {', '.join(SUFFIXES)}")
+    if suffix in FORMATS:
+        ensure_drawable(path)
+
+
+def write_footprint(footprint: Footprint, flight: Flight, path: Path, *, origin: str | None = None) -> None:
+    """Write a footprint, in the format that the name of the file says, replacing the file as a whole.
+
+    Args:
+        footprint: of the flight.
+        flight: shown beside it.
+        path: `.geojson`, `.kml`, `.csv`, `.png`, `.svg` or `.pdf`.
+        origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
+
+    Raises:
+        UsageError: there is no such format, or the course has no origin where the format needs one.
+        StorageError: the system refused.
+    """
+    from airrace.export.footprint import footprint_csv, footprint_geojson, footprint_kml
+
+    ensure_footprint_file(path)
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        from airrace.views.footprint_figure import footprint_figure
+
+        save_figure(footprint_figure(footprint, flight), path)
+    elif suffix == ".csv":
+        write_text(path, footprint_csv(footprint))
+    else:
+        placed = on_globe(flight, None if origin is None else origin_of(origin))
+        write = footprint_geojson if suffix == ".geojson" else footprint_kml
+        write_text(path, write(footprint, placed.at_rate(10.0), BEGIN).decode())
+
+
+def wind_text(wind: StaticWind | None) -> str:
+    """Return the wind of a footprint in words."""
+    if wind is None or wind.speed == 0.0:
+        return "still air"
+    return f"wind {wind.speed / KNOT:.0f} kt from {math.degrees(wind.origin) % 360.0:.0f} degrees"
+
+
+def leg_at(flight: Flight, time: float) -> str:
+    """Return the leg on which a time lies, e.g. `1:g3 -> 1:g4`; empty where a passing is missing or none is near."""
+    if not all(one.found for one in flight.crossings) or not math.isfinite(time):
+        return ""
+    before, after = passings_around(flight, time)
+    return f"{before.name} -> {after.name}"

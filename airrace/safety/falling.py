@@ -1,0 +1,207 @@
+"""Free fall of an aircraft that no longer flies: where it meets flat ground, in vacuum and with drag, in wind.
+
+The aircraft is a point of mass `m` without lift and without thrust. With `C_D A` its drag area, `w` the wind,
+
+    m dv/dt = m g - 1/2 rho C_D A |v - w| (v - w)
+
+In vacuum the fall is a parabola, `t = [v_up + sqrt(v_up^2 + 2 g h)] / g`, from level flight `d = V sqrt(2 h / g)` long.
+With drag it is integrated by the classical Runge-Kutta scheme, all states side by side; the instant at which the ground
+is met is that of a cubic through heights and climb rates at both ends of the last step.
+
+The wind is that of its profile at the height of the moment; thermals are left out.
+"""
+
+import math
+
+import numpy as np
+
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.records import record
+from airrace.results import airdata
+from airrace.results.flight import Flight
+from airrace.trajectory import Array
+
+
+@record
+class FallSettings:
+    """The numbers of the integration.
+
+    Attributes:
+        step: s; falls from 200 m then end within a millimetre of where they do with a tenth of it.
+        duration: s; longer than any fall from a race.
+    """
+
+    step: float = 0.05
+    duration: float = 120.0
+
+
+@record
+class AirColumn:
+    """Wind and density over height, which are the same at every place; linear between the heights.
+
+    Attributes:
+        height: above the track's origin, rising, m, shape (k,).
+        north, east: components of the wind, m/s, likewise.
+        density: kg/m3, likewise.
+    """
+
+    height: Array
+    north: Array
+    east: Array
+    density: Array
+
+    @classmethod
+    def of(cls, air: Air, top: float) -> "AirColumn":
+        """Return the air of a day without its thermals, metre by metre from the ground up to a height, m."""
+        height = np.linspace(0.0, max(top, 1.0), 2 + math.ceil(max(top, 1.0)))
+        still = Air(air.temperature_offset, air.pressure_offset, air.elevation, air.wind)
+        nowhere = np.zeros_like(height)
+        north, east, _ = airdata.wind(still, nowhere, nowhere, -height)
+        rho = np.asarray(density(-height, atmosphere_parameters(air)), np.float64).reshape(height.shape)
+        return cls(height, north, east, rho)
+
+    def wind(self, height: Array) -> Array:
+        """Return the wind, north and east, m/s, shape (..., 2)."""
+        return np.stack([np.interp(height, self.height, one) for one in (self.north, self.east)], axis=-1)
+
+
+@record
+class States:
+    """Instants of one flight or of many, whose order does not matter here.
+
+    Attributes:
+        place: north, east, height above the track's origin, m, shape (n, 3).
+        velocity: over ground: north, east, up, m/s, shape (n, 3).
+    """
+
+    place: Array
+    velocity: Array
+
+    @classmethod
+    def of(cls, flight: Flight, times: Array) -> "States":
+        """Return the states of a flight at some times; NaN where it knows neither height nor velocity.
+
+        Velocities are interpolated by their components, for course and bank jump where a flight is vertical.
+
+        Args:
+            flight: one that has `x`, `y`, `height`, `V_K`, `chi` and `gamma`.
+            times: s, shape (n,).
+        """
+        level = flight["V_K"] * np.cos(flight["gamma"])
+        velocity = (
+            level * np.cos(flight["chi"]),
+            level * np.sin(flight["chi"]),
+            flight["V_K"] * np.sin(flight["gamma"]),
+        )
+        columns = [
+            np.interp(times, flight.time, one) for one in (flight["x"], flight["y"], flight["height"], *velocity)
+        ]
+        return cls(np.stack(columns[:3], axis=1), np.stack(columns[3:], axis=1))
+
+    @property
+    def speed(self) -> Array:
+        """The speed over ground along the path, m/s, shape (n,)."""
+        return np.linalg.norm(self.velocity, axis=1)
+
+
+@record
+class Impacts:
+    """Where and how falls end.
+
+    Attributes:
+        place: north and east, m, shape (n, 2).
+        time: of the fall, s, shape (n,).
+        speed: over ground, m/s, shape (n,).
+    """
+
+    place: Array
+    time: Array
+    speed: Array
+
+
+def level_fall_distance(speed: Array, height: Array) -> Array:
+    """Return `V sqrt(2 h / g)`, the way of a free fall from level flight in vacuum, m; zero below the ground."""
+    return speed * np.sqrt(2.0 * np.maximum(height, 0.0) / g0)
+
+
+def fall_in_vacuum(states: States, ground: float = 0.0) -> Impacts:
+    """Return where the aircraft falls to without air; at once where it is below the ground already.
+
+    Args:
+        states: of the instants at which it begins to fall.
+        ground: height of the ground, m.
+    """
+    above, up = states.place[:, 2] - ground, states.velocity[:, 2]
+    time = np.where(above > 0.0, (up + np.sqrt(up**2 + 2.0 * g0 * np.maximum(above, 0.0))) / g0, 0.0)
+    end = states.velocity - np.outer(time, [0.0, 0.0, g0])
+    return Impacts(states.place[:, :2] + time[:, None] * states.velocity[:, :2], time, np.linalg.norm(end, axis=1))
+
+
+def fall_with_drag(
+    states: States,
+    air: AirColumn,
+    *,
+    mass: float,
+    drag_area: float,
+    ground: float = 0.0,
+    settings: FallSettings | None = None,
+) -> Impacts:
+    """Return where the aircraft falls to through the air; at once where it is below the ground already.
+
+    Args:
+        states: of the instants at which it begins to fall.
+        air: wind and density.
+        mass: kg.
+        drag_area: C_D A, m2.
+        ground: height of the ground, m.
+        settings: of the integration; None for the defaults.
+    """
+    settings = settings or FallSettings()
+    place, velocity, h = states.place.copy(), states.velocity.copy(), settings.step
+    time = np.zeros(len(place))
+    falling = np.flatnonzero(place[:, 2] > ground)
+
+    def rates(y: Array) -> Array:
+        wind = air.wind(y[:, 2])
+        flow = y[:, 3:] - np.concatenate([wind, np.zeros((len(y), 1))], axis=1)
+        rho = np.interp(y[:, 2], air.height, air.density)
+        slowing = 0.5 * drag_area / mass * rho * np.linalg.norm(flow, axis=1)
+        return np.concatenate([y[:, 3:], -slowing[:, None] * flow - [0.0, 0.0, g0]], axis=1)
+
+    while len(falling) and time[falling].max() < settings.duration:
+        y = np.concatenate([place[falling], velocity[falling]], axis=1)
+        k1 = rates(y)
+        k2 = rates(y + 0.5 * h * k1)
+        k3 = rates(y + 0.5 * h * k2)
+        k4 = rates(y + h * k3)
+        end = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        share = np.ones(len(y))
+        landing = end[:, 2] <= ground
+        share[landing] = _crossing(y[landing], end[landing], h, ground)
+        s = share[:, None]
+        place[falling] = _hermite(y[:, :3], end[:, :3], h * y[:, 3:], h * end[:, 3:], s)
+        velocity[falling] = _hermite(y[:, 3:], end[:, 3:], h * k1[:, 3:], h * rates(end)[:, 3:], s)
+        time[falling] += h * share
+        falling = falling[~landing]
+    return Impacts(place[:, :2], time, np.linalg.norm(velocity, axis=1))
+
+
+def _crossing(begin: Array, end: Array, h: float, ground: float) -> Array:
+    """Return the share of a step after which the ground is met, by bisection."""
+    low, high = np.zeros(len(begin)), np.ones(len(begin))
+    for _ in range(40):  # to the last digits
+        middle = 0.5 * (low + high)
+        above = _hermite(begin[:, 2], end[:, 2], h * begin[:, 5], h * end[:, 5], middle) > ground
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return high
+
+
+def _hermite(a: Array, b: Array, slope_a: Array, slope_b: Array, s: Array) -> Array:
+    """Return the cubic with given values and slopes at 0 and 1."""
+    return (
+        a * (1.0 + 2.0 * s) * (1.0 - s) ** 2
+        + b * s**2 * (3.0 - 2.0 * s)
+        + slope_a * s * (1.0 - s) ** 2
+        - slope_b * s**2 * (1.0 - s)
+    )
