@@ -30,8 +30,22 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "half_cuban_eight": ("half_cuban_eight", *PLAN),
     "race_pilot": ("half_cuban_eight", *PLAN, "--set", "rules.pilot=race"),
     "sprint": ("sprint.yaml", *POINT_MASS),
+    "stands": ("stands.yaml", *POINT_MASS),
 }
-"""What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes."""
+"""What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes.
+
+Its stands are those of the page on what falls where.
+"""
+STANDS = """
+crowd:
+  stands:
+    polygon:
+      - {north_m: 200, east_m: 860}
+      - {north_m: 400, east_m: 860}
+      - {north_m: 400, east_m: 900}
+      - {north_m: 200, east_m: 900}
+    distance_m: 300
+"""
 
 CALLS: dict[str, tuple[str, ...]] = {
     "rovinj_2014": ("plot", "rovinj.h5", "--output"),
@@ -45,6 +59,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
     "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
     "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),
+    "footprint": ("footprint", "stands.h5", "--output"),
     "routes": ("compare", "over_the_top.h5", "flat.h5", "--plot"),
 }
 """The command that draws a picture, up to the name of its file."""
@@ -103,6 +118,8 @@ def main() -> None:
     runs.mkdir(parents=True, exist_ok=True)
     if not (runs / "sprint.yaml").exists():
         call(runs, "init", "sprint")
+    sprint = (runs / "sprint.yaml").read_text(encoding="utf-8")
+    (runs / "stands.yaml").write_text(sprint + STANDS, encoding="utf-8")
     for name in chosen.only:
         photograph_report(runs) if name == "report" else draw(name, runs)
 
