@@ -29,12 +29,12 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.local_search import RoutesAround, search_around
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
-from airrace.procedure.multistart.search import BUDGETS, SearchBudget
+from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
 from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
-from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import check_mesh_convergence, solve_single_mesh, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
@@ -104,6 +104,7 @@ class FidelityContinuation:
         self._pieces: StageResult | None = None
         self._local_infeasibility: LocalInfeasibility | None = None
         self._relaxed: RelaxedRoutes | None = None
+        self._coarse_plans: list[CoarseSolution | None] | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are reported before anything is solved
 
@@ -148,7 +149,7 @@ class FidelityContinuation:
         """Run one stage and return its result; those before it are done."""
         fidelity = fidelity_of(stage)
         if fidelity.guess:
-            result = self._homotopy(session)
+            result = self._homotopy_beside_plans(session)
         elif fidelity.inner_controller is None:
             result = self._point_mass(session)
             # By then it is known whether the limits were relaxed before anything was solved.
@@ -305,12 +306,35 @@ class FidelityContinuation:
             if pieces.outcome is Status.SOLVED:
                 mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
                 starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
+        solved = self._coarse_plans
+        if solved is None:
+            starts += self._plans(budget, session.settings.mesh)
+        return search_routes(
+            flight, course, session, budget, starts, self._settings.alternatives or 1, solved=solved or ()
+        )
+
+    def _plans(self, budget: SearchBudget, mesh_settings: MeshSettings) -> list[InitialGuess]:
+        """Return the plan that a run without a search starts from, with ties decided either way, and the budget's."""
+        flight, course, starts = self.flight(Stage.POINT_MASS), self._race.course, list[InitialGuess]()
         for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
-            along, mesh = dataclasses.replace(flight, plan=route), first_mesh(route, session.settings.mesh)
+            along, mesh = dataclasses.replace(flight, plan=route), first_mesh(route, mesh_settings)
             start = InitialGuess(along, mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True)
-            if route is flight.plan or not np.array_equal(starts[-1].guess.state, start.guess.state):
+            if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
                 starts.append(start)
-        return search_routes(flight, course, session, budget, starts, self._settings.alternatives or 1)
+        return [*starts, *planned_starts(flight, course, budget)]
+
+    def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
+        """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""
+        budget = BUDGETS.get(self._settings.search)
+        if budget is None:
+            return self._homotopy(session)
+        plans = self._plans(budget, session.settings.mesh)
+        jobs: list[Callable[[SolverSession], StageResult | CoarseSolution | None]] = [self._homotopy]
+        jobs += [functools.partial(_solve_plan, one) for one in plans]
+        pieces, *solved = session.side_by_side(jobs)
+        assert isinstance(pieces, StageResult)
+        self._coarse_plans = [one for one in solved if not isinstance(one, StageResult)]
+        return pieces
 
     def _first_starts(self, session: SolverSession) -> Sequence[Callable[[], Start | StageResult]]:
         """Return the homotopy and the plan as starts, the one that the user prefers first."""
@@ -402,3 +426,7 @@ def _confirms(result: StageResult, report: SearchReport) -> bool:
     if not result.holds or not report.routes:
         return result.holds
     return result.trajectory.race_time <= report.routes[0].race_time + MAX_LOSS
+
+
+def _solve_plan(start: InitialGuess, session: SolverSession) -> CoarseSolution | None:
+    return solve_coarse(session.service, start)

@@ -20,7 +20,7 @@ from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
-from airrace.procedure.multistart.search import Search, SearchBudget, SearchResult
+from airrace.procedure.multistart.search import Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
     Segment,
     describe_route,
@@ -89,8 +89,10 @@ def search_routes(
     course: Course,
     session: SolverSession,
     budget: SearchBudget,
-    starts: Sequence[InitialGuess] = (),
+    starts: Sequence[InitialGuess] | None = None,
     alternatives: int = 1,
+    *,
+    solved: Sequence[CoarseSolution | None] = (),
 ) -> FoundRoutes:
     """Look for the fastest route.
 
@@ -99,8 +101,9 @@ def search_routes(
         course: the course.
         session: solves, and reports progress.
         budget: how much is tried.
-        starts: flights to begin with besides the plans.
+        starts: flights to begin with; None for the plans of the budget.
         alternatives: how many flights are wanted at least.
+        solved: what further starts have led to.
     """
     began = time.perf_counter()
 
@@ -109,7 +112,8 @@ def search_routes(
 
     with session.pool() as pool:
         search = Search(flight, course, budget, pool, report_progress)
-        elite = _elite(search.run(starts).flights, course, max(budget.elite, alternatives))
+        starts = planned_starts(flight, course, budget) if starts is None else starts
+        elite = _elite(search.run(starts, solved).flights, course, max(budget.elite, alternatives))
         if elite:
             report_progress(f"{len(elite)} routes compared on a finer mesh")
         finals = _with_best_rolls(search, _refine(pool, session, elite))

@@ -113,6 +113,20 @@ BUDGETS: Mapping[SearchEffort, SearchBudget] = {SearchEffort.QUICK: QUICK, Searc
 """The budgets by `settings.search`."""
 
 
+def planned_starts(flight: StageProblem, course: Course, budget: SearchBudget) -> list[InitialGuess]:
+    """Return plans of different radius, some of them with ties decided either way."""
+    found: list[InitialGuess] = []
+    for number, radius in enumerate(budget.radii):
+        pace = radius.scale(flight.plan.cruise)
+        own, mirrored = (
+            planned_guess(flight, plan(course, pace, ties), InitialBarrier.COLD) for ties in (ANY, MIRRORED_TIES)
+        )
+        found.append(own)
+        if number < budget.mirrored_ties and not np.array_equal(own.guess.state, mirrored.guess.state):
+            found.append(mirrored)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class SearchResult:
     """All routes that were tried.
@@ -156,11 +170,10 @@ class Search:
         self._tabu: set[tuple[int, str]] = set()
         self._failed = 0
 
-    def run(self, starts: Sequence[InitialGuess]) -> SearchResult:
-        """Try the starts given and those of the budget, then improve the best of them."""
-        starts = [*starts, *self._planned_starts()]
+    def run(self, starts: Sequence[InitialGuess], solved: Sequence[CoarseSolution | None] = ()) -> SearchResult:
+        """Try starts, then improve the best of the flights that they lead to, and of those that are solved already."""
         self._report(f"{len(starts)} starts, solved coarsely")
-        found = self._pool.work(starts, solve_coarse)
+        found = [*self._pool.work(starts, solve_coarse), *solved]
         self._flights = [one for one in found if one is not None]
         self._failed = len(found) - len(self._flights)
         if self._flights:
@@ -220,20 +233,6 @@ class Search:
                 break
             different, best = differing(best, better, generator.segments), better
         return best
-
-    def _planned_starts(self) -> list[InitialGuess]:
-        """Return plans of different radius, some of them with ties decided either way."""
-        found: list[InitialGuess] = []
-        for number, radius in enumerate(self._budget.radii):
-            pace = radius.scale(self._pace)
-            own, mirrored = (
-                planned_guess(self._flight, plan(self._course, pace, ties), InitialBarrier.COLD)
-                for ties in (ANY, MIRRORED_TIES)
-            )
-            found.append(own)
-            if number < self._budget.mirrored_ties and not np.array_equal(own.guess.state, mirrored.guess.state):
-                found.append(mirrored)
-        return found
 
     def _other_routes(self, first: CoarseSolution, generator: MoveGenerator, changed: Set[int]) -> list[Move]:
         """Return other routes through the segments of a flight; around the first those of the other starts as well."""

@@ -130,7 +130,7 @@ def first_stage(
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, lambda _: search, near))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: FoundRoutes(starts, lambda _: search, near))
     monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
@@ -176,7 +176,7 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
     )
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: FoundRoutes(starts, told.__getitem__))
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
         result = FidelityContinuation(SMALL, QUICK, ()).solve_stage(Stage.POINT_MASS, session)
     assert result.search.routes[0].text == "second"
@@ -222,7 +222,7 @@ def close_together(
 
     left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near=2)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_: routes)
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: routes)
     monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
     with open_session(two) as session:

@@ -142,8 +142,8 @@ def test_loop_that_is_left_is_told() -> None:
 def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     loop = "left -> right: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
-    def looped(*arguments: object) -> FoundRoutes:
-        found = search_routes(*arguments)  # type: ignore[arg-type]
+    def looped(*arguments: object, **named: object) -> FoundRoutes:
+        found = search_routes(*arguments, **named)  # type: ignore[arg-type]
         return dataclasses.replace(found, report=lambda one: dataclasses.replace(found.report(one), loops=(loop,)))
 
     monkeypatch.setattr(fidelity_continuation, "search_routes", looped)
