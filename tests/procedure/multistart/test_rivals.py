@@ -130,7 +130,8 @@ def first_stage(
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: FoundRoutes(starts, lambda _: search, near))
+    routes = FoundRoutes(starts, lambda _: search, near)
+    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: routes)
     monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
