@@ -131,7 +131,7 @@ class Parameter(Generic[Model]):
     @property
     def local(self) -> bool:
         """Whether it holds at one place alone."""
-        return self.key.startswith(("gates.", "crowd.", "safety_lines."))
+        return self.key.startswith(("gates.", "crowd.", "obstacles.", "safety_lines."))
 
     @property
     def can_relax(self) -> bool:

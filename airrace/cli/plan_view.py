@@ -149,6 +149,7 @@ LAPS = [Layer(style, ".") for style in ("cyan", "magenta", "green", "blue")]
 AIRSPACE = Layer("blue", ":")
 CROWD = Layer("red", "x")
 DISTANCE = Layer("red", ",")
+OBSTACLE = Layer("magenta", "%")
 SAFETY = Layer("yellow", "=")
 GATE = Layer("bold white", "#")
 _ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"  # from north, clockwise
@@ -176,6 +177,11 @@ def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = Fa
             canvas.write_beside(mark.north, mark.east, mark.label, "bold")
     for crowd in map_.crowd:
         canvas.write_beside(crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
+    for one, _ in map_.obstacles:
+        where = one.places[0].north, one.places[0].east
+        if len(one.places) == 1:
+            canvas.write(*canvas.cell(*where), OBSTACLE.plain, OBSTACLE.style)
+        canvas.write_beside(*where, one.name, OBSTACLE.style)
     for line in map_.lines:
         canvas.write_beside(line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
     if len(map_.ways) <= LIMITS.arrows:
@@ -203,7 +209,9 @@ def _canvas(map_: MapModel, columns: int) -> Canvas:
 
 
 def _draw_surroundings(canvas: Canvas, map_: MapModel) -> None:
-    """Draw the airspace, people with dots where their distance ends, and safety lines, shaded where it is forbidden."""
+    """Draw the airspace, people with dots where their distance ends, obstacles, and safety lines, shaded where it is
+    forbidden.
+    """
     centres = canvas.centres
     down, across = np.ogrid[: centres.shape[0], : centres.shape[1]]
     raster, shade = (down + across) % 2 == 0, (down + 2 * across) % 5 == 0
@@ -219,6 +227,8 @@ def _draw_surroundings(canvas: Canvas, map_: MapModel) -> None:
             canvas.line(CROWD, coordinates((a, b)))
         if crowd.shape is CrowdShape.POINT:
             canvas.paint(CROWD, *np.nonzero(away < canvas.dot))
+    for _, outline in map_.obstacles:
+        canvas.line(OBSTACLE, outline)
     for line in map_.lines:
         beyond = (centres - line.ends[0]) @ line.forbidden
         border = np.abs(beyond) < 0.5 * canvas.dot
@@ -273,6 +283,7 @@ def _legend(map_: MapModel, plain: bool) -> Text:
     entries += [
         ("gate", GATE, any(mark.stroke is not None for mark in map_.marks)),
         ("crowd and its distance", CROWD, bool(map_.crowd)),
+        ("obstacle", OBSTACLE, bool(map_.obstacles)),
         ("safety line, shaded where forbidden", SAFETY, bool(map_.lines)),
         ("airspace", AIRSPACE, map_.airspace is not None),
     ]

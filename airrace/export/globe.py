@@ -34,7 +34,7 @@ class Feature:
     """Something of a course, on the globe.
 
     Attributes:
-        kind: `gate`, `pylon`, `manoeuvre`, `crowd`, `safety line` or `airspace`.
+        kind: `gate`, `pylon`, `manoeuvre`, `crowd`, `obstacle`, `safety line` or `airspace`.
         name: of it.
         shape: what `places` are.
         places: longitude and latitude, degrees, of every corner; an area's outline is not closed.
@@ -71,7 +71,7 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
 
 
 def features(course: Course) -> Iterator[Feature]:
-    """Yield gates, pylons, people, lines and borders of a course whose origin is known."""
+    """Yield gates, pylons, people, obstacles, lines and borders of a course whose origin is known."""
     elements = {passage.element.name: passage.element for passage in course.passages}
     for name, element in elements.items():
         drawing = element.drawing()
@@ -84,6 +84,10 @@ def features(course: Course) -> Iterator[Feature]:
     for crowd in course.crowd:
         note = f"keep {crowd.distance:g} m away, measured {'in space' if crowd.slant else 'over ground'}"
         yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
+    for one in course.obstacles:
+        note = f"{one.height:g} m high, keep the wing {one.clearance:g} m away"
+        shape, corners = (Shape.AREA, one.corners) if one.corners else (Shape.POINT, one.places)
+        yield _feature(course, "obstacle", one.name, shape, corners, note)
     for line in course.safety_lines:
         note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
         yield _feature(course, "safety line", line.name, Shape.LINE, (line.start, line.end), note)

@@ -22,6 +22,7 @@ KINDS = {
     "pylon": "ff222222",
     "manoeuvre": "ff222222",
     "crowd": "ff2b39c0",
+    "obstacle": "ff555555",
     "safety line": "ff0b86b8",
     "airspace": "ff8b5634",
 }

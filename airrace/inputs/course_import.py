@@ -1,10 +1,11 @@
 """A course from placemarks of other programs: a track file that can be checked, and gone on with.
 
 A line between two places, no longer than `GATE_WIDTH_MAX`, is a gate between its two pylons, and so are two points that
-are called alike but for a side; any other point is a single pylon. People, safety lines and the airspace are what is
-called so (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the airspace, the rest are
-people. Elements follow one another as in the file: gates in the direction of the way, pylons on the outside of the
-turn. Every guess, and all that is not taken over, is told.
+are called alike but for a side; any other point is a single pylon. People, obstacles, safety lines and the airspace are
+what is called so (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the airspace, the
+rest are people. Elements follow one another as in the file: gates in the direction of the way, pylons on the outside of
+the turn. An obstacle is a mast, or boxes, as high as its name tells. Every guess, and all that is not taken over, is
+told.
 """
 
 import math
@@ -30,6 +31,10 @@ STRAIGHT = 1.0
 """The distance of its corners from the line through its ends up to which a line is a straight one, m."""
 CROWD_DISTANCE = 100.0
 """The distance from people until the file says better, m."""
+HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNORECASE)
+FOOT = 0.3048
+OBSTACLE_HEIGHT = 50.0
+"""The height of an obstacle until the file says better, m."""
 SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
@@ -118,6 +123,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         "gates": {one.name: sketch.element(index) for index, one in enumerate(elements)},
         **({"safety_lines": sketch.lines} if sketch.lines else {}),
         **({"crowd": sketch.crowd} if sketch.crowd else {}),
+        **({"obstacles": sketch.obstacles} if sketch.obstacles else {}),
         **({"airspace": sketch.airspace} if sketch.airspace else {}),
         "course": {"start": elements[0].name, "lap": lap},
     }
@@ -134,6 +140,7 @@ class _Sketch:
         self.elements: list[_SketchedElement] = []
         self.lines: dict[str, object] = {}
         self.crowd: dict[str, object] = {}
+        self.obstacles: dict[str, object] = {}
         self.airspace: list[dict[str, float]] = []
         self.remarks: list[ImportRemark] = []
         self._sides: dict[str, list[bool]] = {}  # of a line that does not hold everywhere, which elements are beside it
@@ -224,7 +231,7 @@ class _Sketch:
     # What lies around.
 
     def take_surroundings(self, mark: Placemark) -> None:
-        """Take people, safety lines and airspace."""
+        """Take people, obstacles, safety lines and airspace."""
         is_area, subject = mark.shape is PlacemarkShape.AREA, mark.subject
         if len(mark.places) > LIMITS.corners:
             self._drop(mark, f"a course has room for {LIMITS.corners} corners of a thing; draw it with fewer")
@@ -233,7 +240,7 @@ class _Sketch:
         elif subject is Subject.SAFETY_LINE and mark.shape is PlacemarkShape.LINE:
             self._take_safety_line(mark)
         elif subject is Subject.OBSTACLE:
-            self._drop(mark, "an obstacle")
+            self._take_obstacle(mark)
         elif subject is Subject.AIRSPACE and len(mark.places) > 2:
             self._take_airspace(mark)
         elif is_area and subject is not Subject.ELEMENT:
@@ -252,6 +259,25 @@ class _Sketch:
         self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": CROWD_DISTANCE}
         if mark.named is not Subject.CROWD:
             self._guess(mark, "people", "its name does not say")
+
+    def _take_obstacle(self, mark: Placemark) -> None:
+        """Take a mast, a box along every stretch of a line, or one around an area."""
+        found = HEIGHT.search(mark.name)
+        height = (
+            float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
+        )
+        points, what = self._points(mark.places), "an obstacle"
+        boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
+        if mark.shape is PlacemarkShape.LINE:
+            boxes, what = [_box_around(ends) for ends in pairwise(points)], "an obstacle of 2 m width"
+        elif mark.shape is PlacemarkShape.AREA:
+            boxes, what = [_box_around(points)], "an obstacle, a box around it"
+        for box in boxes:
+            self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
+        if not found:
+            self._guess(mark, f"{what} {height:.0f} m high", "its name tells no height such as `60 m`")
+        elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
+            self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else "so it is drawn")
 
     def _take_airspace(self, mark: Placemark) -> None:
         if self.airspace:
@@ -320,6 +346,22 @@ def _side(mark: Placemark) -> str:
     """Return the side that a name tells: `l`, `r` or nothing."""
     found = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
     return found[0] if len(found) == 1 else ""
+
+
+def _box_around(points: Sequence[Point]) -> dict[str, float]:
+    """Return the keys of the smallest box along a side of a polygon; it is 2 m wide at least."""
+    boxes: list[tuple[float, dict[str, float]]] = []
+    for a, b in polygons.edges(points, closed=True):
+        heading = math.atan2(b.east - a.east, b.north - a.north)
+        cos, sin = math.cos(heading), math.sin(heading)
+        along = [one.north * cos + one.east * sin for one in points]
+        across = [one.east * cos - one.north * sin for one in points]
+        u, v = 0.5 * (min(along) + max(along)), 0.5 * (min(across) + max(across))
+        length, width = (max(max(each) - min(each), 2.0) for each in (along, across))
+        place = {"north_m": round(u * cos - v * sin, 2), "east_m": round(u * sin + v * cos, 2)}
+        size = {"length_m": round(length, 2), "width_m": round(width, 2)}
+        boxes.append((length * width, {**place, **size, "heading_deg": round(math.degrees(heading) % 360.0, 2)}))
+    return min(boxes, key=lambda one: one[0])[1]
 
 
 def _width(points: Sequence[Point]) -> float:

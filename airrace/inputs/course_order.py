@@ -12,7 +12,6 @@ from pydantic import Field
 from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import LIMITS, KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.inputs.schema import Schema, ShorthandSchema, optional
-from airrace.inputs.surroundings import room_beside
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.course import Direction, Passage, SafetyLine
@@ -277,7 +276,7 @@ def _where_beyond(line: SafetyLine, element: CompositeElement) -> str:
     """Return in words where an element stands that is beyond a line or within its margin; nothing where it is not."""
     if element.position is None or line.start == line.end:
         return ""
-    room = room_beside(line, element.position[0])
+    room = line.room(element.position[0])
     if not room < line.margin:
         return ""
     return f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"

@@ -23,7 +23,7 @@ class DocumentLimits:
         quote: characters of a quoted word in a message.
         names: that are listed where none is similar.
         comparisons: of names for one document, about a second's work.
-        gates, passages, crowds, corners, safety_lines, thermals: of a course, the corners of one area.
+        gates, passages, crowds, obstacles, corners, safety_lines, thermals: of a course, the corners of one area.
         placemarks: of which a course is sketched.
     """
 
@@ -39,6 +39,7 @@ class DocumentLimits:
     gates: int = 10_000
     passages: int = 10_000
     crowds: int = 20
+    obstacles: int = 50
     corners: int = 50
     safety_lines: int = 100
     thermals: int = 100

@@ -1,26 +1,38 @@
-"""The surroundings of a course in a track file: safety lines, crowds and the airspace, and whether they leave room."""
+"""The surroundings of a course in a track file: safety lines, crowds, obstacles and the airspace, and whether they
+leave room.
+
+A box is kept clear of by upright cylinders of one radius around the squares into which it is cut, of which those along
+its border will do. Up to a length of 1 km they reach less than 5 m beyond its sides.
+"""
 
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
-from airrace.inputs.places import NOWHERE, PlaceEntry, Places
+from airrace.inputs.places import NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
 from airrace.track import polygons
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point
 
 SAME_PLACE_M = 0.01
 """The distance below which two corners are one, m."""
 ROUNDING_M = 1e-6
 """The excess over a distance that is put down to rounding and not reported, m."""
+SQUARE_M = 10.0
+"""The side of the squares of a box, m; those of a long one are larger, so that there are no more than `SQUARES`.
+
+At most they are 1.7 times as long, as the number of them is rounded.
+"""
+SQUARES = 100
+"""The largest number of squares along one side of a box."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
 Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
@@ -89,10 +101,58 @@ class CrowdEntry(Schema):
         return (NOWHERE,) if self.polygon is None else _polygon(self.polygon, (*path, "polygon"), places)
 
 
-def room_beside(line: SafetyLine, place: Point) -> float:
-    """Return the distance of a place from a line on the allowed side, m; negative on the other."""
-    to_right = polygons.to_right(line.start, line.end, place)
-    return to_right if line.keep_right else -to_right
+class ObstacleEntry(PlacedEntry):
+    """An obstacle: a mast, a cylinder with a `radius_m`, or a box with `length_m` and `width_m`."""
+
+    what: ClassVar[str] = "an obstacle"
+    height_m: Annotated[float, Gt(0), Le(1000)] = Field(description="height of its top above the origin")
+    radius_m: Annotated[float, Ge(0), Le(500)] | None = optional("radius of a cylinder; 0 by default, for a mast")
+    length_m: Annotated[float, Gt(0), Le(5000)] | None = optional("length of a box, along its heading; with `width_m`")
+    width_m: Annotated[float, Gt(0), Le(5000)] | None = optional("width of a box, across its heading; with `length_m`")
+    heading_deg: Azimuth | None = optional("direction of a box's length; 0 by default")
+    clearance_m: Annotated[float, Ge(0.5), Le(500)] = Field(
+        default=10.0, description="least distance of the wing from it at any time"
+    )
+
+    def build(self, name: str, places: Places) -> Obstacle:
+        """Return the obstacle; it is only of use if nothing was reported."""
+        path: KeyPath = ("obstacles", name)
+        middle = places.point(self, path)
+        box = {"length_m": self.length_m, "width_m": self.width_m}
+        for key, value in box.items():
+            if value is None and any(other is not None for other in (*box.values(), self.heading_deg)):
+                places.reporter.key((*path, key), "missing; a box has `length_m` and `width_m`")
+        if self.length_m is None or self.width_m is None:
+            return Obstacle(name, (middle,), self.radius_m or 0.0, self.height_m, self.clearance_m)
+        if self.radius_m is not None:
+            message = "not together with `length_m`; an obstacle is a cylinder or a box"
+            places.reporter.key((*path, "radius_m"), message)
+        corners, inside, radius = _box(middle, self.length_m, self.width_m, math.radians(self.heading_deg or 0.0))
+        return Obstacle(name, inside, radius, self.height_m, self.clearance_m, corners)
+
+
+def _box(
+    middle: Point, length: float, width: float, heading: float
+) -> tuple[tuple[Point, ...], tuple[Point, ...], float]:
+    """Return the corners of a box, the middles of the squares along its border, and the radius around such a square."""
+
+    def point(along: float, across: float) -> Point:
+        cos, sin = math.cos(heading), math.sin(heading)
+        return Point(middle.north + along * cos - across * sin, middle.east + along * sin + across * cos)
+
+    side = max(min(length, width, SQUARE_M), max(length, width) / SQUARES)
+    # Round lengths are far from those with one square more.
+    rows, columns = (max(1, math.floor(one / side + 0.3)) for one in (length, width))
+    a, b = length / rows, width / columns
+    inside = tuple(
+        point((row + 0.5) * a - 0.5 * length, (column + 0.5) * b - 0.5 * width)
+        for row in range(rows)
+        for column in range(columns)
+        if row in (0, rows - 1) or column in (0, columns - 1)
+    )
+    half = 0.5 * length, 0.5 * width
+    corners = tuple(point(i * half[0], j * half[1]) for i, j in ((1, -1), (1, 1), (-1, 1), (-1, -1)))
+    return corners, inside, 0.5 * math.hypot(a, b)
 
 
 def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
@@ -159,9 +219,13 @@ def _same(a: Point, b: Point) -> bool:
 
 
 def check_room(
-    elements: Iterable[CompositeElement], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
+    elements: Iterable[CompositeElement],
+    crowds: Sequence[Crowd],
+    obstacles: Sequence[Obstacle],
+    airspace: tuple[Point, ...],
+    reporter: Reporter,
 ) -> None:
-    """Report every element that stands outside of the airspace or closer to people than is allowed."""
+    """Report every element outside of the airspace, or closer to people or an obstacle than is allowed."""
     for element in elements:
         if element.position is None:
             continue
@@ -178,3 +242,8 @@ def check_room(
                     element.path,
                     f"is {away:.4g} m from the crowd `{crowd.name}`, measured {how}; at least {crowd.distance:g} m",
                 )
+        for one in obstacles:
+            away = min(polygons.distance(place, (axis,), closed=False) for axis in one.places) - one.radius
+            if away < one.clearance - ROUNDING_M and height < one.height + one.clearance:
+                message = f"is {away:.4g} m from the obstacle `{one.name}`; at least {one.clearance:g} m"
+                reporter.key(element.path, message)

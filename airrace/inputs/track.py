@@ -21,6 +21,7 @@ from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
     Corners,
     CrowdEntry,
+    ObstacleEntry,
     SafetyLineEntry,
     build_airspace,
     check_room,
@@ -52,6 +53,9 @@ class TrackEntry(Schema):
     )
     gates: Annotated[dict[str, KindEntry], Field(max_length=LIMITS.gates)] = Field(
         description="what stands on the course, by name"
+    )
+    obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=LIMITS.obstacles)] = Field(
+        default_factory=dict[str, ObstacleEntry], description="what stands in the way, by name; kept clear of all along"
     )
     safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=dict[str, SafetyLineEntry],
@@ -98,7 +102,11 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
         _check_heights(element, rules.height, reporter)
     crowd = tuple(one.build(name, limits.crowd_distance_m, places) for name, one in entry.crowd.items())
     airspace = build_airspace(entry.airspace, places)
-    check_room(elements.values(), crowd, airspace, reporter)
+    obstacles = tuple(one.build(name, places) for name, one in entry.obstacles.items())
+    for name in entry.obstacles:
+        if name in entry.gates:
+            reporter.key(("obstacles", name), "is the name of a gate, too; an obstacle needs its own")
+    check_room(elements.values(), crowd, obstacles, airspace, reporter)
     lines = {name: one.build(name, places) for name, one in entry.safety_lines.items()}
     start_speed = Interval.between(None, limits.arguments().get("start_speed_max_kt"))
     return Course(
@@ -108,6 +116,7 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
         origin=places.origin,
         crowd=crowd,
         airspace=airspace,
+        obstacles=obstacles,
         start_state=EndState(entry.course.start_state),
         finish_state=EndState(entry.course.finish_state),
     )

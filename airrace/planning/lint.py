@@ -22,6 +22,7 @@ from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import Course, Direction, Passage
+from airrace.track.polygons import Point, inside
 
 
 @record
@@ -84,6 +85,7 @@ class RemarkKind(Enum):
     SAFETY_LINE = "safety-line"
     CROWD = "crowd"
     PYLON = "pylon"
+    OBSTACLE = "obstacle"
     AIRSPACE = "airspace"
     ELEMENT = "element"
 
@@ -122,6 +124,26 @@ def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
     """Return remarks in the order of the race, first those on the race as a whole."""
     order = {passage.name: number for number, passage in enumerate(course.passages)}
     return sorted(remarks, key=lambda remark: order.get(remark.passage, -1))
+
+
+def forgotten_lines(course: Course) -> Iterator[Remark]:
+    """Yield remarks on people without a safety line before them, and on lines that could hold on more legs."""
+    for crowd in course.crowd:
+        behind = any(all(line.room(one) < 0.0 for one in crowd.corners) for line in course.safety_lines)
+        outside = course.airspace and not any(inside(one, course.airspace) for one in crowd.corners)
+        if not (behind or outside):
+            text = f"no safety line or border lies between the race and `{crowd.name}`; its distance alone is kept"
+            yield Remark("", RemarkKind.SAFETY_LINE, text)
+    places = [Point(*at) for at in (one.element.place for one in course.passages) if at is not None]
+    for line in course.safety_lines:
+        without = [one for one in course.passages[1:] if all(other.name != line.name for other in one.safety_lines)]
+        if without and all(line.room(one) >= line.margin for one in places):
+            text = (
+                f"the safety line `{line.name}` does not hold on {len(without)} of {len(course.passages) - 1} legs, "
+                f"first on that to `{without[0].name}`, though all elements stand on its allowed side; without a "
+                "passing that names it, it would hold on all"
+            )
+            yield Remark(without[0].name, RemarkKind.SAFETY_LINE, text)
 
 
 # The race as a whole, its start and its elements.

@@ -100,6 +100,10 @@ def _surroundings(race: Race) -> Iterator[Parameter[Race]]:
         key, path = f"crowd.{crowd.name}.distance_m", f"course.crowd.{index}.distance"
         label = f"the distance of crowd {crowd.name}"
         yield attribute_parameter(race, key, path, label=label, relaxing_step=-10.0, limit=1.0)
+    for index, obstacle in enumerate(race.course.obstacles):
+        key, path = f"obstacles.{obstacle.name}.clearance_m", f"course.obstacles.{index}.clearance"
+        label = f"the clearance of obstacle {obstacle.name}"
+        yield attribute_parameter(race, key, path, label=label, relaxing_step=-2.0, limit=0.5)
 
 
 def _change_margin(name: str) -> Callable[[Race, float], Race]:

@@ -1,9 +1,10 @@
-"""The distance of a wing from pylons, in continuous time.
+"""The distance of a wing from pylons and obstacles, in continuous time.
 
-The wing is the straight line from tip to tip, a pylon the vertical line from far below up to its top. With `d` the
-aircraft's centre relative to the pylon (north, east), `w` half of the wing, from the centre to the right tip, and
-`h - H` the centre's height above the top of the pylon, the squared distance of the point `s` of the wing, -1 <= s <= 1,
-is
+The wing is the straight line from tip to tip, a pylon the vertical line from far below up to its top. An obstacle is
+such lines, too, kept away from by the radius of their cylinders more; above its top as well, where that is more than is
+asked. With `d` the aircraft's centre relative to the pylon (north, east), `w` half of the wing, from the centre to the
+right tip, and `h - H` the centre's height above the top of the pylon, the squared distance of the point `s` of the
+wing, -1 <= s <= 1, is
 
     f(s) = |d + s w|^2 + max(h - H + s w_h, 0)^2
 
@@ -22,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from airrace.records import record
-from airrace.track.course import Course
+from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
@@ -54,11 +55,13 @@ class PylonPost:
     """A post of a pylon or gate of a course.
 
     Attributes:
-        name: of the element that it belongs to, which may have several.
+        name: of the element or obstacle that it belongs to, which may have several.
         north, east: m.
         height: of its top above the origin of the course, m.
-        required: the least distance of a wing, m.
+        required: the least distance of a wing, m; of an obstacle with the radius.
         post: its number among the pylons of its element.
+        radius: of the cylinder around it, m.
+        is_obstacle: whether it is one of an obstacle.
     """
 
     name: str
@@ -67,6 +70,13 @@ class PylonPost:
     height: float
     required: float
     post: int = 0
+    radius: float = 0.0
+    is_obstacle: bool = False
+
+    @property
+    def text(self) -> str:
+        """What it is, e.g. `pylon of g3`."""
+        return f"obstacle {self.name}" if self.is_obstacle else f"pylon of {self.name}"
 
 
 @record
@@ -118,7 +128,7 @@ class ClosestApproach:
 
 
 def pylons_of(course: Course) -> tuple[PylonPost, ...]:
-    """Return all pylons of a course, in the order of the first passings of their elements."""
+    """Return all pylons of a course, in the order of the first passings of their elements, and those of obstacles."""
     found: dict[Place, PylonPost] = {}
     for element in {one.element.name: one.element for one in course.passages}.values():
         drawing, required = element.drawing(), UNASKED
@@ -131,7 +141,18 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
                 found[place_of(post)] = pylon
             elif before.required < required:
                 found[place_of(post)] = replace(before, required=required)
-    return tuple(found.values())
+    obstacles = [
+        PylonPost(one.name, at.north, at.east, one.height, one.clearance + one.radius, number, one.radius, True)
+        for one in course.obstacles
+        for number, at in enumerate(one.places)
+    ]
+    return (*found.values(), *obstacles)
+
+
+def kept_clear(course: Course) -> tuple[PylonPost, ...]:
+    """Return the pylons from which the wing is kept clear at any time: all by the rule `flight`, else obstacles'."""
+    always = course.rules.clearance is ClearanceRule.FLIGHT
+    return tuple(one for one in pylons_of(course) if always or one.is_obstacle)
 
 
 def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:

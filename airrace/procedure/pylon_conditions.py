@@ -23,7 +23,7 @@ from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay
 from airrace.planning.plan import Plan
-from airrace.planning.wing_clearance import ClosestApproach, PylonPost, place_of, pylons_of
+from airrace.planning.wing_clearance import ClosestApproach, PylonPost, kept_clear, place_of
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record
@@ -127,7 +127,7 @@ class MeasuredConditions:
 
 @record
 class PylonRooms:
-    """The rooms beside all pylons of a course, as a model sees them.
+    """The rooms beside the pylons of a course that the wing is kept clear of, as a model sees them.
 
     Attributes:
         room: the observation.
@@ -147,7 +147,7 @@ class PylonRooms:
     def of(cls, model: FlightModel, course: Course, span: float) -> Self:
         """Return the rooms for a model on a course."""
         values = tuple(float(value) for value in model.parameter_values)
-        pylons = {(one.name, one.post): one for one in pylons_of(course)}
+        pylons = {(one.name, one.post): one for one in kept_clear(course)}
         return cls(pylon_room_observation(model), pylons, 0.5 * span, values)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
@@ -170,13 +170,13 @@ class PylonRooms:
     def _at_passings(self, plan: Plan) -> tuple[PylonCondition, ...]:
         """Return a condition for every pylon of every passing, on the side on which the plan passes it."""
         found: list[PylonCondition] = []
-        standing = {place_of(one): one for one in self.pylons.values()}
+        standing = {place_of(one): one for one in self.pylons.values() if not one.is_obstacle}
         for number, waypoint in enumerate(plan.waypoints):
             element, right = waypoint.passage.element, waypoint.axis + math.pi / 2
             posts = element.drawing().posts if element.place is not None else ()
             for place in posts:
-                pylon = standing[place_of(place)]
-                if element.heights.lower - self.semispan >= pylon.height + pylon.required:
+                pylon = standing.get(place_of(place))
+                if pylon is None or element.heights.lower - self.semispan >= pylon.height + pylon.required:
                     continue
                 assert element.place is not None
                 offset = math.cos(right) * (place.north - element.place[0]) + math.sin(right) * (
@@ -198,7 +198,7 @@ class PylonRooms:
                 name: Interval(lower=wanted) if sign > 0.0 else Interval(upper=-wanted)
                 for name, sign in ROOMS[one.side]
             }
-            name = f"pylon {one.post + 1} of {one.element}"
+            name = pylon.text if pylon.is_obstacle else f"pylon {one.post + 1} of {one.element}"
             values = self._arguments(pylon)
             legs[one.leg].append(PathConstraint(name, bounds, self.room, values, at=one.share))
         return [tuple(leg) for leg in legs]
@@ -229,17 +229,24 @@ class PylonRooms:
             conditions[number] = replayed.at(before, approach)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         for approach in sorted(approaches, key=_distance):
-            if approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
-                pylon = approach.pylon
+            pylon = approach.pylon
+            known = (pylon.name, pylon.post) in self.pylons
+            if known and approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
                 new = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
                 new = replayed.at(new, approach)
-                seen = self._observe(pylon, replayed.state(new.leg, new.share))
-                sides = {side: self._room(dataclasses.replace(new, side=side), seen) for side in PylonSide}
-                conditions.append(dataclasses.replace(new, side=max(sides, key=lambda side: sides[side])))
+                conditions.append(dataclasses.replace(new, side=self._side(new, pylon, replayed)))
                 distances.append(approach.distance)
                 binding.append(True)
                 missed = max(missed, approach.shortfall)
         return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless)
+
+    def _side(self, condition: PylonCondition, pylon: PylonPost, replayed: ReplayedFlight) -> PylonSide:
+        """Return the side with the most room; of an obstacle all cylinders are passed on the same one."""
+        state = replayed.state(condition.leg, condition.share)
+        posts = [one for one in self.pylons.values() if one.name == pylon.name] if pylon.is_obstacle else [pylon]
+        seen = [self._observe(one, state) for one in posts]
+        sides = [dataclasses.replace(condition, side=side) for side in PylonSide]
+        return max(sides, key=lambda one: min(self._room(one, each) for each in seen)).side
 
     def place(
         self,

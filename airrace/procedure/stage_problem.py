@@ -139,7 +139,7 @@ def formulate(
     """
     course, model = race.course, stage_model(stage, race)
     crossing, rooms = crossing_observation(model.system.states), None
-    if course.rules.clearance is ClearanceRule.FLIGHT:
+    if course.rules.clearance is ClearanceRule.FLIGHT or course.obstacles:
         rooms = PylonRooms.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
     return StageProblem(
         fidelity=fidelity_of(stage),

@@ -49,15 +49,17 @@ def clearance_item(
 ) -> Item:
     """Return the item on the length by which the wing misses its clearance from a pylon at any time, at worst.
 
-    By the rule `crossing` it is only measured: then nothing is too much.
+    By the rule `crossing` it is only measured where no obstacle is too near: then nothing is too much.
 
     Args:
         found: all approaches, see `approaches`.
     """
-    decides = flight.course.rules.clearance is ClearanceRule.FLIGHT
-    limit = limits.gate_length if decides else math.inf
-    worst = max(found, key=lambda one: one.shortfall, default=None)
-    if worst is None or worst.shortfall <= 0.0:
+    always = flight.course.rules.clearance is ClearanceRule.FLIGHT
+    missed = [one for one in found if one.shortfall > 0.0]
+    kept = [one for one in missed if always or one.pylon.is_obstacle]
+    limit = limits.gate_length if always or kept else math.inf
+    if not missed:
         return Item(CLEARANCE, 0.0, limit, "m", "")
-    where = f"{problem.phases[worst.leg].name}, pylon of {worst.pylon.name}, {worst.time:.2f} s"
+    worst = max(kept or missed, key=lambda one: one.shortfall)
+    where = f"{problem.phases[worst.leg].name}, {worst.pylon.text}, {worst.time:.2f} s"
     return Item(CLEARANCE, worst.shortfall, limit, "m", where)

@@ -249,6 +249,10 @@ def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
             }
             for crowd in map_.crowd
         ],
+        "obstacles": [
+            {"name": one.name, "corners": outline[:-1].tolist(), "height": one.height}
+            for one, outline in map_.obstacles
+        ],
         "lines": [
             {
                 "name": one.line.name,

@@ -1,8 +1,9 @@
-"""Clearances of a flight from pylons, crowds, lines and borders, and near misses of pylons.
+"""Clearances of a flight from pylons, obstacles, crowds, lines and borders, and near misses of pylons and obstacles.
 
-The distance from a pylon is that of the wing, from tip to tip, from a vertical line up to the pylon's height. All other
-distances are those of the aircraft's centre, as the rules measure it. Where a flight knows no height, the slant
-distance from people is that over ground, and pylons are left out.
+The distance from a pylon is that of the wing, from tip to tip, from a vertical line up to the pylon's height; that from
+an obstacle is measured from the cylinders around it. All other distances are those of the aircraft's centre, as the
+rules measure it. Where a flight knows no height, the slant distance from people is that over ground, and pylons and
+obstacles are left out.
 
 The rules measure the distance of the wing tips from the pylons of a gate at the instant of its passing, along the line
 between the pylons. The wing of an aircraft that crosses this line askew reaches it some hundredths of a second before
@@ -35,7 +36,7 @@ class Clearance:
     """The least distance from one thing on one leg.
 
     Attributes:
-        kind: `pylon`, `crowd`, `safety line`, `airspace`, `floor` or `ceiling`.
+        kind: `pylon`, `obstacle`, `crowd`, `safety line`, `airspace`, `floor` or `ceiling`.
         name: of the thing; empty where there is but one of its kind.
         distance: m; negative beyond a line or a border.
         required: the least distance that the rules ask for, m.
@@ -139,6 +140,12 @@ def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, 
     return tuple(one for one in found if one is not None)
 
 
+def nearest_pylon(found: Sequence[Clearance]) -> tuple[Clearance, ...]:
+    """Return least distances, of those from pylons that with the least margin alone, which comes first."""
+    near = sorted((one for one in found if one.kind == "pylon"), key=lambda one: one.margin)
+    return (*near[:1], *(one for one in found if one.kind != "pylon"))
+
+
 def at_row(flight: Flight, one: Distance, row: int) -> Clearance:
     """Return the distance at one time of a flight."""
     north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
@@ -153,8 +160,8 @@ def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance 
 
 
 def pylons(flight: Flight) -> Iterator[Distance]:
-    """Yield the distance of the wing from the pylons of every element, in the order of first passings; none where the
-    flight knows its height nowhere.
+    """Yield the distance of the wing from the pylons of every element, in the order of first passings, and from every
+    obstacle; none where the flight knows its height nowhere.
 
     A value is the least from half a step before its time to half a step after it.
     """
@@ -169,6 +176,9 @@ def pylons(flight: Flight) -> Iterator[Distance]:
         own = [one for one in standing if one.name == element.name]
         if own:
             yield Distance("pylon", element.name, required, np.minimum.reduce([_least_about(wing, one) for one in own]))
+    for obstacle in flight.course.obstacles:
+        axes = [_least_about(wing, one) for one in standing if one.name == obstacle.name]
+        yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
 
 
 def _wing(flight: Flight) -> Wing:
@@ -194,7 +204,7 @@ def _least_about(wing: Wing, pylon: PylonPost) -> Array:
 
 @record
 class NearMiss:
-    """One pylon passed closely.
+    """One pylon or obstacle passed closely.
 
     Attributes:
         clearance: of the wing from the pylon, and what its passing asks for.
@@ -242,6 +252,8 @@ def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
 
 def _near_miss(flight: Flight, clearance: Clearance) -> NearMiss:
     time = clearance.time
+    if clearance.kind == "obstacle":
+        return NearMiss(clearance, None, *passings_around(flight, time))
     (place,) = {one.passage.element.place for one in flight.crossings if one.passage.element.name == clearance.name}
     own = [one for one in flight.crossings if one.passage.element.place == place and abs(one.time - time) <= BESIDE]
     passing = min(own, key=lambda one: abs(one.time - time), default=None)

@@ -171,6 +171,7 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
     for what, here, there in (
         ("safety lines", reference.course.safety_lines, other.course.safety_lines),
         ("people", reference.course.crowd, other.course.crowd),
+        ("obstacles", reference.course.obstacles, other.course.obstacles),
     ):
         if here != there:
             first, second = (", ".join(one.name for one in some) or "none" for some in (here, there))

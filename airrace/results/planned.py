@@ -23,7 +23,16 @@ from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.procedure.guess import SHORTEST_LEG, guess, leg_seconds
 from airrace.quantities import Quantity
-from airrace.results.clearances import Clearance, Distance, least, least_of_all, near_misses, pylons, surroundings
+from airrace.results.clearances import (
+    Clearance,
+    Distance,
+    least,
+    least_of_all,
+    near_misses,
+    nearest_pylon,
+    pylons,
+    surroundings,
+)
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, History, Source, TimedCrossing
 from airrace.results.legs import Leg, legs_of
 from airrace.trajectory import Array
@@ -121,10 +130,11 @@ def _counts(seconds: list[float], step: float) -> list[int]:
 def plan_clearances(planned: Flight) -> tuple[Clearance, ...]:
     """Return the least distances of a planned flight from its nearest pylon and from everything else in the course.
 
-    The nearest pylon is that with the least margin; there is none for courses that are too long to be planned.
+    The nearest pylon is that with the least margin; there is none, and no obstacle, for courses that are too long to be
+    planned.
     """
-    near = () if len(planned.crossings) > PLANNED_MAX else least_of_all(planned, pylons(planned))
-    return (*sorted(near, key=lambda one: one.margin)[:1], *least_of_all(planned, surroundings(planned)))
+    known = () if len(planned.crossings) > PLANNED_MAX else pylons(planned)
+    return nearest_pylon(least_of_all(planned, (*known, *surroundings(planned))))
 
 
 def remarks_on_line(planned: Flight) -> list[Remark]:
@@ -194,7 +204,16 @@ def _pylon_remarks(planned: Flight) -> Iterator[Remark]:
     places = {one.passage.element.name: one.passage.element.place for one in planned.crossings}
     for one in near_misses(planned):
         ends = tuple(end.passage.element.name for end in (one.before, one.after))
-        name = one.clearance.name
+        name, is_obstacle = one.clearance.name, one.clearance.kind == "obstacle"
+        if is_obstacle:
+            text = f"the planned line from `{one.before.name}` to `{one.after.name}` leads the wing "
+            text += f"{one.clearance.distance:.1f} m past" if one.clearance.distance > 0.0 else "through"
+            yield Remark(
+                one.after.name,
+                RemarkKind.OBSTACLE,
+                f"{text} the obstacle `{name}`; {one.clearance.required:.0f} m are required",
+            )
+            continue
         if places[name] in (places[end] for end in ends) or (*ends, name) in seen:  # of a quad the other gate as well
             continue
         seen.add((*ends, name))

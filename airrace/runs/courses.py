@@ -12,7 +12,7 @@ from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
-from airrace.planning.lint import Remark, RemarkKind, in_order, review
+from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Flight
@@ -270,5 +270,6 @@ def check_course(inputs: Inputs) -> CourseCheck:
         for name in inputs.unused_gates
     )
     planned = planned_flight(inputs.race)
-    remarks = in_order([*review(inputs.race), *remarks_on_line(planned)], inputs.race.course)
+    course = inputs.race.course
+    remarks = in_order([*review(inputs.race), *forgotten_lines(course), *remarks_on_line(planned)], course)
     return CourseCheck(inputs, planned, (*unused, *remarks))

@@ -6,7 +6,7 @@ from enum import Enum
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.element import Direction, Element
-from airrace.track.polygons import Point
+from airrace.track.polygons import Point, to_right
 
 
 @record
@@ -24,6 +24,11 @@ class SafetyLine:
     end: Point
     keep_right: bool
     margin: float = 0.0
+
+    def room(self, place: Point) -> float:
+        """Return the distance of a place from the line on the allowed side, m; negative on the other."""
+        right = to_right(self.start, self.end, place)
+        return right if self.keep_right else -right
 
 
 class CrowdShape(Enum):
@@ -51,6 +56,26 @@ class Crowd:
     distance: float
     height: float = 0.0
     slant: bool = True
+
+
+@record
+class Obstacle:
+    """A thing that stands in the way, as upright cylinders around all of it: a mast, a crane, a building.
+
+    Attributes:
+        places: the axes of the cylinders.
+        radius: of the cylinders, m; 0 for a mast.
+        height: of its top above the track's origin, m.
+        clearance: least distance of the wing from the cylinders, m.
+        corners: of its outline, in order; none where that is a circle.
+    """
+
+    name: str
+    places: tuple[Point, ...]
+    radius: float
+    height: float
+    clearance: float
+    corners: tuple[Point, ...] = ()
 
 
 class Turning(Enum):
@@ -203,6 +228,7 @@ class Course:
     Attributes:
         crowd: where people are; their distance applies all along the flight.
         airspace: corners of the convex area of the race, in order; empty where it has no bounds.
+        obstacles: what the wing keeps clear of at any time, whatever the rule for pylons.
         start_state, finish_state: how the aircraft flies when the clock starts and when it stops.
     """
 
@@ -212,6 +238,7 @@ class Course:
     origin: Origin = Origin()
     crowd: tuple[Crowd, ...] = ()
     airspace: tuple[Point, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     start_state: EndState = EndState.SETTLED
     finish_state: EndState = EndState.FREE
 

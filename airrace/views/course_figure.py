@@ -56,6 +56,9 @@ def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) ->
         _draw_crowd(axes, crowd, frame)
     if map_.crowd:
         axes.plot([], [], color=RED, linewidth=3.0, label="crowd, shaded within its distance")
+    for number, (_, outline) in enumerate(map_.obstacles):
+        label = "" if number else "obstacle"
+        axes.fill(*outline[:, ::-1].T, facecolor=GREY, edgecolor=BLACK, linewidth=0.8, label=label, zorder=3)
     for line in map_.lines:
         _draw_safety_line(axes, line, frame)
     if map_.airspace is not None:
@@ -154,6 +157,9 @@ def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None
     for crowd in map_.crowd:
         north, east = coordinates(crowd.corners).mean(axis=0).tolist()
         labels.append((f"{crowd.name}, {crowd.distance:g} m", (east, north), RED))
+    for one, outline in map_.obstacles:
+        north, east = outline[:-1].mean(axis=0).tolist()
+        labels.append((f"{one.name}, {one.height:g} m high", (east, north), GREY))
     pixel = figure.dpi / 72.0
     to_pixels, from_pixels = axes.transData.transform, axes.transData.inverted().transform
     arrow = STYLE.arrow * max(frame.width, frame.height)

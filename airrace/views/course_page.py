@@ -119,6 +119,16 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
             }
             for crowd in course.crowd
         ],
+        "obstacles": [
+            {
+                "name": one.name,
+                "places": [_place(place) for place in one.places],
+                "radius_m": one.radius,
+                "height_m": one.height,
+                "clearance_m": one.clearance,
+            }
+            for one in course.obstacles
+        ],
         "airspace": [_place(corner) for corner in course.airspace],
         "warnings": [
             {"passage": remark.passage or None, "kind": remark.kind.value, "text": remark.text} for remark in remarks

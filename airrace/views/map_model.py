@@ -18,13 +18,15 @@ from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.results.legs import legs_of
 from airrace.results.planned import is_planned, planned_flight
-from airrace.track.course import Course, Crowd, Direction, SafetyLine
+from airrace.track.course import Course, Crowd, Direction, Obstacle, SafetyLine
 from airrace.track.element import Element
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 LEAST_EXTENT = 200.0
 """The extent of a course that stands on one spot, m."""
+MAST = 3.0
+"""The least radius of an obstacle in a picture, m."""
 BEYOND = 0.4
 """The share of the course's extent in which people and borders beside it are still shown."""
 
@@ -124,6 +126,11 @@ class MapModel:
         return self.race.course.crowd
 
     @property
+    def obstacles(self) -> list[tuple[Obstacle, Array]]:
+        """The obstacles with their outlines, closed, shape (n, 2), m; that of a mast is drawn larger than it is."""
+        return [(one, _outline(one)) for one in self.race.course.obstacles]
+
+    @property
     def wind(self) -> StaticWind | None:
         """The wind; None in calm air."""
         wind = self.race.air.wind
@@ -157,9 +164,18 @@ def map_model(race: Race, planned: Flight | None = None) -> MapModel:
     ways = _straight_ways(course) if long else _planned_ways(planned_flight(race) if planned is None else planned)
     lines = tuple(_line(course, line) for line in course.safety_lines)
     airspace = coordinates((*course.airspace, course.airspace[0])) if course.airspace else None
-    beside = [*(line.ends for line in lines), *(coordinates(crowd.corners) for crowd in course.crowd)]
+    beside = [*(line.ends for line in lines), *(coordinates(one.corners) for one in course.crowd)]
+    beside += [_outline(one) for one in course.obstacles]
     frame = _frame(marks, ways, beside if airspace is None else [*beside, airspace])
     return MapModel(race, marks, ways, lines, airspace, *frame)
+
+
+def _outline(obstacle: Obstacle) -> Array:
+    if obstacle.corners:
+        return coordinates((*obstacle.corners, obstacle.corners[0]))
+    angle: Array = np.linspace(0.0, 2.0 * np.pi, 25)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return coordinates(obstacle.places[:1]) + max(obstacle.radius, MAST) * around
 
 
 def _line(course: Course, line: SafetyLine) -> MapLine:

@@ -85,7 +85,9 @@ def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
 
 
 def _surroundings(sheet: _Sheet, map_: MapModel) -> list[str]:
-    """Return airspace, people with the ground within their distance as a wide, pale stroke around them, and lines."""
+    """Return airspace, people with the ground within their distance as a wide, pale stroke around them, obstacles, and
+    lines.
+    """
     parts: list[str] = []
     for crowd in map_.crowd:
         places, closed = coordinates(crowd.corners), crowd.shape is CrowdShape.AREA
@@ -94,6 +96,8 @@ def _surroundings(sheet: _Sheet, map_: MapModel) -> list[str]:
         shape = f'<{"polygon" if closed else "polyline"} points="{points}" {style}'
         parts.append(f'{shape} stroke-width="{2.0 * crowd.distance * sheet.scale:.1f}" opacity="0.1"/>')
         parts.append(f'{shape} stroke-width="4" opacity="0.7"/>')
+    for _, outline in map_.obstacles:
+        parts.append(f'<polygon points="{sheet.points(outline[:-1])}" fill="{GREY}" stroke="{BLACK}"/>')
     if map_.airspace is not None:
         parts.append(_shape("polygon", sheet.points(map_.airspace[:-1]), BLUE, dash="8 3 2 3"))
     return [*parts, *(_shape("polyline", sheet.points(line.ends), AMBER, dash="6 3") for line in map_.lines)]

@@ -25,7 +25,7 @@ from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
 from airrace.cli.tables import render
 from airrace.environment.air import StaticWind
-from airrace.planning.lint import Remark, RemarkKind, in_order, review
+from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.views.map_model import map_model
 
@@ -83,7 +83,9 @@ def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Pat
     path = everything(tmp_path)
     answered = json.loads(check(path, "--json"))
     flown = race(path)
-    expected = in_order([*review(flown), *remarks_on_line(planned_flight(flown))], flown.course)
+    expected = in_order(
+        [*review(flown), *forgotten_lines(flown.course), *remarks_on_line(planned_flight(flown))], flown.course
+    )
     assert [warning["text"] for warning in answered["warnings"]] == [remark.text for remark in expected]
     told = {(warning["passage"], warning["kind"]) for warning in answered["warnings"]}
     assert {(None, "wind"), ("1:wide", "width"), ("1:q/2", "safety-line"), ("1:top", "crowd")} <= told

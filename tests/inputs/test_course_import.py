@@ -15,6 +15,7 @@ from airrace.inputs.placemarks import Placemark, PlacemarkShape, Subject, read_p
 from airrace.runs.courses import CourseFile, begin_course
 from airrace.track.course import Course, CrowdShape
 from airrace.track.gates import Gate, Pylon
+from airrace.track.polygons import area
 
 Places = Sequence[tuple[float, float]]
 """Metres east and north of 45 N 13 E."""
@@ -193,7 +194,6 @@ def test_what_no_name_tells_is_guessed_or_dropped_and_told(tmp_path: Path) -> No
         feature("Windsock", geometry([(60.0, 60.0)])),
         feature("Quay wall", geometry([(200.0, 0.0), (200.0, 300.0)])),
         feature("Jetty", geometry([(-6.0, 800.0), (6.0, 800.0)])),
-        feature("Crane 60 m", geometry([(100.0, 700.0)])),
         feature("Airspace", geometry([(0.0, 0.0)])),
         {"type": "Feature", "properties": {"name": "Nowhere"}, "geometry": None},
     ]
@@ -206,14 +206,34 @@ def test_what_no_name_tells_is_guessed_or_dropped_and_told(tmp_path: Path) -> No
         "Windsock": "",
         "Quay wall": "",
         "Jetty": "a gate",
-        "Crane 60 m": "",
         "Airspace": "",
         "Nowhere": "",
     }
     text = written.path.read_text()
     assert all(f"# {one.text}\n" in text for one in written.remarks)
     listed = written.as_object()
-    assert [len(listed["guessed"]), len(listed["not_taken_over"])] == [3, 5]
+    assert [len(listed["guessed"]), len(listed["not_taken_over"])] == [3, 4]
+
+
+def test_obstacles_are_as_high_as_their_names_tell(tmp_path: Path) -> None:
+    places = [(200.0, 0.0), (240.0, 0.0), (240.0, 30.0), (200.0, 30.0)]
+    turned = [(0.8 * east - 0.6 * north, 0.6 * east + 0.8 * north) for east, north in places]
+    things = [
+        feature("Obstacle lighthouse 40 m", geometry([(300.0, 300.0)])),
+        feature("Crane 100 ft", geometry([(300.0, 400.0)])),
+        feature("Mast", geometry([(300.0, 500.0)])),
+        feature("Building 12 m", geometry(turned, area=True)),
+        feature("Power line 30 m", geometry([(-300.0, 0.0), (-300.0, 200.0), (-400.0, 200.0)])),
+    ]
+    written, course = sketch(tmp_path, [*gates(), *things])
+    heights = {one.name: one.height for one in course.obstacles}
+    lines = {"Power_line_30_m": 30.0, "Power_line_30_m_2": 30.0}
+    assert (
+        heights == {"Obstacle_lighthouse_40_m": 40.0, "Crane_100_ft": 30.5, "Mast": 50.0, "Building_12_m": 12.0} | lines
+    )
+    assert area(course.obstacles[3].corners) == pytest.approx(1200.0, rel=0.01)
+    assert area(course.obstacles[4].corners) == pytest.approx(400.0, rel=0.01)
+    assert [name for name, _ in told(written)] == ["Mast", "Building 12 m", "Power line 30 m"]
 
 
 def test_points_without_a_word_are_pylons_where_no_other_has_one(tmp_path: Path) -> None:

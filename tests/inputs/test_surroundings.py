@@ -8,9 +8,9 @@ from language_texts import RICH, TRACK, edited, edits, findings_of, understood
 
 from airrace.inputs.rules import preset_names, read_preset
 from airrace.quantities import Interval
-from airrace.track.course import Course, Crowd, CrowdShape, Direction, Rules, SafetyLine
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, Obstacle, Rules, SafetyLine
 from airrace.track.gates import KNIFE_EDGE_LEFT, LEVEL, Gate, Pylon
-from airrace.track.polygons import Point
+from airrace.track.polygons import Point, area, distance, edges, inside
 
 AIRSPACE = """\
 airspace:
@@ -108,6 +108,55 @@ def test_a_leg_over_laps_is_checked_at_both_of_its_ends() -> None:
     message = finding(track=edited(track, "  top:", south))
     assert message.startswith("t.yaml:38:35: course.lap.0.safety_lines.0: the leg to `g1`")
     assert "`south` stands" in message
+
+
+# Obstacles
+
+OBSTACLES = """\
+obstacles:
+  crane: {north_m: 700, east_m: -300, height_m: 80}
+  silo: {latitude_deg: 45.09, longitude_deg: 13.63, height_m: 40, radius_m: 6, clearance_m: 20}
+  hall: {north_m: 0, east_m: 900, height_m: 12, length_m: 65, width_m: 28, heading_deg: 30}
+"""
+
+
+def obstacles(*overrides: str) -> tuple[Obstacle, ...]:
+    return course(*overrides, track=RICH + OBSTACLES).obstacles
+
+
+def test_obstacles_are_masts_cylinders_and_boxes() -> None:
+    crane, silo, hall = obstacles()
+    assert crane == Obstacle("crane", (Point(700, -300),), radius=0.0, height=80.0, clearance=10.0)
+    assert (silo.radius, silo.clearance, silo.corners) == (6.0, 20.0, ())
+    assert silo.places[0].north == pytest.approx(1111.3, abs=0.5)
+    assert area(hall.corners) == pytest.approx(65.0 * 28.0)
+
+
+@pytest.mark.parametrize(
+    ("length", "width"),
+    [(65.0, 28.0), (10.0, 10.0), (3.0, 300.0), (2000.0, 2.0), (90.0, 90.0), (16.9, 10.0), (999.0, 6.0)],
+)
+def test_cylinders_hold_all_of_a_box_and_little_more(length: float, width: float) -> None:
+    *_, hall = obstacles(f"obstacles.hall.length_m={length}", f"obstacles.hall.width_m={width}")
+    for a, b in edges(hall.corners, closed=True):  # a way into the box leads over its border
+        for share in [number / 500.0 for number in range(501)]:
+            place = Point(a.north + share * (b.north - a.north), a.east + share * (b.east - a.east))
+            assert min(math.hypot(place.north - one.north, place.east - one.east) for one in hall.places) <= (
+                hall.radius + 1e-9
+            )
+    beyond = max(hall.radius + distance(one, hall.corners, closed=False) * inward(one, hall) for one in hall.places)
+    assert beyond <= max(5.0, 0.006 * max(length, width))
+    assert len(hall.places) < 400
+
+
+def inward(place: Point, hall: Obstacle) -> float:
+    return -1.0 if inside(place, hall.corners) else 1.0
+
+
+def test_the_size_of_a_box_may_change_a_little_without_another_number_of_cylinders() -> None:
+    for length in (10, 20, 25, 30, 50, 60, 75, 100):
+        counts = {len(obstacles(f"obstacles.hall.length_m={length + change}")[2].places) for change in (-0.1, 0, 0.1)}
+        assert len(counts) == 1
 
 
 # Crowd
@@ -384,3 +433,26 @@ def test_a_key_that_no_track_knows_may_be_meant_for_another_document(override: s
 def test_a_key_in_a_file_is_not_meant_for_another_document() -> None:
     (finding,) = findings_of(TRACK + "foo: 1\n")
     assert finding.message.endswith("crowd, airspace, course")
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("obstacles.crane.height_m=null", "41:3: obstacles.crane.height_m: missing"),
+        ("obstacles.hall.width_m=null", "43:3: obstacles.hall.width_m: missing; a box has `length_m` and `width_m`"),
+        ("obstacles.hall.radius_m=3", "obstacles.hall.radius_m: not together with `length_m`"),
+        ("obstacles.crane.heading_deg=3", "obstacles.crane.length_m: missing; a box has"),
+        ("obstacles.crane.clearance_m=0", "obstacles.crane.clearance_m: must be at least 0.5 and at most 500"),
+        ("obstacles.silo.north_m=3", "obstacles.silo.north_m: the file gives this position by latitude"),
+    ],
+)
+def test_obstacles_that_are_none_are_refused(override: str, said: str) -> None:
+    found = findings_of(RICH + OBSTACLES, overrides=(override,))
+    assert said in "; ".join(map(str, found))
+
+
+def test_gates_do_not_stand_in_the_way_of_obstacles_nor_share_their_names() -> None:
+    (found,) = findings_of(RICH + OBSTACLES, overrides=("obstacles.crane.north_m=5", "obstacles.crane.east_m=0"))
+    assert "gates.g0: is 5 m from the obstacle `crane`; at least 10 m" in str(found)
+    (found,) = findings_of(RICH + OBSTACLES.replace("crane", "g0"))
+    assert "obstacles.g0: is the name of a gate, too" in str(found)

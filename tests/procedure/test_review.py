@@ -12,7 +12,7 @@ from transformations import mirrored
 
 from airrace.environment.air import Air, StaticWind
 from airrace.inputs import load_inputs
-from airrace.planning.lint import Remark, RemarkKind, in_order, legs, review, swapped_axes, tightest
+from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
 from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX
@@ -166,6 +166,9 @@ def test_two_passings_of_one_spot_are_a_quad_and_no_turn_without_room() -> None:
     assert reviewed(of(quad)) == []
 
 
+ONE_BY_ONE = (level("a", 0.0, 0.0, 0.0), level("b", 400.0, 0.0, 0.0), level("c", 800.0, 100.0, 0.0))
+
+
 def line(keep_right: bool, margin: float = 0.0, east: float = 20.0) -> SafetyLine:
     """From south to north."""
     return SafetyLine("beach", Point(-100.0, east), Point(100.0, east), keep_right, margin)
@@ -224,6 +227,35 @@ def test_a_turn_over_a_crowd_is_remarked_on_where_the_straight_line_is_not() -> 
     flown = course("turn", *TURN_AROUND)
     remark = only(race(dataclasses.replace(flown, crowd=(crowd,))))
     assert remark.text.startswith("the planned line from `a` to `b` comes within")
+
+
+def test_people_without_a_line_or_a_border_before_them_are_told() -> None:
+    stand = Crowd("stand", CrowdShape.LINE, (Point(0.0, 400.0), Point(300.0, 400.0)), distance=50.0)
+    bare = dataclasses.replace(with_crowd(stand).course, passages=course("x", *ONE_BY_ONE).passages)
+
+    def told(**changes: object) -> list[str]:
+        return [one.text for one in forgotten_lines(dataclasses.replace(bare, **changes))]
+
+    assert told() == ["no safety line or border lies between the race and `stand`; its distance alone is kept"]
+    square = tuple(Point(north, east) for north, east in ((-900, -900), (900, -900), (900, 300), (-900, 300)))
+    assert told(airspace=square) == []
+    for keep_right, count in ((False, 0), (True, 1)):
+        lines = (line(keep_right, east=200.0),)
+        held = tuple(dataclasses.replace(one, safety_lines=lines) for one in bare.passages)
+        assert len(told(passages=(bare.passages[0], *held[1:]))) == count
+
+
+def test_a_line_that_could_hold_on_more_legs_is_told() -> None:
+    first, second, third = course("x", *ONE_BY_ONE).passages
+
+    def told(east: float) -> list[tuple[str, str]]:
+        held = dataclasses.replace(second, safety_lines=(line(keep_right=False, east=east),))
+        passages = (first, held, third)
+        found = forgotten_lines(dataclasses.replace(course("x", *ONE_BY_ONE), passages=passages))
+        return [(one.passage, one.text.partition(",")[0]) for one in found]
+
+    assert told(200.0) == [(third.name, "the safety line `beach` does not hold on 1 of 2 legs")]
+    assert told(50.0) == []  # the last gate stands beyond it
 
 
 def test_a_turn_that_leaves_the_airspace_is_remarked_on() -> None:

@@ -1,4 +1,4 @@
-// What stands on the course: gates and pylons, the windows between them, people, safety lines, the airspace.
+// What stands on the course: gates and pylons, the windows between them, people, obstacles, safety lines, the airspace.
 
 import {
   BufferAttribute,
@@ -40,6 +40,7 @@ export function courseOf(course) {
   };
   for (const element of course.elements) addElement(element, add, labels);
   course.crowd.forEach((crowd, number) => addCrowd(crowd, number, add, labels));
+  for (const obstacle of course.obstacles) addObstacle(obstacle, add, labels);
   for (const safety of course.lines) addSafetyLine(safety, add, labels);
   if (course.airspace.length) addAirspace(course.airspace, add, labels);
   group.labels = labels;
@@ -124,6 +125,16 @@ function addCrowd({ name, corners, closed, distance, height }, number, add, labe
     add(post, "limit");
   }
   labels.push({ text: `${name}, ${Math.round(distance)} m`, place: middle(places).setY(height + 8), kind: "crowd" });
+}
+
+/** A mast, a cylinder or a box, from the ground to its top. */
+function addObstacle({ name, corners, height }, add, labels) {
+  const places = corners.map(([north, east]) => placed(north, east, height));
+  for (const [a, b] of sidesOf(places, true)) {
+    const wall = new Mesh(upright(a, b, height), translucent(0.6));
+    add(wall, "limit");
+  }
+  labels.push({ text: name, place: middle(places).setY(height + 4), kind: "element" });
 }
 
 /** A line not to be crossed: a low fence, translucent, and hatches to the side that is forbidden. */

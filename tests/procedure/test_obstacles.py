@@ -1,0 +1,100 @@
+"""Obstacles: what stands in the way is passed at its clearance, at any time and by any rule for pylons."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from races import EDGE_540, PLAN, RULES, course, level, optimum
+
+from airrace.environment.air import Air
+from airrace.planning.race import Race
+from airrace.planning.wing_clearance import Wing, closest_approaches, kept_clear, pylons_of
+from airrace.procedure.result import Status
+from airrace.results.clearances import distances, least_of_all
+from airrace.results.derivation import flight_of
+from airrace.results.flight import Flight, Source
+from airrace.results.planned import planned_flight, remarks_on_line
+from airrace.track.course import ClearanceRule, Obstacle
+from airrace.track.polygons import Point
+from airrace.trajectory import Array
+
+MAST = Obstacle("mast", (Point(300.0, 1.0),), 0.0, 60.0, 10.0)
+TANK = Obstacle("tank", (Point(300.0, 1.0),), 20.0, 60.0, 10.0)
+LOW = Obstacle("low", (Point(300.0, 1.0),), 5.0, 12.0, 5.0)
+WALL = Obstacle("wall", tuple(Point(300.0, east) for east in range(-30, 61, 10)), 5.0, 200.0, 10.0)
+"""A wall of 100 m, more of which stands to the right of the way."""
+
+
+def race(*obstacles: Obstacle, clearance: ClearanceRule = ClearanceRule.FLIGHT) -> Race:
+    rules = dataclasses.replace(RULES, clearance=clearance)
+    straight = course("straight", level("a", 0.0, 0.0, 0.0), level("b", 600.0, 0.0, 0.0), rules=rules)
+    return Race(dataclasses.replace(straight, obstacles=obstacles), EDGE_540, Air())
+
+
+def flown(what: Race) -> Flight:
+    result = optimum(what, PLAN)
+    assert result.status is Status.CERTIFIED
+    return flight_of(what, result, Source("optimum"))
+
+
+def from_axis(flight: Flight, obstacle: Obstacle) -> float:
+    """The least distance of the wing from the axes up to their tops, by points along the wing at fine times."""
+    time: Array = np.linspace(0.0, flight.race_time, 8001)
+
+    def at_times(name: str) -> Array:
+        return np.asarray(np.interp(time, flight.time, flight[name]), np.float64)
+
+    centre = np.stack([at_times(name) for name in ("x", "y", "height")])
+    q0, q1, q2, q3 = (at_times(name) for name in ("b0", "b1", "b2", "b3"))
+    right = np.stack([2 * (q1 * q2 - q0 * q3), 1 - 2 * (q1**2 + q3**2), -2 * (q2 * q3 + q0 * q1)])
+    least = math.inf
+    for s in np.linspace(-1.0, 1.0, 41).tolist():
+        n, e, h = centre + 0.5 * s * flight.aircraft.airframe.b * right
+        for at in obstacle.places:
+            above = np.maximum(h - obstacle.height, 0.0)
+            least = min(least, float(np.sqrt((n - at.north) ** 2 + (e - at.east) ** 2 + above**2).min()))
+    return least
+
+
+@pytest.mark.parametrize("obstacle", [MAST, TANK, LOW, WALL], ids=lambda one: one.name)
+def test_an_obstacle_in_the_way_is_passed_at_its_clearance(obstacle: Obstacle) -> None:
+    flight = flown(race(obstacle))
+    away = from_axis(flight, obstacle) - obstacle.radius
+    assert away == pytest.approx(obstacle.clearance, abs=0.03)  # no nearer, and as it costs time no farther away
+    (told,) = (one for one in least_of_all(flight, distances(flight)) if one.kind == "obstacle")
+    assert told.distance == pytest.approx(away, abs=0.02)
+    assert flight.race_time > flown(race()).race_time
+
+
+def test_a_wall_is_passed_on_its_shorter_side() -> None:
+    flight = flown(race(WALL))
+    assert float(np.interp(300.0, flight["x"], flight["y"])) < -45.0
+
+
+def test_obstacles_are_kept_clear_of_by_the_rule_of_crossings_too() -> None:
+    flight = flown(race(MAST, clearance=ClearanceRule.CROSSING))
+    assert from_axis(flight, MAST) == pytest.approx(MAST.clearance, abs=0.03)
+    assert [one.name for one in kept_clear(flight.course)] == ["mast"]
+    assert len(pylons_of(flight.course)) == 5
+
+
+@pytest.mark.parametrize(("radius", "beside"), [(0.0, 12.0), (8.0, 30.0)])
+def test_a_level_wing_is_nearest_by_its_tip(radius: float, beside: float) -> None:
+    """Straight and level past a cylinder: the way's distance, less half of the span; more by height above the top."""
+    time: Array = np.linspace(0.0, 4.0, 401)
+    post = dataclasses.replace(MAST, places=(Point(200.0, beside),), radius=radius)
+    (pylon,) = (one for one in pylons_of(race(post).course) if one.is_obstacle)
+    for height, above in ((20.0, 0.0), (70.0, 10.0)):
+        centre = np.stack([100.0 * time, 0.0 * time, 0.0 * time + height])
+        wing = Wing(time, centre, np.tile([[0.0], [3.7], [0.0]], (1, len(time))))
+        (approach,) = closest_approaches(wing, [pylon], [0, 400])
+        assert approach.distance == pytest.approx(math.hypot(beside - 3.7, above), abs=1e-9)
+        assert approach.time == pytest.approx(2.0, abs=1e-6)
+        assert approach.shortfall == pytest.approx(10.0 + radius - approach.distance)
+
+
+def test_the_planned_line_is_remarked_on() -> None:
+    (remark,) = remarks_on_line(planned_flight(race(TANK)))
+    assert remark.kind.value == "obstacle"
+    assert "leads the wing through the obstacle `tank`; 10 m are required" in remark.text
