@@ -1,1 +1,1 @@
-"""Safety: how far flights stray, what falls where when one fails, and what is near it then."""
+"""Safety: how far flights stray in closed loop, what falls where when one fails, and what is near it then."""

@@ -1,0 +1,272 @@
+"""Closed-loop flights: a pilot flies the aircraft along its optimum, many flights at once, each disturbed in its own way.
+
+Every sample, for all flights of a batch: the clock at which each is abeam of the line, its error there, the decision
+of the pilot, and the stick that was decided `delay` before, within its travel and its rate; gusts are held meanwhile,
+and one step of the classical scheme advances the aircraft. The stick of the optimum is part of what is decided, for the
+place where the pilot will be then, so what the rates do not allow is never flown.
+
+Flight k draws from a generator of its own, seeded by (seed, k), and no arithmetic mixes flights: it is the same bit by
+bit however many there are, in whatever batches, on however many threads.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.quantities import KNOT
+from airrace.records import record
+from airrace.safety.gusts import GustFilter, Gusts
+from airrace.safety.nominal import PATH, NominalFlight, abeam, errors
+from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
+from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, Plant, advance
+from airrace.trajectory import Array
+
+
+@record
+class Scatter:
+    """The standard deviations of what is not as it was when the race was optimised, and the gusts.
+
+    Attributes:
+        gusts: the turbulence.
+        wind: of either horizontal component of the wind, m/s: an error of its speed as well as of its direction.
+        mass, power, density: shares.
+        timing: whether ailerons come late or early, see `PilotModel`.
+    """
+
+    gusts: Gusts = Gusts.LIGHT
+    wind: float = 2.5 * KNOT
+    mass: float = 0.02
+    power: float = 0.02
+    density: float = 0.01
+    timing: bool = True
+
+    @property
+    def constant(self) -> Array:
+        """The standard deviations of a `Disturbance` that lasts for the flight, shape (6,)."""
+        return np.array([self.wind, self.wind, 0.0, self.mass, self.power, self.density])
+
+
+UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=False)
+
+
+@record
+class ClosedLoopSettings:
+    """The settings of closed-loop flights.
+
+    Attributes:
+        batch: flights at once. With fewer the overhead of Python counts, with more the memory for their histories.
+        late: the time after which a flight must have come in, as a share of the optimum's.
+        lost: distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there.
+        undisturbed_off: distance from the line that the undisturbed flight may have, m; the pilot cannot hold it if more.
+    """
+
+    batch: int = 125
+    late: float = 1.15
+    lost: float = 100.0
+    undisturbed_off: float = 1.0
+
+
+SETTINGS = ClosedLoopSettings()
+KEPT = STATE["beta_K"] + 1
+"""The number of the first states that are kept of a flight: those that tell where its wing is."""
+
+
+@record
+class ClosedLoop:
+    """All that closed-loop flights along one optimum need.
+
+    Attributes:
+        plant: the aircraft.
+        nominal: the optimum.
+        linear: the aircraft linearised along it.
+        pilot, gains: who flies.
+    """
+
+    plant: Plant
+    nominal: NominalFlight
+    linear: LinearFlight
+    pilot: PilotModel
+    gains: PilotGains
+
+    @classmethod
+    def of(cls, plant: Plant, nominal: NominalFlight, pilot: PilotModel) -> "ClosedLoop":
+        """Train a pilot for an optimum."""
+        linear = linearise(plant, nominal, pilot.sample)
+        return cls(plant, nominal, linear, pilot, train(pilot, linear))
+
+    @property
+    def leg_middles(self) -> Array:
+        """The clock in the middle of every leg, s."""
+        return 0.5 * (self.nominal.passings[1:] + self.nominal.passings[:-1])
+
+    @property
+    def samples(self) -> int:
+        """The number of samples after which flights are ended."""
+        return int(SETTINGS.late * self.nominal.end / self.pilot.sample) + 1
+
+    def gust_filter(self, gusts: Gusts, samples: int) -> GustFilter:
+        """Return the gusts along the optimum; behind its end they go on as there."""
+        line = self.nominal.at(self.pilot.sample * np.arange(samples))
+        return GustFilter.of(gusts, -line[STATE["z"]], line[STATE["V_K"]], self.pilot.sample)
+
+
+@record
+class Flights:
+    """Closed-loop flights, sample by sample; n flights of up to K samples.
+
+    Attributes:
+        sample: time between samples, s.
+        state: the first states, down to the sideslip, shape (K, 11, n); a lost flight rests on the line.
+        clock: of the line, s; shape (K, n).
+        error: those of the path, shape (K, 7, n).
+        load: load factor, g; shape (K, n).
+        lost: first sample at which a flight was lost, K where it never was; shape (n,).
+    """
+
+    sample: float
+    state: Array
+    clock: Array
+    error: Array
+    load: Array
+    lost: NDArray[np.int64]
+
+
+def batches(count: int) -> list[range]:
+    """Return the numbers of so many flights, batch by batch."""
+    return [range(first, min(first + SETTINGS.batch, count)) for first in range(0, count, SETTINGS.batch)]
+
+
+def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -> Flights:
+    """Fly the flights of these numbers.
+
+    Args:
+        loop: aircraft, line and pilot.
+        scatter: how they are disturbed.
+        seed: of all flights.
+        numbers: of the flights wanted; the same number is the same flight in every batch.
+    """
+    return _Batch(loop, scatter, seed, numbers).fly()
+
+
+class _Batch:
+    """Some flights, side by side."""
+
+    def __init__(self, loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -> None:
+        self.loop, self.count = loop, len(numbers)
+        generators = [np.random.default_rng([seed, number]) for number in numbers]
+        middles = loop.leg_middles
+        drawn = np.stack([one.standard_normal(DISTURBANCES + len(middles)) for one in generators], axis=1)
+        self.constant = scatter.constant[:, None] * drawn[:DISTURBANCES]
+        lateness = loop.pilot.timing * drawn[DISTURBANCES:] if scatter.timing else 0.0 * drawn[DISTURBANCES:]
+        grid = loop.pilot.sample * np.arange(loop.linear.count + 2)
+        self.late = np.stack([np.interp(grid, middles, one) for one in lateness.T], axis=1)
+        """By how much ailerons are late on the samples of the clock, shape (N + 2, n), s."""
+        self.gusts = None
+        if scatter.gusts is not Gusts.NONE:
+            self.gusts = loop.gust_filter(scatter.gusts, loop.samples).draw(generators)
+        self.inputs = np.zeros((CONTROLS + DISTURBANCES, self.count))
+        self.rates, self.path = loop.plant.rates_of(self.inputs), loop.plant.path_of(self.inputs)
+        bounds = loop.plant.system
+        self.lower, self.upper = (
+            np.array([[getattr(one, end)] for one in bounds.controls]) for end in ("lower", "upper")
+        )
+        self.travel = [
+            (place, STATE[one.rate_of], bounds.states[STATE[one.rate_of]])
+            for place, one in enumerate(bounds.controls)
+            if one.rate_of
+        ]
+        self.alpha = bounds.path[loop.plant.path_row("alpha_A")]
+        self.alpha_row, self.load_row = loop.plant.path_row("alpha_A"), loop.plant.path_row("n_z")
+
+    def fly(self) -> Flights:
+        loop, pilot, nominal = self.loop, self.loop.pilot, self.loop.nominal
+        waiting, n, samples = pilot.waiting, self.count, loop.samples
+        x = np.repeat(nominal.at(np.zeros(1)), n, axis=1)
+        clock, lost = np.zeros(n), np.full(n, samples)
+        ahead = pilot.sample * np.arange(waiting)
+        stick = np.repeat(np.moveaxis(nominal.stick(ahead, pilot.sample), 1, 0)[:, :, None], n, axis=2)
+        besides = np.zeros((waiting, CONTROLS, n))
+        states, found = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
+        clocks, loads = np.empty((samples, n)), np.empty((samples, n))
+        for k in range(samples):
+            clock = abeam(nominal, x, clock)
+            line = nominal.at(clock)
+            e = errors(x, line)
+            away = np.sqrt(np.sum(e[:3] * e[:3], axis=0))
+            gone = ~(away < SETTINGS.lost) | ~np.isfinite(e).all(axis=0)
+            finished = clock >= nominal.end
+            lost[gone & ~finished] = np.minimum(lost[gone & ~finished], k)
+            if (gone | finished).any():
+                x, e = np.where(gone | finished, line, x), np.where(gone | finished, 0.0, e)
+            self._disturb(k, line)
+            path = self.path(x)
+            states[k], found[k], clocks[k], loads[k] = x[:KEPT], e[:PATH], clock, path[self.load_row]
+            if finished.all():
+                samples = k + 1
+                break
+            whole, beside = self._decide(clock, line, x, e, besides, path)
+            stick, besides = np.concatenate([stick, whole[None]]), np.concatenate([besides, beside[None]])
+            self._move(stick[0], clock, x)
+            x = advance(self.rates, x, pilot.sample)
+            clock = clock + pilot.sample * x[3] / line[3]
+            stick, besides = stick[1:], besides[1:]
+        cut = slice(samples)
+        return Flights(pilot.sample, states[cut], clocks[cut], found[cut], loads[cut], np.minimum(lost, samples))
+
+    def _disturb(self, k: int, line: Array) -> None:
+        """Set the disturbances of a sample: what lasts, and the gusts, turned into the course of the line."""
+        self.inputs[CONTROLS:] = self.constant
+        if self.gusts is not None:
+            east, north = course(line)
+            u, v, w = self.gusts[min(k, len(self.gusts) - 1)]
+            self.inputs[CONTROLS] += north * u - east * v
+            self.inputs[CONTROLS + 1] += east * u + north * v
+            self.inputs[CONTROLS + 2] += w
+
+    def _decide(self, clock: Array, line: Array, x: Array, e: Array, besides: Array, path: Array) -> tuple[Array, Array]:
+        """Return the stick decided now, within its limits, and what of it is besides that of the optimum."""
+        pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
+        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.L) - 1)
+        seen = e.copy()
+        np.clip(seen[:3], -pilot.urgent, pilot.urgent, out=seen[:3])
+        known = np.concatenate([seen, besides.reshape(-1, self.count)])
+        decision = np.sum(gains.L[row] * known.T[:, None, :], axis=2).T
+        there = clock + pilot.delay * x[3] / line[3]
+        optimum = nominal.stick(there, pilot.sample)
+        # near the stall no more is pulled for the sake of the path; the optimum's own pull stays, and so does damping
+        expected = nominal.at(there, slice(STATE["alpha_K"], STATE["alpha_K"] + 1))[0]
+        turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
+        alpha = expected + turned + np.sum(gains.alpha[row] * known.T, axis=1)
+        wanted = np.sum(gains.L[row, 0, :PATH] * seen[:PATH].T, axis=1)  # of the elevator; nose up where negative
+        room = np.where(
+            wanted < 0.0, np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
+        )
+        decision[0] -= wanted * (1.0 - np.clip(room / pilot.stall_margin, 0.0, 1.0))
+        whole = np.clip(optimum + decision, self.lower, self.upper)
+        return whole, whole - optimum
+
+    def _move(self, stick: Array, clock: Array, x: Array) -> None:
+        """Set the stick of a sample: ailerons late or early, and nothing beyond the travel of the surfaces."""
+        pilot, nominal = self.loop.pilot, self.loop.nominal
+        u = self.inputs[:CONTROLS]
+        u[:] = stick
+        if self.late.any():
+            row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), self.loop.linear.count)
+            flight = np.arange(self.count)
+            end = clock + pilot.sample - self.late[row + 1, flight]
+            begin = clock - self.late[row, flight]
+            moved = nominal.moved_to(end)[1] - nominal.moved_to(begin)[1]
+            u[1] += moved / pilot.sample - nominal.stick(clock, pilot.sample)[1]
+        np.clip(u, self.lower, self.upper, out=u)
+        for place, row, one in self.travel:
+            np.clip(u[place], (one.lower - x[row]) / pilot.sample, (one.upper - x[row]) / pilot.sample, out=u[place])
+
+
+def course(line: Array) -> tuple[Array, Array]:
+    """Return sine and cosine of the course over ground on the line; north where it is vertical."""
+    a, b, c, d = line[4:8]
+    north, east = a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d)
+    level = np.sqrt(north * north + east * east)
+    safe = np.where(level > 1e-9, level, 1.0)
+    return np.where(level > 1e-9, east / safe, 0.0), np.where(level > 1e-9, north / safe, 1.0)

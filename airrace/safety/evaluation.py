@@ -1,0 +1,350 @@
+"""Closed-loop flights measured by the rules of the course: passings, pylons, and all that has to be kept clear of.
+
+A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
+measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
+`airrace.planning.wing_clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is allowed
+beyond each of them; see `Allowances`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.dynamics.observations import CrossingParameters, crossing_observation
+from airrace.environment.air import Air
+from airrace.frames import rotation
+from airrace.optimal_control.problem import Boundary
+from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.planning.decisions_from_solution import plan_from_solution
+from airrace.planning.race import Race
+from airrace.planning.wing_clearance import PylonPost, Wing, closest_in_steps, pylons_of
+from airrace.points import at_points
+from airrace.procedure.formulation import boundary
+from airrace.procedure.result import StageResult
+from airrace.quantities import Interval
+from airrace.records import record
+from airrace.safety.closed_loop import ClosedLoop, Flights
+from airrace.safety.nominal import NominalFlight, errors
+from airrace.safety.plant import STATE, STATES, Plant
+from airrace.track.course import Course
+from airrace.track.gates import Passing, Tolerant
+from airrace.trajectory import Array
+
+Booleans = NDArray[np.bool_]
+
+
+@record
+class Allowances:
+    """What is allowed beyond a limit before it counts; judgements.
+
+    Attributes:
+        length: m; a judge beside the course sees no less, see `airrace.results.clearances`.
+        angle: sine of half a degree; cameras judge banks to about a degree.
+        speed: m/s, a knot.
+        load: g, the noise of an accelerometer in turbulence.
+        touch: distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance are
+            some millimetres apart.
+    """
+
+    length: float = 0.1
+    angle: float = 0.0087
+    speed: float = 0.5
+    load: float = 0.1
+    touch: float = 0.05
+
+
+ALLOWED = Allowances()
+WINDOW = 40
+"""The samples before and after a passing in which the plane of the gate is looked for, 0.8 s."""
+GRID = 0.1
+"""The step of the clock at which deviations are kept, s."""
+
+KINDS = {
+    **{"right": "missed", "right_wing": "clearance", "left_wing": "clearance"},
+    **{"beside_right": "clearance", "beside_left": "clearance", "height": "height", "V_K": "speed"},
+    **{"bank_excess_right": "bank", "bank_excess_left": "bank", "bank_cosine": "bank", "bank_sine": "bank"},
+    **{"course_excess_right": "course", "course_excess_left": "course", "climb_sine": "climb"},
+}
+"""The kind of breach by the name of the quantity whose range is left; of others it is `tolerance`."""
+LENGTHS = ("missed", "clearance", "height")
+
+
+@record
+class Judge:
+    """The rules of a course, ready to measure flights.
+
+    Attributes:
+        course: whose rules they are.
+        passings: the conditions of every passage.
+        states: of the optimum at the passages, shape (17, n).
+        loads: its load factor there, g; shape (n,).
+        pylons: of the course.
+        semispan: m.
+        load: the load factors that are allowed.
+    """
+
+    course: Course
+    passings: tuple[Boundary, ...]
+    states: Array
+    loads: Array
+    pylons: tuple[PylonPost, ...]
+    semispan: float
+    load: Interval
+
+    @classmethod
+    def of(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
+        """Return the rules of a race, for flights along the optimum of a stage."""
+        trajectory, plant, span = result.trajectory, loop.plant, race.aircraft.airframe.b
+        waypoints = plan_from_solution(race.course, race.pace, trajectory).waypoints
+        seen = crossing_observation(plant.system.states)
+        passings: list[Boundary] = []
+        for waypoint in waypoints:
+            element: Any = waypoint.passage.element  # every kind of gate is a dataclass, but none need be
+            if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+                element = replace(element, passing=Passing.WINDOW)
+            passage = replace(waypoint.passage, element=element)
+            passings.append(boundary(replace(waypoint, passage=passage), seen, span))
+        states = loop.nominal.at(loop.nominal.passings)
+        inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
+        row = plant.path_row("n_z")
+        limit = plant.system.path[row]
+        return cls(
+            race.course,
+            tuple(passings),
+            states,
+            plant.path_of(inputs)(states)[row],
+            pylons_of(race.course),
+            0.5 * span,
+            Interval(limit.lower, limit.upper),
+        )
+
+
+@record
+class Measured:
+    """What some flights did; n flights.
+
+    Attributes:
+        crossed: deviations from the optimum at every passage: to the right of the gate's axis (m), height (m), bank
+            about the path (rad), load factor (g), time (s); NaN where a flight did not pass; shape (passages, 5, n).
+        breaches: kinds of breaches by passage: name of the kind to booleans, shape (passages, n).
+        touched: pylons touched, shape (pylons, n).
+        nearest: least distance of the wing from every pylon, m; likewise.
+        along: other limits broken, by kind, shape (n,).
+        deviations: lateral (m), height (m), bank (rad), load factor (g) on the grid of the clock; NaN where a flight is
+            lost; shape (4, m, n).
+        lost: whether a flight was lost.
+    """
+
+    crossed: Array
+    breaches: Mapping[str, Booleans]
+    touched: Booleans
+    nearest: Array
+    along: Mapping[str, Booleans]
+    deviations: Array
+    lost: Booleans
+
+
+def together(parts: Sequence[Measured]) -> Measured:
+    """Return what all flights of some batches did, in their order."""
+
+    def joined(values: Sequence[Any]) -> Any:
+        return np.concatenate(values, axis=-1)
+
+    return Measured(
+        joined([one.crossed for one in parts]),
+        {kind: joined([one.breaches[kind] for one in parts]) for kind in parts[0].breaches},
+        joined([one.touched for one in parts]),
+        joined([one.nearest for one in parts]),
+        {kind: joined([one.along[kind] for one in parts]) for kind in parts[0].along},
+        joined([one.deviations for one in parts]),
+        joined([one.lost for one in parts]),
+    )
+
+
+def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
+    """Measure flights by the rules."""
+    nominal = loop.nominal
+    count = flights.clock.shape[1]
+    lost = flights.lost < len(flights.clock)
+    crossed = np.full((len(judge.passings), 5, count), np.nan)
+    breaches = {kind: np.zeros((len(judge.passings), count), bool) for kind in (*dict.fromkeys(KINDS.values()), "tolerance")}
+    for number, passing in enumerate(judge.passings):
+        state, load, late = _crossing(judge, nominal, flights, number)
+        missed = ~np.isfinite(state).all(axis=0)
+        _judge(judge, passing, number, np.where(missed, judge.states[:, [number]], state), breaches)
+        for one in breaches.values():
+            one[number] &= ~missed
+        breaches["missed"][number] |= missed
+        there = judge.states[:, [number]]
+        e = errors(state, np.repeat(there, count, axis=1))
+        axis = axis_of(passing, there)
+        away = state[:2] - there[:2]
+        right = axis[0] * away[1] - axis[1] * away[0]
+        crossed[number] = np.stack([right, there[2] - state[2], e[4], load - judge.loads[number], late])
+    racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
+    racing &= np.arange(len(flights.clock))[:, None] < flights.lost
+    nearest = _pylons(judge, flights, racing)
+    return Measured(
+        crossed=crossed,
+        breaches=breaches,
+        touched=nearest < ALLOWED.touch,
+        nearest=nearest,
+        along=_along(judge, loop, flights, racing),
+        deviations=_deviations(loop, flights),
+        lost=lost,
+    )
+
+
+def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
+    """Return the direction across the plane of a passage: the gate's axis, or the course where none stands."""
+    values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
+    if "along" in passing.bounds:
+        return values["axis_north"], values["axis_east"]
+    R = rotation([float(one) for one in state[4:8, 0]])
+    level = max(float(np.hypot(R[0][0], R[1][0])), 1e-9)
+    return R[0][0] / level, R[1][0] / level
+
+
+def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: int) -> tuple[Array, Array, Array]:
+    """Return states, load factors and lateness at a passage; NaN where a flight does not cross the plane of its gate."""
+    passing, when = judge.passings[number], float(nominal.passings[number])
+    samples, count = flights.clock.shape
+    flight = np.arange(count)
+    near = np.argmin(np.abs(flights.clock - when), axis=0)
+    rows = np.clip(near + np.arange(-WINDOW, WINDOW + 1)[:, None], 0, samples - 1)
+    if number == 0:
+        before, share, found = np.zeros(count, np.int64), np.zeros(count), np.ones(count, bool)
+    else:
+        if "along" in passing.bounds:
+            values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
+            along = values["axis_north"] * (flights.state[rows, 0, flight] - values["centre_north"])
+            along = along + values["axis_east"] * (flights.state[rows, 1, flight] - values["centre_east"])
+        else:
+            along = flights.clock[rows, flight] - when
+        passed = (along[:-1] < 0.0) & (along[1:] >= 0.0)
+        apart = np.where(passed, np.abs(np.arange(-WINDOW, WINDOW) + 0.5)[:, None], np.inf)
+        place, found = np.argmin(apart, axis=0), passed.any(axis=0)
+        a, b = along[place, flight], along[place + 1, flight]
+        before, share = rows[place, flight], np.where(found, a / np.where(found, a - b, 1.0), np.nan)
+    found &= before < flights.lost
+    after = np.minimum(before + 1, samples - 1)
+
+    def between(values: Array) -> Array:
+        first, last = values[before, ..., flight].T, values[after, ..., flight].T
+        return np.where(found, first + share * (last - first), np.nan)
+
+    state = np.zeros((STATES, count))
+    state[: flights.state.shape[1]] = between(flights.state)
+    state[4:8] /= np.linalg.norm(state[4:8], axis=0)
+    late = flights.sample * (before + share) - when
+    return state, between(flights.load), np.where(found, late, np.nan)
+
+
+def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches: Mapping[str, Booleans]) -> None:
+    """Note what a passage breaks; manoeuvres are attitudes that no flight meets exactly, and are not judged."""
+    assert passing.observation is not None  # it is the boundary of a passage
+    element = judge.course.passages[number].element
+    if not element.stands:
+        return
+    seen = at_points(passing.observation.values, state, np.array(passing.values))
+    values = dict(zip((one.name for one in passing.observation.quantities), seen, strict=True))
+    values["V_K"] = state[STATE["V_K"]]
+    half = 0.5 * getattr(element, "width", np.inf)
+    bounds = {"right": Interval(-half, half), **passing.bounds}
+    for name, allowed in bounds.items():
+        if name == "along" or name not in values:
+            continue
+        kind = KINDS.get(name, "tolerance")
+        beyond = ALLOWED.length if kind in LENGTHS else ALLOWED.speed if kind == "speed" else ALLOWED.angle
+        breaches[kind][number] |= (values[name] > allowed.upper + beyond) | (values[name] < allowed.lower - beyond)
+
+
+def _pylons(judge: Judge, flights: Flights, racing: Booleans) -> Array:
+    """Return the least distances of the wing from every pylon, shape (pylons, n).
+
+    All flights are one long way, each with a sample more at either end so that its slopes are its own.
+    """
+    samples, count = flights.clock.shape
+    q = [flights.state[:, row].T for row in range(4, 8)]  # (n, K)
+    R, beta = rotation(q), flights.state[:, STATE["beta_K"]].T
+    half = judge.semispan * np.stack(
+        [side * (np.sin(beta) * R[i][0] + np.cos(beta) * R[i][1]) for i, side in enumerate((1.0, 1.0, -1.0))]
+    )
+    centre = np.stack([side * flights.state[:, row].T for row, side in enumerate((1.0, 1.0, -1.0))])
+
+    def padded(way: Array) -> Array:
+        first, last = 2.0 * way[:, :, :1] - way[:, :, 1:2], 2.0 * way[:, :, -1:] - way[:, :, -2:-1]
+        return np.concatenate([first, way, last], axis=2).reshape(3, -1)
+
+    wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), padded(centre), padded(half))
+    steps = (racing[1:] & racing[:-1]).T  # (n, K - 1)
+    nearest = np.full((len(judge.pylons), count), np.inf)
+    for row, pylon in enumerate(judge.pylons):
+        distance, _ = closest_in_steps(wing, pylon)
+        own = np.append(distance, np.inf).reshape(count, samples + 2)[:, 1:samples]
+        nearest[row] = np.where(steps, own, np.inf).min(axis=1, initial=np.inf)
+    return nearest
+
+
+def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -> dict[str, Booleans]:
+    """Return which other limits are broken: load factor, floor, ceiling, crowd, safety lines, airspace."""
+    course, beyond = judge.course, ALLOWED.length
+    height = -flights.state[:, STATE["z"]]
+    places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
+    legs = np.searchsorted(loop.nominal.passings, flights.clock, side="right")  # that ends in the passage of this number
+    floor, ceiling = course.rules.height.lower, course.rules.height.upper
+    found = {
+        "load factor": (flights.load > judge.load.upper + ALLOWED.load) | (flights.load < judge.load.lower - ALLOWED.load),
+        "floor": height < floor - beyond,
+        "ceiling": height > ceiling + beyond,
+        **{kind: np.zeros_like(racing) for kind in ("crowd", "safety line", "airspace")},
+    }
+    for crowd in course.crowd:
+        away = ground_distance(places, crowd)
+        found["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
+    for line in course.safety_lines:
+        on = [number for number, one in enumerate(course.passages) if any(line.name == it.name for it in one.safety_lines)]
+        found["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
+    if course.airspace:
+        found["airspace"] |= beside_border(places, course.airspace) < -beyond
+    return {kind: (one & racing).any(axis=0) for kind, one in found.items()}
+
+
+def grid_of(nominal: NominalFlight) -> Array:
+    """Return the clock at which deviations are kept, s; shape (m,)."""
+    return np.arange(0.0, nominal.passings[-1], GRID)
+
+
+def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
+    """Return the deviations on the grid, see `Measured`."""
+    nominal, grid = loop.nominal, grid_of(loop.nominal)
+    line = nominal.at(grid)
+    north, east = planes(line)
+    inputs = np.zeros((loop.plant.path.size1_in(1), len(grid)))
+    loads = loop.plant.path_of(inputs)(line)[loop.plant.path_row("n_z")]
+    found = np.full((4, len(grid), flights.clock.shape[1]), np.nan)
+    for flight in range(flights.clock.shape[1]):
+        until = int(flights.lost[flight])
+        clock = flights.clock[:until, flight]
+        rows = [np.interp(grid, clock, one, right=np.nan) for one in flights.error[:until, [1, 2, 4], flight].T]
+        load = np.interp(grid, clock, flights.load[:until, flight], right=np.nan)
+        lateral = north[0] * rows[0] + north[1] * rows[1]
+        height = east[0] * rows[0] + east[1] * rows[1]
+        found[:, :, flight] = np.stack([lateral, height, rows[2], load - loads])
+    return found
+
+
+def planes(line: Array) -> tuple[Array, Array]:
+    """Return what a metre to the right and a metre down, in the axes of the path, are to the right of the course and up.
+
+    Both of shape (2, n): (lateral per right, lateral per down), (height per right, height per down).
+    """
+    R = rotation(list(line[4:8]))
+    level = np.sqrt(R[0][0] ** 2 + R[1][0] ** 2)
+    safe = np.where(level > 1e-9, level, 1.0)
+    across = np.where(level > 1e-9, -R[1][0] / safe, 0.0), np.where(level > 1e-9, R[0][0] / safe, 1.0)
+    lateral = np.stack([across[0] * R[0][i] + across[1] * R[1][i] for i in (1, 2)])
+    return lateral, -np.stack([R[2][1], R[2][2]])

@@ -1,0 +1,163 @@
+"""Closed-loop flights of a stage, from its optimum to the result: flown and measured batch by batch, on threads."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.frames import rotation
+from airrace.planning.race import Race
+from airrace.procedure.result import StageResult
+from airrace.procedure.stage import Stage
+from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
+from airrace.safety.covariance import covariance
+from airrace.safety.evaluation import Judge, Measured, axis_of, grid_of, measure, together
+from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors
+from airrace.safety.pilot import PilotModel
+from airrace.safety.plant import CONTROLS, DISTURBANCES, Plant
+from airrace.safety.result import (
+    CONTACT,
+    LOAD,
+    Count,
+    SafetyResult,
+    breaches_by_flight,
+    envelope_of,
+    gate_stretches,
+    leg_stretches,
+)
+from airrace.trajectory import Array
+
+MOST_FLIGHTS = 1_000_000
+"""The largest number of flights; more would take hours, and their interval would be no narrower than the model is true."""
+
+
+def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> ClosedLoop:
+    """Train a pilot for the optimum of a stage.
+
+    Raises:
+        UsageError: the stage is not six-dof or found no flight, or the pilot cannot hold it even undisturbed.
+    """
+    if result.stage is not Stage.SIX_DOF or not result.is_flight:
+        raise UsageError(f"closed-loop flights follow an optimum of six-dof; this is {result.stage.value}, {result.status.value}")
+    if not 0.0 <= pilot.delay <= 1.0:
+        raise UsageError(f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3")
+    plant = Plant.of(race)
+    loop = ClosedLoop.of(plant, NominalFlight.of(race, result, plant), pilot)
+    alone = fly(loop, UNDISTURBED, 0, [0])
+    off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
+    if alone.lost[0] < len(alone.clock) or off.max() > SETTINGS.undisturbed_off:
+        when = float(alone.clock[int(np.argmax(off > SETTINGS.undisturbed_off)), 0])
+        raise UsageError(
+            f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more than "
+            f"{SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
+        )
+    return loop
+
+
+def fly_closed_loop(
+    race: Race,
+    result: StageResult,
+    *,
+    flights: int = 1000,
+    scatter: Scatter | None = None,
+    pilot: PilotModel | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+) -> SafetyResult:
+    """Fly a stage's optimum many times, and tell how far the flights stray and what they break.
+
+    Args:
+        race: course, aircraft and air.
+        result: its stage six-dof.
+        flights: how many.
+        scatter: the disturbances; None for the defaults.
+        pilot: who flies; None for the defaults.
+        seed: of all flights; flight k is the same however many there are.
+        threads: None for one per processor.
+
+    Raises:
+        UsageError: the stage is not six-dof or found no flight, or an argument says nothing sensible.
+    """
+    if not 1 <= flights <= MOST_FLIGHTS:
+        raise UsageError(f"{flights} flights make no sense: it must be 1 to {MOST_FLIGHTS}")
+    scatter = scatter or Scatter()
+    loop = closed_loop_of(race, result, pilot or PilotModel())
+    judge = Judge.of(race, result, loop)
+
+    def one(numbers: range) -> Measured:
+        return measure(judge, loop, fly(loop, scatter, seed, numbers))
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        measured = together(list(pool.map(one, batches(flights))))
+    names = [passage.name for passage in race.course.passages]
+    broken = breaches_by_flight(measured)
+    contact = np.logical_or.reduce([broken[kind] for kind in CONTACT])
+    outside = np.logical_or.reduce([one for kind, one in broken.items() if kind != LOAD])
+    clock, passings = grid_of(loop.nominal), loop.nominal.passings
+    return SafetyResult(
+        scatter=scatter,
+        pilot=loop.pilot,
+        seed=seed,
+        flights=flights,
+        race_time=result.trajectory.race_time,
+        counts={kind: Count.among(int(one.sum()), flights) for kind, one in broken.items()},
+        contact=Count.among(int(contact.sum()), flights),
+        outside=Count.among(int(outside.sum()), flights),
+        gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
+        legs=tuple(leg_stretches(names, passings, clock, measured)),
+        pylons={
+            f"{pylon.name}.{pylon.post + 1}": (Count.among(int(touched.sum()), flights), float(nearest.min()))
+            for pylon, touched, nearest in zip(judge.pylons, measured.touched, measured.nearest, strict=True)
+        },
+        clock=clock,
+        envelope=envelope_of(measured),
+    )
+
+
+def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Array:
+    """Return standard deviations of lateral, height, bank, load factor and time at every passage, shape (n, 5).
+
+    An error at the clock of the passage is carried along the flow to the plane of the gate.
+    """
+    P, nominal, plant = covariance(loop, scatter), loop.nominal, loop.plant
+    size, row = P.shape[1], plant.path_row("n_z")
+    clock = np.minimum(np.rint(nominal.passings / loop.pilot.sample).astype(np.int64), len(P) - 1)
+    found = np.zeros((len(clock), 5))
+    for number, (passing, k) in enumerate(zip(judge.passings, clock.tolist(), strict=True)):
+        line = nominal.at(nominal.passings[number : number + 1])
+        line[4:8] /= np.linalg.norm(line[4:8], axis=0)
+        before, after = (nominal.at(nominal.passings[number : number + 1] + step) for step in (-TABLE_STEP, TABLE_STEP))
+        flow = (errors(after, line) - errors(before, line))[:, 0] / (2.0 * TABLE_STEP if number else TABLE_STEP)
+        away = np.array(rotation([float(one) for one in line[4:8, 0]]))  # north, east, down per error of position
+        axis = axis_of(passing, line)
+        across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
+        onto = np.eye(len(flow))
+        onto[:, :3] -= np.outer(flow, across) / (across @ flow[:3])
+        loads = np.zeros(size)
+        loads[: len(flow)], loads[len(flow) : size - 1] = _load_gradient(plant, line, row)
+        loads[: len(flow)] = loads[: len(flow)] @ onto
+        J = np.zeros((5, size))
+        J[0, : len(flow)] = (axis[0] * away[1] - axis[1] * away[0]) @ onto[:3]
+        J[1, : len(flow)] = -away[2] @ onto[:3]
+        J[2, : len(flow)] = onto[4]
+        J[3], J[4, -1] = loads, 1.0
+        J[4, :3] -= across / (across @ flow[:3])
+        found[number] = np.sqrt(np.maximum(np.diag(J @ P[k] @ J.T), 0.0))
+    return found
+
+
+def _load_gradient(plant: Plant, line: Array, row: int) -> tuple[Array, Array]:
+    """Return the derivatives of the load factor by errors (16,) and by disturbances (6,) at a state (17, 1)."""
+    count, step = len(ERRORS) + DISTURBANCES, 1e-5
+    error, inputs = np.zeros((len(ERRORS), 2 * count)), np.zeros((CONTROLS + DISTURBANCES, 2 * count))
+    for number in range(count):
+        for place, side in ((number, step), (number + count, -step)):
+            if number < len(ERRORS):
+                error[number, place] = side
+            else:
+                inputs[CONTROLS + number - len(ERRORS), place] = side
+    states = displaced(np.repeat(line, 2 * count, axis=1), error)
+    loads = plant.path_of(inputs)(states)[row]
+    slopes = (loads[:count] - loads[count:]) / (2.0 * step)
+    return slopes[: len(ERRORS)], slopes[len(ERRORS) :]
