@@ -7,7 +7,7 @@ import logging
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
@@ -45,6 +45,7 @@ from airrace.views.progress_view import watching
 from airrace.views.units import units_named
 
 if TYPE_CHECKING:
+    from airrace.runs.safety_case import SafetyCase
     from airrace.safety.footprint import Footprint
 
 TrackGiven = str | Path | Course | Race
@@ -430,6 +431,10 @@ class Run(RunState):
     def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Sensitivities:
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
         return self.stage(stage).sensitivities(by)
+
+    def safety(self, stage: str | Stage | None = None, **options: Any) -> "SafetyCase":
+        """Fly a stage's optimum many times with a pilot in the loop; see `StageView.safety` for the options."""
+        return self.stage(stage).safety(**options)
 
     def brief(self, stage: str | Stage | None = None) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""

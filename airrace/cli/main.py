@@ -16,6 +16,7 @@ from airrace.cli.footprint import footprint
 from airrace.cli.optimize import optimize, resume
 from airrace.cli.options import Command
 from airrace.cli.runs import sensitivity, show, verify
+from airrace.cli.safety import safety
 from airrace.runs.command_result import ExitCode
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ for _name, _command in {
     "verify": verify,
     "sensitivity": sensitivity,
     "footprint": footprint,
+    "safety": safety,
     "check": check,
     "batch": batch,
     "tracks": tracks,

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from airrace.optimal_control.casadi_nlp import CasadiNlp
     from airrace.optimal_control.problem import Iterate, Problem
     from airrace.results.duals import ConstraintMultipliers, NamedArray
+    from airrace.runs.safety_case import SafetyCase
 
 
 @dataclass(frozen=True, repr=False)
@@ -440,6 +441,45 @@ class StageView:
         if self.stale:
             raise NotCertified(f"{self.name} has no sensitivities: {self.stale}")
         return stage_sensitivities(self.inputs, self.result, by)
+
+    def safety(
+        self,
+        *,
+        flights: int = 1000,
+        gusts: str = "light",
+        wind_error_kt: float = 2.5,
+        mass_error_percent: float = 2.0,
+        power_error_percent: float = 2.0,
+        density_error_percent: float = 1.0,
+        roll_timing_s: float = 0.02,
+        delay_s: float = 0.1,
+        seed: int = 0,
+        threads: int | None = None,
+        label: str | None = None,
+    ) -> "SafetyCase":
+        """Fly the optimum many times with a pilot in the loop, in gusts and with errors, as `airrace safety` does.
+
+        Args:
+            flights: how many; flight k is the same however many there are.
+            gusts: `none`, `light`, `moderate` or `severe`.
+            wind_error_kt: standard deviation of the wind to the north and to the east.
+            mass_error_percent, power_error_percent, density_error_percent: standard deviations of these.
+            roll_timing_s: standard deviation of the time by which rolls begin late or early.
+            delay_s: of the pilot.
+            seed: of all flights.
+            threads: None for one per processor.
+            label: what people call the flight; None for the track's name and the stage.
+
+        Raises:
+            UsageError: the stage is not six-dof or found no flight, or an argument says nothing sensible.
+        """
+        from airrace.runs.safety_case import fly_safety_case  # takes what flies, likewise
+
+        errors = (wind_error_kt, mass_error_percent, power_error_percent, density_error_percent, roll_timing_s)
+        name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
+        return fly_safety_case(
+            self.inputs.race, self.result, name, flights, gusts, errors, delay=delay_s, seed=seed, threads=threads
+        )
 
     def as_object(self) -> dict[str, object]:
         """Return the object of this stage in `airrace show --json`."""

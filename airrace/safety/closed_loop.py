@@ -1,4 +1,4 @@
-"""Closed-loop flights: a pilot flies the aircraft along its optimum, many flights at once, each disturbed in its own way.
+"""Closed-loop flights: a pilot flies the aircraft along its optimum, many flights at once, each disturbed otherwise.
 
 Every sample, for all flights of a batch: the clock at which each is abeam of the line, its error there, the decision
 of the pilot, and the stick that was decided `delay` before, within its travel and its rate; gusts are held meanwhile,
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.safety.gusts import GustFilter, Gusts
-from airrace.safety.nominal import PATH, NominalFlight, abeam, errors
+from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, Plant, advance
 from airrace.trajectory import Array
@@ -31,7 +31,7 @@ class Scatter:
         gusts: the turbulence.
         wind: of either horizontal component of the wind, m/s: an error of its speed as well as of its direction.
         mass, power, density: shares.
-        timing: whether ailerons come late or early, see `PilotModel`.
+        timing: of the time by which the ailerons come late, or early, on a leg, s. A judgement.
     """
 
     gusts: Gusts = Gusts.LIGHT
@@ -39,7 +39,7 @@ class Scatter:
     mass: float = 0.02
     power: float = 0.02
     density: float = 0.01
-    timing: bool = True
+    timing: float = 0.02
 
     @property
     def constant(self) -> Array:
@@ -47,7 +47,7 @@ class Scatter:
         return np.array([self.wind, self.wind, 0.0, self.mass, self.power, self.density])
 
 
-UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=False)
+UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=0.0)
 
 
 @record
@@ -58,7 +58,7 @@ class ClosedLoopSettings:
         batch: flights at once. With fewer the overhead of Python counts, with more the memory for their histories.
         late: the time after which a flight must have come in, as a share of the optimum's.
         lost: distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there.
-        undisturbed_off: distance from the line that the undisturbed flight may have, m; the pilot cannot hold it if more.
+        undisturbed_off: largest distance of the undisturbed flight from the line, m, of a pilot who holds it.
     """
 
     batch: int = 125
@@ -107,7 +107,7 @@ class ClosedLoop:
 
     def gust_filter(self, gusts: Gusts, samples: int) -> GustFilter:
         """Return the gusts along the optimum; behind its end they go on as there."""
-        line = self.nominal.at(self.pilot.sample * np.arange(samples))
+        line = self.nominal.at(instants(self.pilot.sample, samples))
         return GustFilter.of(gusts, -line[STATE["z"]], line[STATE["V_K"]], self.pilot.sample)
 
 
@@ -158,9 +158,9 @@ class _Batch:
         middles = loop.leg_middles
         drawn = np.stack([one.standard_normal(DISTURBANCES + len(middles)) for one in generators], axis=1)
         self.constant = scatter.constant[:, None] * drawn[:DISTURBANCES]
-        lateness = loop.pilot.timing * drawn[DISTURBANCES:] if scatter.timing else 0.0 * drawn[DISTURBANCES:]
-        grid = loop.pilot.sample * np.arange(loop.linear.count + 2)
-        self.late = np.stack([np.interp(grid, middles, one) for one in lateness.T], axis=1)
+        lateness = scatter.timing * drawn[DISTURBANCES:]
+        grid = instants(loop.pilot.sample, loop.linear.count + 2)
+        self.late = np.stack([np.asarray(np.interp(grid, middles, one), np.float64) for one in lateness.T], axis=1)
         """By how much ailerons are late on the samples of the clock, shape (N + 2, n), s."""
         self.gusts = None
         if scatter.gusts is not Gusts.NONE:
@@ -184,7 +184,7 @@ class _Batch:
         waiting, n, samples = pilot.waiting, self.count, loop.samples
         x = np.repeat(nominal.at(np.zeros(1)), n, axis=1)
         clock, lost = np.zeros(n), np.full(n, samples)
-        ahead = pilot.sample * np.arange(waiting)
+        ahead = instants(pilot.sample, waiting)
         stick = np.repeat(np.moveaxis(nominal.stick(ahead, pilot.sample), 1, 0)[:, :, None], n, axis=2)
         besides = np.zeros((waiting, CONTROLS, n))
         states, found = np.empty((samples, KEPT, n)), np.empty((samples, PATH, n))
@@ -224,7 +224,9 @@ class _Batch:
             self.inputs[CONTROLS + 1] += east * u + north * v
             self.inputs[CONTROLS + 2] += w
 
-    def _decide(self, clock: Array, line: Array, x: Array, e: Array, besides: Array, path: Array) -> tuple[Array, Array]:
+    def _decide(
+        self, clock: Array, line: Array, x: Array, e: Array, besides: Array, path: Array
+    ) -> tuple[Array, Array]:
         """Return the stick decided now, within its limits, and what of it is besides that of the optimum."""
         pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
         row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.L) - 1)
@@ -239,9 +241,8 @@ class _Batch:
         turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
         alpha = expected + turned + np.sum(gains.alpha[row] * known.T, axis=1)
         wanted = np.sum(gains.L[row, 0, :PATH] * seen[:PATH].T, axis=1)  # of the elevator; nose up where negative
-        room = np.where(
-            wanted < 0.0, np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
-        )
+        above, below = np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
+        room = np.asarray(np.where(wanted < 0.0, above, below), np.float64)
         decision[0] -= wanted * (1.0 - np.clip(room / pilot.stall_margin, 0.0, 1.0))
         whole = np.clip(optimum + decision, self.lower, self.upper)
         return whole, whole - optimum

@@ -11,11 +11,12 @@ Limits of stick and stall are not in it: it holds for small disturbances, and is
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.safety import gusts as dryden
 from airrace.safety.closed_loop import ClosedLoop, Scatter, course
 from airrace.safety.gusts import Gusts
-from airrace.safety.nominal import ERRORS
+from airrace.safety.nominal import ERRORS, instants
 from airrace.safety.plant import CONTROLS, DISTURBANCES
 from airrace.trajectory import Array
 
@@ -42,11 +43,11 @@ def closed_loop_matrix(F: Array, G: Array, L: Array, waiting: int) -> Array:
 
 def propagate(start: Array, steps: Iterator[tuple[Array, Array]]) -> Iterator[Array]:
     """Yield the covariance at every sample, the start's first, from (A, W) of every sample."""
-    P = start
-    yield P
+    now = start
+    yield now
     for A, W in steps:
-        P = A @ P @ A.T + W
-        yield P
+        now = A @ now @ A.T + W
+        yield now
 
 
 def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
@@ -65,18 +66,19 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
     gust, constant = own, own + dryden.STATES
     late = constant + DISTURBANCES  # of the ailerons in the middles of two legs
     size = late + 2 + 1
-    line = nominal.at(sample * np.arange(count + 1))
+    clock = instants(sample, count + 1)
+    line = nominal.at(clock)
     filters = None if scatter.gusts is Gusts.NONE else loop.gust_filter(scatter.gusts, count + 1)
     into_ned = _turned(line)
     weights, leg = _timing(loop, count + 1)
     # how far ailerons are off where they are late by a second, by differences as wide as they are late
-    width, clock = pilot.timing, sample * np.arange(count + 1)
+    width = max(scatter.timing, 1e-3)
     off = (nominal.moved_to(clock - width)[1] - nominal.moved_to(clock + width)[1]) / (2.0 * width)
 
     start = np.zeros((size, size))
     start[gust:constant, gust:constant] = dryden.STATIONARY
     start[constant:late, constant:late] = np.diag(scatter.constant**2)
-    start[late : late + 2, late : late + 2] = np.eye(2) * (pilot.timing * scatter.timing) ** 2
+    start[late : late + 2, late : late + 2] = np.eye(2) * scatter.timing**2
 
     def disturbances(k: int) -> Array:
         """Return the map from z to the disturbances of a sample, shape (6, size)."""
@@ -104,7 +106,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
             if leg[k + 1] != leg[k]:  # the leg behind is the next one before, and another comes
                 A[late] = A[late + 1]
                 A[late + 1] = 0.0
-                W[late + 1, late + 1] = (pilot.timing * scatter.timing) ** 2
+                W[late + 1, late + 1] = scatter.timing**2
             yield A, W
 
     shown = np.zeros((SIZE + DISTURBANCES + 1, size))
@@ -124,11 +126,11 @@ def _turned(line: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _timing(loop: ClosedLoop, samples: int) -> tuple[Array, Array]:
+def _timing(loop: ClosedLoop, samples: int) -> tuple[Array, NDArray[np.int64]]:
     """Return the weights of two legs in the lateness of the ailerons, shape (N, 2), and the number of the first."""
-    middles, clock = loop.leg_middles, loop.pilot.sample * np.arange(samples)
+    middles, clock = loop.leg_middles, instants(loop.pilot.sample, samples)
     if len(middles) < 2:
-        return np.tile([1.0, 0.0], (samples, 1)), np.zeros(samples)
-    leg = np.clip(np.searchsorted(middles, clock, side="right") - 1, 0, len(middles) - 2)
+        return np.tile([1.0, 0.0], (samples, 1)), np.zeros(samples, np.int64)
+    leg = np.clip(np.searchsorted(middles, clock, side="right") - 1, 0, len(middles) - 2).astype(np.int64)
     share = np.clip((clock - middles[leg]) / (middles[leg + 1] - middles[leg]), 0.0, 1.0)
     return np.stack([1.0 - share, share], axis=1), leg

@@ -2,8 +2,8 @@
 
 A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
 measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
-`airrace.planning.wing_clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is allowed
-beyond each of them; see `Allowances`.
+`airrace.planning.wing_clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is
+allowed beyond each of them; see `Allowances`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.dynamics.observations import CrossingParameters, crossing_observation
-from airrace.environment.air import Air
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Boundary
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
@@ -28,7 +27,7 @@ from airrace.quantities import Interval
 from airrace.records import record
 from airrace.safety.closed_loop import ClosedLoop, Flights
 from airrace.safety.nominal import NominalFlight, errors
-from airrace.safety.plant import STATE, STATES, Plant
+from airrace.safety.plant import STATE, STATES
 from airrace.track.course import Course
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
@@ -45,8 +44,8 @@ class Allowances:
         angle: sine of half a degree; cameras judge banks to about a degree.
         speed: m/s, a knot.
         load: g, the noise of an accelerometer in turbulence.
-        touch: distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance are
-            some millimetres apart.
+        touch: distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance
+            are some millimetres apart.
     """
 
     length: float = 0.1
@@ -63,10 +62,20 @@ GRID = 0.1
 """The step of the clock at which deviations are kept, s."""
 
 KINDS = {
-    **{"right": "missed", "right_wing": "clearance", "left_wing": "clearance"},
-    **{"beside_right": "clearance", "beside_left": "clearance", "height": "height", "V_K": "speed"},
-    **{"bank_excess_right": "bank", "bank_excess_left": "bank", "bank_cosine": "bank", "bank_sine": "bank"},
-    **{"course_excess_right": "course", "course_excess_left": "course", "climb_sine": "climb"},
+    "right": "missed",
+    "right_wing": "clearance",
+    "left_wing": "clearance",
+    "beside_right": "clearance",
+    "beside_left": "clearance",
+    "height": "height",
+    "V_K": "speed",
+    "bank_excess_right": "bank",
+    "bank_excess_left": "bank",
+    "bank_cosine": "bank",
+    "bank_sine": "bank",
+    "course_excess_right": "course",
+    "course_excess_left": "course",
+    "climb_sine": "climb",
 }
 """The kind of breach by the name of the quantity whose range is left; of others it is `tolerance`."""
 LENGTHS = ("missed", "clearance", "height")
@@ -102,10 +111,10 @@ class Judge:
         seen = crossing_observation(plant.system.states)
         passings: list[Boundary] = []
         for waypoint in waypoints:
-            element: Any = waypoint.passage.element  # every kind of gate is a dataclass, but none need be
+            element, passage = waypoint.passage.element, waypoint.passage
             if isinstance(element, Tolerant) and element.passing is Passing.POINT:
-                element = replace(element, passing=Passing.WINDOW)
-            passage = replace(waypoint.passage, element=element)
+                kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
+                passage = replace(passage, element=replace(kind, passing=Passing.WINDOW))
             passings.append(boundary(replace(waypoint, passage=passage), seen, span))
         states = loop.nominal.at(loop.nominal.passings)
         inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
@@ -170,7 +179,9 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
     count = flights.clock.shape[1]
     lost = flights.lost < len(flights.clock)
     crossed = np.full((len(judge.passings), 5, count), np.nan)
-    breaches = {kind: np.zeros((len(judge.passings), count), bool) for kind in (*dict.fromkeys(KINDS.values()), "tolerance")}
+    breaches = {
+        kind: np.zeros((len(judge.passings), count), bool) for kind in (*dict.fromkeys(KINDS.values()), "tolerance")
+    }
     for number, passing in enumerate(judge.passings):
         state, load, late = _crossing(judge, nominal, flights, number)
         missed = ~np.isfinite(state).all(axis=0)
@@ -209,10 +220,10 @@ def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
 
 
 def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: int) -> tuple[Array, Array, Array]:
-    """Return states, load factors and lateness at a passage; NaN where a flight does not cross the plane of its gate."""
+    """Return states, load factors and lateness (s) at a passage; NaN where a flight does not cross its plane."""
     passing, when = judge.passings[number], float(nominal.passings[number])
     samples, count = flights.clock.shape
-    flight = np.arange(count)
+    flight = np.arange(count, dtype=np.int64)
     near = np.argmin(np.abs(flights.clock - when), axis=0)
     rows = np.clip(near + np.arange(-WINDOW, WINDOW + 1)[:, None], 0, samples - 1)
     if number == 0:
@@ -294,10 +305,13 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
     course, beyond = judge.course, ALLOWED.length
     height = -flights.state[:, STATE["z"]]
     places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
-    legs = np.searchsorted(loop.nominal.passings, flights.clock, side="right")  # that ends in the passage of this number
+    legs = np.searchsorted(
+        loop.nominal.passings, flights.clock, side="right"
+    )  # that ends in the passage of this number
     floor, ceiling = course.rules.height.lower, course.rules.height.upper
     found = {
-        "load factor": (flights.load > judge.load.upper + ALLOWED.load) | (flights.load < judge.load.lower - ALLOWED.load),
+        "load factor": (flights.load > judge.load.upper + ALLOWED.load)
+        | (flights.load < judge.load.lower - ALLOWED.load),
         "floor": height < floor - beyond,
         "ceiling": height > ceiling + beyond,
         **{kind: np.zeros_like(racing) for kind in ("crowd", "safety line", "airspace")},
@@ -306,11 +320,13 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
         away = ground_distance(places, crowd)
         found["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
     for line in course.safety_lines:
-        on = [number for number, one in enumerate(course.passages) if any(line.name == it.name for it in one.safety_lines)]
+        on = [
+            number for number, one in enumerate(course.passages) if any(line.name == it.name for it in one.safety_lines)
+        ]
         found["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
     if course.airspace:
         found["airspace"] |= beside_border(places, course.airspace) < -beyond
-    return {kind: (one & racing).any(axis=0) for kind, one in found.items()}
+    return {kind: np.asarray((one & racing).any(axis=0)) for kind, one in found.items()}
 
 
 def grid_of(nominal: NominalFlight) -> Array:
@@ -329,7 +345,12 @@ def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
     for flight in range(flights.clock.shape[1]):
         until = int(flights.lost[flight])
         clock = flights.clock[:until, flight]
-        rows = [np.interp(grid, clock, one, right=np.nan) for one in flights.error[:until, [1, 2, 4], flight].T]
+        right, down, bank = (
+            flights.error[:until, 1, flight],
+            flights.error[:until, 2, flight],
+            flights.error[:until, 4, flight],
+        )
+        rows: list[Array] = [np.interp(grid, clock, one, right=np.nan) for one in (right, down, bank)]
         load = np.interp(grid, clock, flights.load[:until, flight], right=np.nan)
         lateral = north[0] * rows[0] + north[1] * rows[1]
         height = east[0] * rows[0] + east[1] * rows[1]
@@ -338,7 +359,7 @@ def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
 
 
 def planes(line: Array) -> tuple[Array, Array]:
-    """Return what a metre to the right and a metre down, in the axes of the path, are to the right of the course and up.
+    """Return what a metre to the right and a metre down in the axes of the path are to the right of the course, and up.
 
     Both of shape (2, n): (lateral per right, lateral per down), (height per right, height per down).
     """

@@ -7,7 +7,8 @@ At the height h in feet (10 to 1000 ft) and with the wind W20 at 20 ft,
 
 u is along the course over ground, v to its right, w down. With T = L / V, white noise of unit density drives
 
-    H_u = sigma_u sqrt(2 T_u) / (1 + T_u s),    H_v = sigma_v sqrt(T_v) (1 + sqrt(3) T_v s) / (1 + T_v s)^2,    H_w alike
+    H_u = sigma_u sqrt(2 T_u) / (1 + T_u s)
+    H_v = sigma_v sqrt(T_v) (1 + sqrt(3) T_v s) / (1 + T_v s)^2,   H_w alike
 
 The states of the filters are scaled such that their stationary covariance does not depend on T: of the first order 1,
 of the second I / 4, with the output (1, sqrt(3)). So they stay stationary where speed and height change.
@@ -78,7 +79,7 @@ class GustFilter:
         return cls(step, noise, output)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Array:
-        """Return histories of (u, v, w), m/s, shape (N, 3, n), stationary from their start, one flight per generator."""
+        """Return histories of (u, v, w), m/s, shape (N, 3, n), stationary from their start, one per generator."""
         count = len(self.step)
         white = np.stack([one.standard_normal((count + 1, STATES)) for one in generators], axis=2)
         state, found = np.sqrt(np.diag(STATIONARY))[:, None] * white[0], np.empty((count, 3, len(generators)))

@@ -58,14 +58,15 @@ class NominalFlight:
         names = [one.name for one in plant.system.states]
         if not set(names) <= {one.name for one in trajectory.states}:
             raise UsageError(f"closed-loop flights follow an optimum of six-dof; {result.stage.value} is another stage")
-        times = TABLE_STEP * np.arange(int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1)
+        count = int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1
+        times = instants(TABLE_STEP, count)
         known = results_api.sampler(race, result)(times)
         state = np.stack([known[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
         controls = np.stack([trajectory.of(one.name) for one in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
-        moved = np.stack([np.interp(times, trajectory.time, row) for row in sums])
+        moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
         held = np.zeros((CONTROLS + DISTURBANCES, 1))
         held[CONTROLS - 1] = controls[-1, -1]
         rates, behind, x = plant.rates_of(held), list[Array](), state[:, -1:]
@@ -93,6 +94,11 @@ class NominalFlight:
     def moved_to(self, clock: Array) -> Array:
         """Return the integrals of the controls up to clocks (n,), shape (4, n)."""
         return _between(self.moved, clock)
+
+
+def instants(step: float, count: int) -> Array:
+    """Return 0, step, 2 step, ..., so many; s."""
+    return np.asarray(step * np.arange(count), np.float64)
 
 
 def _between(table: Array, clock: Array) -> Array:

@@ -20,7 +20,7 @@ from dataclasses import field
 import numpy as np
 
 from airrace.records import record
-from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors
+from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors, instants
 from airrace.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
 from airrace.trajectory import Array
 
@@ -37,11 +37,10 @@ class PilotModel:
             delays of 0.1 to 0.2 s, the muscles' lag among them; Kleinman, Baron & Levison 0.15 to 0.25 s without it.
         allowed: errors that count alike, by name: m, m/s, rad (Bryson's rule). A judgement: a metre beside the line is
             as bad as 9 degrees of bank. Speed is not corrected: a race is flown at full throttle.
-        brisk: rates of the surfaces (rad/s) and a step of the throttle that count like these errors. Elevator, ailerons
-            and rudder then lag by 0.1 s, as muscles do [Kleinman, Baron & Levison]; the throttle stays as in the optimum.
+        brisk: rates of the surfaces (rad/s) and a step of the throttle that count like these errors. Surfaces then lag
+            by 0.06 to 0.13 s, as muscles do (0.1 s by Kleinman, Baron & Levison); the throttle stays as in the optimum.
         urgent: distance from the line, m, beyond which it is not corrected any harder.
         end: time that errors count for at the end of the line, s.
-        timing: standard deviation of the time by which the ailerons of a leg come late, or early, s. A judgement.
         stall_margin: angle of attack short of the stall, rad, within which ever less is pulled to correct the path: the
             buffet tells. A judgement.
     """
@@ -50,14 +49,17 @@ class PilotModel:
     delay: float = 0.1
     allowed: dict[str, float] = field(
         default_factory=lambda: {
-            **{"right": 1.0, "down": 1.0, "roll": 0.16},
-            **{"pitch": 0.05, "yaw": 0.05, "beta_K": 0.05},
+            "right": 1.0,
+            "down": 1.0,
+            "roll": 0.16,
+            "pitch": 0.05,
+            "yaw": 0.05,
+            "beta_K": 0.05,
         }
     )
     brisk: tuple[float, ...] = (0.5, 0.5, 0.5, 1e-3)
     urgent: float = 5.0
     end: float = 1.0
-    timing: float = 0.02
     stall_margin: float = 0.05
 
     @property
@@ -68,7 +70,9 @@ class PilotModel:
     @property
     def state_cost(self) -> Array:
         """Q of one sample, shape (16, 16)."""
-        return self.sample * np.diag([1.0 / self.allowed[name] ** 2 if name in self.allowed else 0.0 for name in ERRORS])
+        return self.sample * np.diag(
+            [1.0 / self.allowed[name] ** 2 if name in self.allowed else 0.0 for name in ERRORS]
+        )
 
     @property
     def control_cost(self) -> Array:
@@ -100,7 +104,7 @@ class LinearFlight:
 
 def linearise(plant: Plant, nominal: NominalFlight, sample: float) -> LinearFlight:
     """Return the aircraft linearised by central differences of its own samples, and projected on its clock."""
-    clock = sample * np.arange(int(nominal.end / sample))
+    clock = instants(sample, int(nominal.end / sample))
     count, first = len(clock), clock[:-1]
     line = nominal.at(clock)
     line[4:8] /= np.linalg.norm(line[4:8], axis=0)
@@ -126,8 +130,8 @@ def linearise(plant: Plant, nominal: NominalFlight, sample: float) -> LinearFlig
     flow /= 2.0 * TABLE_STEP
     slip = whole[:, 0] / flow[0][:, None]
     whole = whole - flow.T[:, :, None] * slip[:, None, :]
-    split = np.split(whole, [SIZE, SIZE + CONTROLS], axis=2)
-    return LinearFlight(*split, slip)
+    F, G, E = np.split(whole, [SIZE, SIZE + CONTROLS], axis=2)
+    return LinearFlight(F, G, E, slip)
 
 
 _WIDTHS = (*[0.01] * 4, *[1e-4] * 3, 1e-3, *[1e-4] * 2, *[1e-3] * 3, *[1e-4] * 3)
@@ -143,12 +147,12 @@ def regulator(F: Array, G: Array, Q: Array, R: Array, end: Array) -> Array:
         Q, R: costs of a sample, shapes (n, n), (n_u, n_u).
         end: cost at the end, shape (n, n).
     """
-    K, S = np.empty((len(F), G.shape[2], F.shape[1])), end
+    K, cost = np.empty((len(F), G.shape[2], F.shape[1])), end
     for k in range(len(F) - 1, -1, -1):
-        weighed = G[k].T @ S
+        weighed = G[k].T @ cost
         K[k] = np.linalg.solve(R + weighed @ G[k], weighed @ F[k])
-        S = Q + F[k].T @ S @ (F[k] - G[k] @ K[k])
-        S = 0.5 * (S + S.T)
+        cost = Q + F[k].T @ cost @ (F[k] - G[k] @ K[k])
+        cost = 0.5 * (cost + cost.T)
     return K
 
 
@@ -162,9 +166,9 @@ def predictors(F: Array, G: Array, waiting: int) -> Array:
     later[:, :, :n] = np.eye(n)
     for j in range(waiting):
         held = np.minimum(np.arange(count) + j, count - 1)
-        later = F[held] @ later
+        later = np.asarray(F[held] @ later, np.float64)
         part = slice(n + j * G.shape[2], n + (j + 1) * G.shape[2])
-        later[:, :, part] += G[held]
+        later[:, :, part] = later[:, :, part] + G[held]
     return later
 
 

@@ -90,7 +90,8 @@ class SafetyResult:
         scatter, pilot, seed, flights: what was flown, and how often.
         race_time: of the optimum, s.
         counts: by kind: `pylon` (the wing touches one), `missed`, `clearance`, `height`, `bank`, `course`, `climb`,
-            `speed`, `tolerance` at gates; `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`.
+            `speed`, `tolerance` at gates; `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`;
+            `load factor`.
         contact: flights that touch a pylon, miss a gate or are lost.
         outside: flights that break anything but the load factor.
         gates, legs: the scatter.
@@ -120,8 +121,8 @@ class SafetyResult:
         if lost.share <= 0.5:
             return ""
         return (
-            f"a pilot with a delay of {self.pilot.delay:g} s cannot hold this optimum: {lost.flights} of {lost.of} flights "
-            "lose the line; a shorter delay, milder gusts or a line with more reserve would help"
+            f"a pilot with a delay of {self.pilot.delay:g} s cannot hold this optimum: {lost.flights} of {lost.of} "
+            "flights lose the line; a shorter delay, milder gusts or a line with more reserve would help"
         )
 
 
@@ -131,8 +132,8 @@ ENVELOPE = (0.0015, 0.025, 0.5, 0.975, 0.9985)
 def breaches_by_flight(measured: Measured) -> dict[str, NDArray[np.bool_]]:
     """Return which flights broke what, by kind; each of shape (n,)."""
     return {
-        "pylon": measured.touched.any(axis=0),
-        **{kind: one.any(axis=0) for kind, one in measured.breaches.items()},
+        "pylon": np.asarray(measured.touched.any(axis=0)),
+        **{kind: np.asarray(one.any(axis=0)) for kind, one in measured.breaches.items()},
         **measured.along,
         "lost": measured.lost,
     }

@@ -1,6 +1,5 @@
 """Closed-loop flights of a stage, from its optimum to the result: flown and measured batch by batch, on threads."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -10,6 +9,7 @@ from airrace.frames import rotation
 from airrace.planning.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
+from airrace.process import available_cores
 from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
 from airrace.safety.covariance import covariance
 from airrace.safety.evaluation import Judge, Measured, axis_of, grid_of, measure, together
@@ -29,7 +29,7 @@ from airrace.safety.result import (
 from airrace.trajectory import Array
 
 MOST_FLIGHTS = 1_000_000
-"""The largest number of flights; more would take hours, and their interval would be no narrower than the model is true."""
+"""The largest number of flights; more take hours, and no model is as true as their interval would be narrow."""
 
 
 def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> ClosedLoop:
@@ -39,9 +39,14 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         UsageError: the stage is not six-dof or found no flight, or the pilot cannot hold it even undisturbed.
     """
     if result.stage is not Stage.SIX_DOF or not result.is_flight:
-        raise UsageError(f"closed-loop flights follow an optimum of six-dof; this is {result.stage.value}, {result.status.value}")
+        raise UsageError(
+            f"closed-loop flights follow an optimum of six-dof; this is {result.stage.value}, {result.status.value}: "
+            "airrace resume goes on to six-dof"
+        )
     if not 0.0 <= pilot.delay <= 1.0:
-        raise UsageError(f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3")
+        raise UsageError(
+            f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3"
+        )
     plant = Plant.of(race)
     loop = ClosedLoop.of(plant, NominalFlight.of(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
@@ -49,8 +54,8 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
     if alone.lost[0] < len(alone.clock) or off.max() > SETTINGS.undisturbed_off:
         when = float(alone.clock[int(np.argmax(off > SETTINGS.undisturbed_off)), 0])
         raise UsageError(
-            f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more than "
-            f"{SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
+            f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
+            f"than {SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
         )
     return loop
 
@@ -88,7 +93,7 @@ def fly_closed_loop(
     def one(numbers: range) -> Measured:
         return measure(judge, loop, fly(loop, scatter, seed, numbers))
 
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads or available_cores()) as pool:
         measured = together(list(pool.map(one, batches(flights))))
     names = [passage.name for passage in race.course.passages]
     broken = breaches_by_flight(measured)

@@ -1,0 +1,91 @@
+"""The command `safety`: how far real flights stray from an optimum, and what they touch."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.options import AsJson, Force, Quiet, RunFile, StageOfRun, Threads, Verbose, output_option
+
+
+class GustsName(StrEnum):
+    """An intensity of gusts; those of `airrace.safety.gusts`, which is too heavy to import here."""
+
+    NONE = "none"
+    LIGHT = "light"
+    MODERATE = "moderate"
+    SEVERE = "severe"
+
+
+def _percent(what: str) -> typer.models.OptionInfo:
+    option: typer.models.OptionInfo = typer.Option(metavar="PERCENT", help=f"Standard deviation of the {what}.")
+    return option
+
+
+def safety(
+    run_file: RunFile,
+    stage: StageOfRun = None,
+    flights: Annotated[int, typer.Option(metavar="N", help="How many flights.")] = 1000,
+    gusts: Annotated[GustsName, typer.Option(help="Turbulence of MIL-F-8785C.")] = GustsName.LIGHT,
+    wind_error: Annotated[
+        float, typer.Option(metavar="KT", help="Standard deviation of the wind to the north and to the east.")
+    ] = 2.5,
+    mass_error: Annotated[float, _percent("mass")] = 2.0,
+    power_error: Annotated[float, _percent("power")] = 2.0,
+    density_error: Annotated[float, _percent("air's density")] = 1.0,
+    roll_timing: Annotated[
+        float, typer.Option(metavar="S", help="Standard deviation of the time by which rolls are late or early.")
+    ] = 0.02,
+    delay: Annotated[float, typer.Option(metavar="S", help="From what the pilot sees to the stick that moves.")] = 0.1,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of all flights; the same seed, the same flights.")] = 0,
+    threads: Threads = None,
+    output: Annotated[
+        Path | None, output_option("FILE", "Write all numbers into this file, .json, or those of the gates, .csv.")
+    ] = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
+    """Fly an optimum many times with a pilot in the loop, and count what the flights touch, miss and break.
+
+    The pilot is a model, and sees and moves late; the aircraft is that of six-dof, disturbed by gusts and by errors of
+    wind, mass, power and density. Deviations are told for every gate and leg.
+    """
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        import json
+
+        from airrace.cli.tables import render
+        from airrace.errors import UsageError
+        from airrace.runs.output import ensure_free, write_text
+        from airrace.runs.run import open_run
+
+        ensure_room(output, as_json=as_json)
+        if output is not None:
+            if output.suffix not in (".csv", ".json"):
+                raise UsageError(f"{output}: the file must end in .csv or .json")
+            ensure_free(output, force=force, sources=[run_file])
+        view = open_run(run_file).stage(stage)
+        case = view.safety(
+            flights=flights,
+            gusts=gusts.value,
+            wind_error_kt=wind_error,
+            mass_error_percent=mass_error,
+            power_error_percent=power_error,
+            density_error_percent=density_error,
+            roll_timing_s=roll_timing,
+            delay_s=delay,
+            seed=seed,
+            threads=threads,
+            label=run_file.name,
+        )
+        answer.fields.update(case.as_object())
+        if not as_json:
+            tables = (case.counts_table(), case.gates_table(), case.legs_table())
+            answer.texts.extend(render(table) for table in tables)
+        if output is not None:
+            text = case.to_csv() if output.suffix == ".csv" else json.dumps(case.as_object(), allow_nan=False) + "\n"
+            write_text(output, text)
+            answer_with_files(answer, [output], quiet=quiet)

@@ -1,0 +1,251 @@
+"""The safety of a flight as tables: what closed-loop flights along it break, and their scatter at gates and legs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.errors import UsageError
+from airrace.planning.race import Race
+from airrace.procedure.result import StageResult
+from airrace.quantities import KNOT
+from airrace.runs.output import write_text
+from airrace.safety.closed_loop import Scatter
+from airrace.safety.gusts import Gusts
+from airrace.safety.pilot import PilotModel
+from airrace.safety.result import CONTACT, LOAD, QUANTITIES, SHARES, Count, SafetyResult, Stretch
+from airrace.safety.safety import fly_closed_loop
+from airrace.views.tables import Column, Table, Value
+
+_DEGREES = 180.0 / math.pi
+_UNITS = {
+    "lateral": ("m", 1.0),
+    "height": ("m", 1.0),
+    "bank": ("deg", _DEGREES),
+    "load_factor": ("g", 1.0),
+    "time": ("s", 1.0),
+}
+"""Unit and factor of every quantity."""
+_WORDS = {
+    "pylon": "wing touches a pylon",
+    "missed": "gate missed",
+    "lost": "line lost",
+    "clearance": "wing tip too near to a pylon at its gate",
+    "height": "gate too high or too low",
+    "bank": "bank beyond its tolerance at a gate",
+    "course": "gate crossed too much askew",
+    "climb": "climb angle beyond its limits at a gate",
+    "speed": "start too fast",
+    "tolerance": "another tolerance at a gate",
+    "floor": "below the floor",
+    "ceiling": "above the ceiling",
+    "crowd": "too near to the crowd",
+    "safety line": "across a safety line",
+    "airspace": "out of the airspace",
+    LOAD: "load factor beyond its limit",
+}
+COUNTS = (
+    Column("flights that", key="what"),
+    Column("flights", form="d", key="flights"),
+    Column("share", "%", ".1f", key="share_percent"),
+    Column("from", "%", ".1f", key="lower_percent"),
+    Column("to", "%", ".1f", key="upper_percent"),
+)
+
+
+@dataclass(frozen=True, repr=False)
+class SafetyCase:
+    """Closed-loop flights along a stage's optimum, in tables.
+
+    Attributes:
+        label: what people call the flight.
+        stage: whose optimum it is.
+        result: all numbers, SI and radians.
+        no_crowd: whether the course names no crowd, so that nothing is known of distances from people.
+    """
+
+    label: str
+    stage: str
+    result: SafetyResult
+    no_crowd: bool
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences that belong to the numbers."""
+        found = [self.result.note] if self.result.note else []
+        if self.no_crowd:
+            found.append("the course names no crowd: distances from people were not looked at")
+        return found
+
+    def counts_table(self) -> Table:
+        """Return how many flights broke what."""
+        result, scatter = self.result, self.result.scatter
+        title = f"{self.label}: {result.flights} closed-loop flights, {scatter.gusts.value} gusts"
+        if scatter.gusts.value == "none":
+            title = f"{self.label}: {result.flights} closed-loop flights without gusts"
+        kinds = [kind for kind in _WORDS if result.counts[kind].flights or kind in (*CONTACT, "floor", "crowd", LOAD)]
+        rows = [
+            _count_row("touch a pylon, miss a gate or lose the line", result.contact),
+            _count_row("break any rule but the load factor", result.outside),
+            *(_count_row(f"  {_WORDS[kind]}", result.counts[kind]) for kind in kinds),
+        ]
+        shares = (("mass", scatter.mass), ("power", scatter.power), ("density", scatter.density))
+        note = (
+            f"standard deviations: wind {scatter.wind / KNOT:.3g} kt north and east, "
+            f"{', '.join(f'{what} {100.0 * share:.3g} %' for what, share in shares)}, rolls "
+            f"{1000.0 * scatter.timing:.3g} ms; delay of the pilot {result.pilot.delay:g} s; seed {result.seed}; "
+            "from, to: interval of confidence 95 %"
+        )
+        return Table(title, COUNTS, rows, [note, *self.remarks])
+
+    def gates_table(self) -> Table:
+        """Return the scatter at every gate."""
+        return _stretches("at", [*QUANTITIES, "time"], self.result.gates)
+
+    def legs_table(self) -> Table:
+        """Return the largest scatter on every leg."""
+        return _stretches("leg to", QUANTITIES, self.result.legs)
+
+    def as_object(self) -> dict[str, object]:
+        """Return the object that `airrace safety --json` prints."""
+        result, scatter = self.result, self.result.scatter
+        return {
+            "flight": self.label,
+            "stage": self.stage,
+            "race_time_s": result.race_time,
+            "flights": result.flights,
+            "seed": result.seed,
+            "gusts": scatter.gusts.value,
+            "wind_error_kt": scatter.wind / KNOT,
+            "mass_error_percent": 100.0 * scatter.mass,
+            "power_error_percent": 100.0 * scatter.power,
+            "density_error_percent": 100.0 * scatter.density,
+            "roll_timing_s": scatter.timing,
+            "pilot_delay_s": result.pilot.delay,
+            "contact": _count_object(result.contact),
+            "outside": _count_object(result.outside),
+            "counts": {kind: _count_object(count) for kind, count in result.counts.items()},
+            "pylons": [
+                {"pylon": name, **_count_object(count), "least_distance_m": least}
+                for name, (count, least) in result.pylons.items()
+            ],
+            "gates": self.gates_table().objects(),
+            "legs": self.legs_table().objects(),
+            "remarks": self.remarks,
+        }
+
+    def to_csv(self, path: str | Path | None = None) -> str:
+        """Return the scatter at the gates as comma-separated values, one row per passage.
+
+        Args:
+            path: a file to be written; None for none.
+
+        Raises:
+            StorageError: the system refused.
+        """
+        text = self.gates_table().csv(".6g")
+        if path is not None:
+            write_text(Path(path), text)
+        return text
+
+    def __repr__(self) -> str:
+        tables = (self.counts_table(), self.gates_table(), self.legs_table())
+        return "\n\n".join(f"{table.title}\n{table.text()}" for table in tables)
+
+    def _repr_html_(self) -> str:
+        return "".join(table.html() for table in (self.counts_table(), self.gates_table(), self.legs_table()))
+
+
+def fly_safety_case(
+    race: Race,
+    result: StageResult,
+    label: str,
+    flights: int,
+    gusts: str,
+    errors: tuple[float, float, float, float, float],
+    *,
+    delay: float,
+    seed: int,
+    threads: int | None,
+) -> SafetyCase:
+    """Fly a stage's optimum many times.
+
+    Args:
+        race, result: what is flown.
+        label: what people call it.
+        flights, seed, threads: see `airrace.safety.safety.fly_closed_loop`.
+        gusts: `none`, `light`, `moderate` or `severe`.
+        errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
+        delay: of the pilot, s.
+
+    Raises:
+        UsageError: an argument says nothing sensible, or the stage is none that could be flown.
+    """
+    if gusts not in list(Gusts):
+        raise UsageError(f"there are no gusts {gusts!r}; known are {', '.join(Gusts)}")
+    for one, (what, unit, most) in zip(errors, _ERRORS, strict=True):
+        if not 0.0 <= one <= most:
+            raise UsageError(f"an error of {one:g}{unit} in the {what} makes no sense: it must be 0 to {most:g}{unit}")
+    if seed < 0:
+        raise UsageError(f"a seed of {seed} makes no sense: it must be 0 or larger")
+    wind, mass, power, density, timing = errors
+    scatter = Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
+    pilot = PilotModel(delay=delay)
+    found = fly_closed_loop(race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads)
+    return SafetyCase(label, result.stage.value, found, no_crowd=not race.course.crowd)
+
+
+_ERRORS = (
+    ("wind", " kt", 30.0),
+    ("mass", " %", 20.0),
+    ("power", " %", 20.0),
+    ("density", " %", 20.0),
+    ("rolls", " s", 0.2),
+)
+"""What an error is of, its unit, and the largest that the linear pilot could mean anything for; judgements."""
+
+
+def _count_row(what: str, count: Count) -> list[Value]:
+    return [what, count.flights, 100.0 * count.share, 100.0 * count.lower, 100.0 * count.upper]
+
+
+def _count_object(count: Count) -> dict[str, float]:
+    return {"flights": count.flights, "share": count.share, "lower": count.lower, "upper": count.upper}
+
+
+def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretch]) -> Table:
+    """Return a table with the quantiles of every quantity for people, and all that is known for CSV and JSON."""
+    columns, at_gates = [Column(where, key="passage")], "time" in quantities
+    for name in quantities:
+        unit, _ = _UNITS[name]
+        form = ".1f" if unit == "deg" else ".2f"
+        heads = (name.replace("load_factor", "n_z"), *(f"{100 * share:g}" for share in SHARES[1:]))
+        columns += [
+            Column(head, unit, form, f"{name}_{_key(share)}_{unit}") for head, share in zip(heads, SHARES, strict=True)
+        ]
+        columns.append(Column("", unit, form, f"{name}_mean_{unit}"))
+        if at_gates:
+            columns.append(Column("", unit, form, f"{name}_linear_{unit}"))
+    kinds = list(dict.fromkeys(kind for stretch in stretches for kind in stretch.breaches))
+    columns += [Column("near" if kind == "clearance" else kind, "%", ".0f", f"{kind}_percent") for kind in kinds]
+    rows: list[list[Value]] = []
+    for stretch in stretches:
+        row: list[Value] = [stretch.name]
+        for name in quantities:
+            deviation, factor = stretch.deviations[name], _UNITS[name][1]
+            row += [factor * one for one in deviation.quantiles]
+            row.append(factor * deviation.mean)
+            if at_gates:
+                row.append(factor * deviation.linear)
+        row += [100.0 * stretch.breaches[kind].share if kind in stretch.breaches else 0.0 for kind in kinds]
+        rows.append(row)
+    notes = []
+    if kinds:
+        notes = ["right: flights that break a tolerance there; near: the wing tip too near to a pylon"]
+    place = "" if at_gates else ", at the worst place of every leg"
+    title = f"95 % and 99.7 % of the flights deviate from the optimum by no more than this{place}"
+    return Table(title, columns, rows, notes)
+
+
+def _key(share: float) -> str:
+    return f"{100 * share:g}".replace(".", "")

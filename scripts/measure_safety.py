@@ -1,0 +1,64 @@
+"""Measure the tables of docs/evidence/safety.md: closed-loop flights of stored runs, one disturbance at a time.
+
+python scripts/measure_safety.py RUN.h5... [--flights 1000]
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+import airrace
+
+CALM = {
+    "gusts": "none",
+    "wind_error_kt": 0.0,
+    "mass_error_percent": 0.0,
+    "power_error_percent": 0.0,
+    "density_error_percent": 0.0,
+    "roll_timing_s": 0.0,
+}
+CASES = {
+    "mass and power 2 %, density 1 %": {
+        "mass_error_percent": 2.0,
+        "power_error_percent": 2.0,
+        "density_error_percent": 1.0,
+    },
+    "wind 2.5 kt north and east": {"wind_error_kt": 2.5},
+    "rolls 20 ms": {"roll_timing_s": 0.02},
+    "light gusts": {"gusts": "light"},
+    "moderate gusts": {"gusts": "moderate"},
+    "all of it, light gusts": None,
+}
+KINDS = ("pylon", "missed", "lost", "clearance", "height", "bank", "floor", "load factor")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+")
+    parser.add_argument("--flights", type=int, default=1000)
+    given = parser.parse_args()
+    for path in given.runs:
+        run = airrace.open(path)
+        print(f"\n| {run.name} | touch, miss or lose | {' | '.join(KINDS)} | linear/flights | seconds |", flush=True)
+        print("|---|" + "---|" * (len(KINDS) + 3))
+        for name, changed in CASES.items():
+            begin = time.perf_counter()
+            options = {} if changed is None else {**CALM, **changed}
+            result = run.safety(flights=given.flights, **options).result
+            contact = result.contact
+            interval = f"{contact.flights} ({1000 * contact.lower:.0f}-{1000 * contact.upper:.0f} of 1000)"
+            counts = " | ".join(str(result.counts[kind].flights) for kind in KINDS)
+            # 95 % of a normal distribution lie within 1.96 standard deviations
+            ratios = [
+                1.96 * one.deviations[key].linear / one.deviations[key].quantiles[0]
+                for one in result.gates[1:]
+                for key in ("lateral", "height")
+                if one.deviations[key].quantiles[0] > 0.01
+            ]
+            told = f"{np.median(ratios):.2f}"
+            print(f"| {name} | {interval} | {counts} | {told} | {time.perf_counter() - begin:.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
