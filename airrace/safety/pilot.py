@@ -166,7 +166,7 @@ def predictors(F: Array, G: Array, waiting: int) -> Array:
     later[:, :, :n] = np.eye(n)
     for j in range(waiting):
         held = np.minimum(np.arange(count) + j, count - 1)
-        later = np.asarray(F[held] @ later, np.float64)
+        later = np.einsum("kij,kjl->kil", F[held], later)
         part = slice(n + j * G.shape[2], n + (j + 1) * G.shape[2])
         later[:, :, part] = later[:, :, part] + G[held]
     return later
