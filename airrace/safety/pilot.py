@@ -161,7 +161,7 @@ def predictors(F: Array, G: Array, waiting: int) -> Array:
 
     Shape (N, n, n + waiting n_u); behind the end nothing changes any more.
     """
-    count, n = F.shape[:2]
+    count, n = len(F), F.shape[1]
     later = np.zeros((count, n, n + waiting * G.shape[2]))
     later[:, :, :n] = np.eye(n)
     for j in range(waiting):
