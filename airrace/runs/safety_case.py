@@ -27,7 +27,7 @@ _UNITS = {
 }
 """Unit and factor of every quantity."""
 _WORDS = {
-    "pylon": "wing touches a pylon",
+    "pylon": "wing touches a pylon or an obstacle",
     "missed": "gate missed",
     "lost": "line lost",
     "clearance": "wing tip too near to a pylon at its gate",

@@ -139,7 +139,7 @@ class Measured:
         crossed: deviations from the optimum at every passage: to the right of the gate's axis (m), height (m), bank
             about the path (rad), load factor (g), time (s); NaN where a flight did not pass; shape (passages, 5, n).
         breaches: kinds of breaches by passage: name of the kind to booleans, shape (passages, n).
-        touched: pylons touched, shape (pylons, n).
+        touched: pylons and obstacles touched, shape (pylons, n).
         nearest: least distance of the wing from every pylon, m; likewise.
         along: other limits broken, by kind, shape (n,).
         deviations: lateral (m), height (m), bank (rad), load factor (g) on the grid of the clock; NaN where a flight is
@@ -296,7 +296,7 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans) -> Array:
     for row, pylon in enumerate(judge.pylons):
         distance, _ = closest_in_steps(wing, pylon)
         own = np.append(distance, np.inf).reshape(count, samples + 2)[:, 1:samples]
-        nearest[row] = np.where(steps, own, np.inf).min(axis=1, initial=np.inf)
+        nearest[row] = np.where(steps, own, np.inf).min(axis=1, initial=np.inf) - pylon.radius
     return nearest
 
 

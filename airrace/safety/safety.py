@@ -112,7 +112,7 @@ def fly_closed_loop(
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
         legs=tuple(leg_stretches(names, passings, clock, measured)),
         pylons={
-            f"{pylon.name}.{pylon.post + 1}": (Count.among(int(touched.sum()), flights), float(nearest.min()))
+            f"{pylon.text}, {pylon.post + 1}": (Count.among(int(touched.sum()), flights), float(nearest.min()))
             for pylon, touched, nearest in zip(judge.pylons, measured.touched, measured.nearest, strict=True)
         },
         clock=clock,
