@@ -24,7 +24,7 @@ from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.safety.falling import AirColumn, Impacts, States, fall_in_vacuum, fall_with_drag, level_fall_distance
 from airrace.safety.glide import Glide, Reach, best_glide, reach
-from airrace.safety.outlines import Outline, Raster, cell_of, sweep
+from airrace.safety.outlines import Outline, Raster
 from airrace.track.course import Crowd, CrowdShape
 from airrace.trajectory import Array
 
@@ -177,12 +177,8 @@ class Footprint:
     @cached_property
     def raster(self) -> Raster:
         """The ground that falls meet."""
-        both = np.concatenate([self.vacuum.place, self.drag.place])
-        spacing = cell_of(both, self.half_span, self.settings.cells)
-        swept: list[Array] = []
-        for rows in self._rows():
-            swept.append(sweep(self.vacuum.place[rows], self.drag.place[rows], spacing))
-        return Raster.of(np.concatenate(swept), self.half_span, self.settings.cells)
+        swept = ((self.vacuum.place[rows], self.drag.place[rows]) for rows in self._rows())
+        return Raster.of(swept, self.half_span, self.settings.cells)
 
     @cached_property
     def falls(self) -> tuple[Outline, ...]:

@@ -5,6 +5,7 @@ the outline is where that is the width. It is true to about a cell.
 """
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt  # pyright: ignore[reportUnknownVariableType] - it is untyped
@@ -51,22 +52,26 @@ class Raster:
     inside: Array
 
     @classmethod
-    def of(cls, points: Array, width: float, cells: int) -> "Raster":
-        """Return the ground within a width of points.
+    def of(cls, stretches: Iterable[tuple[Array, Array]], width: float, cells: int) -> "Raster":
+        """Return the ground within a width of what some stretches sweep over.
 
         Args:
-            points: no farther apart than a cell where the ground between them belongs to it, m, shape (n, 2).
+            stretches: the begin and the end of each at instants in order, north and east, m, shape (n, 2).
             width: m; a cell where that is less, so that courses of any size take as many cells.
             cells: along the longer edge.
         """
-        least, largest = points.min(axis=0), points.max(axis=0)
-        cell = cell_of(points, width, cells)
+        swept = list(stretches)
+        ends = [end for pair in swept for end in pair]
+        least = np.min([end.min(axis=0) for end in ends], axis=0)
+        largest = np.max([end.max(axis=0) for end in ends], axis=0)
+        cell = (float((largest - least).max()) + 2.0 * width) / cells
         width = max(width, cell)
         corner = least - width - 2.0 * cell
         shape = np.ceil((largest - least + 2.0 * width) / cell).astype(np.int64) + 5
         empty = np.ones(shape, bool)
-        rows, columns = np.rint((points - corner) / cell).astype(np.int64).T
-        empty[rows, columns] = False
+        for begin, end in swept:
+            rows, columns = np.rint((sweep(begin, end, cell) - corner) / cell).astype(np.int64).T
+            empty[rows, columns] = False
         away = np.asarray(distance_transform_edt(empty), np.float64)
         return cls(corner, cell, width - cell * away)
 
@@ -114,11 +119,6 @@ class Raster:
         step = np.array([(1, 0) if north else (0, 1) for _, _, north in ring])
         a, b = (self.inside[tuple(one.T)] for one in (begin, begin + step))
         return self.corner + self.cell * (begin + (a / (a - b))[:, None] * step)
-
-
-def cell_of(points: Array, width: float, cells: int) -> float:
-    """Return the edge of the cells of a raster around points, of which so many lie along the longer edge, m."""
-    return (float(np.ptp(points, axis=0).max()) + 2.0 * width) / cells
 
 
 def sweep(begin: Array, end: Array, spacing: float) -> Array:
