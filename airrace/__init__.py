@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
     from airrace.api import Run, check, import_log, open, optimize, resume, schema, tracks
     from airrace.batch import optimize_many
+    from airrace.batch.fairness import fairness
     from airrace.batch.reports import BatchResult
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
@@ -87,6 +88,7 @@ __all__ = [
     "Trajectory",
     "Turning",
     "check",
+    "fairness",
     "import_log",
     "init",
     "load_inputs",
@@ -102,6 +104,7 @@ _HOMES = {
     "airrace.aircraft.aircraft": ("Aircraft",),
     "airrace.inputs": ("Inputs", "load_inputs"),
     "airrace.batch": ("optimize_many",),
+    "airrace.batch.fairness": ("fairness",),
     "airrace.batch.reports": ("BatchResult",),
     "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),

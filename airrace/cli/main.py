@@ -11,6 +11,7 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
+from airrace.cli.fairness import fairness
 from airrace.cli.flights import brief, compare, export, import_log, plot, report
 from airrace.cli.footprint import footprint
 from airrace.cli.optimize import optimize, resume
@@ -43,6 +44,7 @@ for _name, _command in {
     "safety": safety,
     "check": check,
     "batch": batch,
+    "fairness": fairness,
     "tracks": tracks,
     "init": init,
     "schema": schema,

@@ -1,0 +1,393 @@
+"""Fairness: what aircraft and air are worth on a course, so that flights under different conditions can be compared.
+
+The optimum of every aircraft is found in every wind and density, each started from the nearest one that is known. The
+normalised time of a flight is what it would have taken in still standard air at the level of the sea,
+
+    normalised = optimum there + (time flown - optimum in the air that was flown in)
+
+so that the pilot's own gap stays and wind and density go. The handicap of an aircraft is what its optimum in still
+standard air is behind that of the fastest one. What gates favour whom follows from the sensitivities of those optima.
+"""
+
+import cmath
+import math
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from pathlib import Path
+
+from airrace.batch.jobs import Combination, Sweep, combinations, job_name
+from airrace.errors import NotCertified, UsageError
+from airrace.inputs import Inputs, inputs_from_documents, load_inputs
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Stage
+from airrace.process import available_cores
+from airrace.records import record
+from airrace.runs.execute import execute
+from airrace.runs.flight_sources import open_file, source_of
+from airrace.runs.output import FlightName
+from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
+from airrace.runs.run import RunState, adopt_checkpoint, new_run, resolved_text
+from airrace.runs.stage_view import StageView, stage_sensitivities
+from airrace.standard_streams import stem_of
+from airrace.views.tables import Column, Table
+
+WIND, SPEED, ORIGIN = "environment.wind", "environment.wind.speed_kt", "environment.wind.from_deg"
+STANDARD_AIR: Combination = (
+    *((WIND, "null"), ("environment.thermals", "null"), ("origin.elevation_m", "0")),
+    *(("environment.temperature_offset_K", "0"), ("environment.pressure_offset_hPa", "0")),
+)
+"""What makes the air of a course still standard air at the level of the sea."""
+FAVOURS_SHOWN = 12
+"""The largest number of a gate's numbers that are shown to people."""
+
+
+def parse_winds(text: str) -> tuple[Combination, ...]:
+    """Return what is set for the winds that `0,5,10kt@8` means: every speed from so many directions, calm once.
+
+    Raises:
+        UsageError: it means none.
+    """
+    speeds, _, count = text.partition("@")
+    try:
+        numbers = sorted({float(one) for one in speeds.removesuffix("kt").split(",")})
+        directions = int(count or "1")
+    except ValueError:
+        numbers, directions = [], 0
+    if not numbers or not 1 <= directions <= 360 or not all(0.0 <= one <= 100.0 for one in numbers):
+        raise UsageError(f"--winds {text}: expected speeds up to 100 kt and a number of directions, e.g. 0,5,10kt@8")
+    rose = [
+        ((SPEED, f"{speed:g}"), (ORIGIN, f"{360.0 / directions * one:g}"))
+        for speed, one in product(numbers, range(directions))
+        if speed
+    ]
+    return (*([((WIND, "null"),)] if 0.0 in numbers else []), *rose)
+
+
+def air_text(air: Combination) -> str:
+    """Return a condition in words, e.g. `10 kt from 45, temperature_offset_K=20`."""
+    if air == STANDARD_AIR:
+        return "still standard air"
+    values = dict(air)
+    wind = f"{values[SPEED]} kt from {values[ORIGIN]}" if SPEED in values else "calm" if WIND in values else ""
+    others = (f"{key.rpartition('.')[2]}={value}" for key, value in air if not key.startswith(WIND))
+    return ", ".join(filter(None, (wind, *others))) or "as the course says"
+
+
+@record
+class Optimum:
+    """The optimum of one aircraft in one air.
+
+    Attributes:
+        time: race time, s; NaN where none was found.
+        message: why there is none, or none that is certified; empty else.
+        stage: of its run; None where none was found.
+    """
+
+    time: float
+    message: str
+    stage: StageView | None
+
+
+@record
+class NormalisedFlight:
+    """A flight, and the optima of its aircraft in the air that it flew in (`there`) and in still standard air, s.
+
+    `flown` is its race time without penalties, s.
+    """
+
+    label: str
+    aircraft: str
+    flown: float
+    there: float
+    standard: float
+
+    @property
+    def time(self) -> float:
+        """What it would have taken in still standard air, s."""
+        return self.standard + self.flown - self.there
+
+
+@record
+class Favour:
+    """A number of a gate by its key, and what a usual step of it costs, s, aircraft by aircraft."""
+
+    key: str
+    step: str
+    costs: tuple[float, ...]
+
+    @property
+    def difference(self) -> float:
+        """The largest cost without the least, s."""
+        return max(self.costs) - min(self.costs)
+
+
+@record
+class Fairness:
+    """What aircraft and air are worth on a course.
+
+    Attributes:
+        course: its name.
+        stage: the fidelity of all optima.
+        aircraft: by name.
+        airs: the conditions, still standard air first, by what is set.
+        optima: air by air, each aircraft by aircraft.
+        favours: numbers of the gates, the largest differences first.
+        flights: the fastest first.
+    """
+
+    course: str
+    stage: Stage
+    aircraft: tuple[str, ...]
+    airs: tuple[Combination, ...]
+    optima: tuple[tuple[Optimum, ...], ...]
+    favours: tuple[Favour, ...] = ()
+    flights: tuple[NormalisedFlight, ...] = ()
+
+    @property
+    def behind(self) -> tuple[tuple[float, ...], ...]:
+        """What every aircraft is behind the fastest, s, air by air; NaN where an optimum is missing."""
+        times = [[one.time for one in row] for row in self.optima]
+        return tuple(tuple(one - min(filter(math.isfinite, row), default=math.nan) for one in row) for row in times)
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """What is missing or not certified."""
+        rows = zip(self.airs, self.optima, strict=True)
+        cells = [(name, air, one) for air, row in rows for name, one in zip(self.aircraft, row, strict=True)]
+        return tuple(f"{name}, {air_text(air)}: {one.message}" for name, air, one in cells if one.message)
+
+    def air_table(self) -> Table:
+        """Return the optima of all aircraft in all airs."""
+        names = self.aircraft
+        columns = [Column("air", key="air"), *(Column(name, "s", ".3f", key=f"{name}_s") for name in names)]
+        columns += [Column(f"{name} behind", "s", ".3f", key=f"{name}_behind_s") for name in names if len(names) > 1]
+        rows = [
+            [air_text(air), *(one.time for one in row), *(behind if len(names) > 1 else ())]
+            for air, row, behind in zip(self.airs, self.optima, self.behind, strict=True)
+        ]
+        return Table(f"{self.course}: optima of {self.stage.value}", columns, rows)
+
+    def aircraft_table(self) -> Table:
+        """Return handicaps and spreads."""
+        forms = {"handicap": "handicap_s", "least": "least_s", "most": "most_s", "spread": "spread_s"}
+        columns = [
+            Column("aircraft", key="aircraft"),
+            *(Column(name, "s", ".3f", key=key) for name, key in forms.items()),
+        ]
+        rows: list[list[str | float]] = []
+        for number, name in enumerate(self.aircraft):
+            times = [one for row in self.optima if math.isfinite(one := row[number].time)] or [math.nan]
+            behind = [one for row in self.behind if math.isfinite(one := row[number])] or [math.nan]
+            rows.append([name, self.behind[0][number], min(behind), max(behind), max(times) - min(times)])
+        notes = ["least, most: of the handicap, in all airs", "spread: slowest without fastest air"]
+        return Table("what aircraft and air are worth", columns, rows, notes)
+
+    def gate_table(self) -> Table:
+        """Return what steps of the gates' numbers cost every aircraft."""
+        costs = (Column(name, "ms", "+.2f", key=f"{name}_ms") for name in self.aircraft)
+        favour = (Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms"))
+        columns = (Column("number", key="key"), Column("step", key="step"), *costs, *favour)
+        rows: list[list[str | float]] = []
+        for one in self.favours:
+            favoured = self.aircraft[one.costs.index(min(one.costs))]
+            rows.append([one.key, one.step, *(1e3 * cost for cost in one.costs), favoured, 1e3 * one.difference])
+        notes = ["a step the other way costs the opposite, and favours another"]
+        return Table("what a step of a gate costs, and whom it favours", columns, rows, notes)
+
+    def flight_table(self) -> Table:
+        """Return the flights with their normalised times."""
+        columns = [Column("flight", key="flight"), Column("aircraft", key="aircraft")]
+        for name in ("flown", "optimum", "gap", "standard", "normalised"):
+            columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
+        rows = [
+            [one.label, one.aircraft, one.flown, one.there, one.flown - one.there, one.standard, one.time]
+            for one in self.flights
+        ]
+        notes = ["normalised: standard + gap; penalties are not in it"]
+        return Table("flights as of still standard air", columns, rows, notes)
+
+    def tables(self) -> Iterator[Table]:
+        """Yield the tables that there is something in, as people read them."""
+        yield self.air_table()
+        yield self.aircraft_table()
+        gates = self.gate_table()
+        if gates.rows:
+            yield Table(gates.title, gates.columns, gates.rows[:FAVOURS_SHOWN], gates.notes)
+        if self.flights:
+            yield self.flight_table()
+
+    def as_object(self) -> dict[str, object]:
+        """Return it for JSON: null where nothing is known."""
+        optima = [
+            {**row, "set": dict(air), "certified": [not one.message for one in optima]}
+            for row, air, optima in zip(self.air_table().objects(), self.airs, self.optima, strict=True)
+        ]
+        return {
+            "course": self.course,
+            "stage": self.stage.value,
+            "optima": optima,
+            "aircraft": self.aircraft_table().objects(),
+            "gates": self.gate_table().objects(),
+            "flights": self.flight_table().objects(),
+            "messages": list(self.messages),
+        }
+
+
+class _Solver:
+    """Optima by their inputs, each found once.
+
+    Args:
+        until: the last stage.
+        folder: where runs are kept and found again; None for nowhere.
+        threads: that evaluate derivatives.
+        cold: whether each is found from the course alone as well, and the faster one taken.
+        tell: is told of every optimum, in words.
+    """
+
+    def __init__(
+        self, until: Stage, folder: Path | None, threads: int, cold: bool, tell: Callable[[str], None]
+    ) -> None:
+        self._until, self._folder, self._threads, self._cold, self._tell = until, folder, threads, cold, tell
+        self._known: dict[str, tuple[Optimum, RunState]] = {}
+
+    def solve(self, inputs: Inputs, stem: str, air: str, start: RunState | None = None) -> tuple[Optimum, RunState]:
+        """Return the optimum of inputs and its run; where none is found from the start, from the course alone."""
+        key, name = resolved_text(inputs), job_name(Path(stem), None, (("air", air),))
+        if key not in self._known:
+            optimum, run = self._solve(inputs, name, start)
+            if start is not None and (self._cold or optimum.stage is None):
+                other = self._solve(inputs, f"{name},cold", None)
+                better = optimum.stage is None or other[0].time < optimum.time
+                optimum, run = other if better else (optimum, run)
+            self._tell(f"{stem}, {air}: " + (f"{optimum.time:.3f} s" if optimum.stage else optimum.message))
+            self._known[key] = optimum, run
+        return self._known[key]
+
+    def _solve(self, inputs: Inputs, name: str, start: RunState | None) -> tuple[Optimum, RunState]:
+        path = None if self._folder is None else self._folder / f"{name}.h5"
+        stored = adopt_checkpoint(new_run(inputs, path))
+        if self._until in stored:
+            plan = plan_resumed_run(stored, until=self._until)
+        else:
+            usable = start is not None and any(one.holds for one in start.results)
+            plan = plan_new_run(inputs, until=self._until, path=path, start=start if usable else None)
+        run = [plan.run, *execute(plan, threads=self._threads, progress=Silent())][-1]
+        stages = [one for one in run.stages if one.stage is self._until and one.result.holds]
+        if not stages:
+            return Optimum(math.nan, run.message or "no flight was found", None), run
+        return Optimum(stages[0].race_time, run.message, stages[0]), run
+
+
+def fairness(
+    track: str | Path,
+    *,
+    aircraft: Sequence[str | Path] = (),
+    winds: str | None = None,
+    sweep: Sequence[Sweep] = (),
+    flights: Sequence[str] = (),
+    settings: str | Path | None = None,
+    set: Sequence[str] = (),
+    until: str | Stage | None = None,
+    cold: bool = False,
+    output: str | Path | None = None,
+    threads: int | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Fairness:
+    """Return what aircraft and air are worth on a course, as `airrace fairness` does.
+
+    Args:
+        track: a course that comes along, by name, or a file.
+        aircraft: names or files; empty for the one that the track names.
+        winds: e.g. `0,5,10kt@8`; None for that of the course.
+        sweep: other keys of the air, such as `environment.temperature_offset_K`, and their values.
+        flights: runs and flight logs, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`, whose times are normalised.
+        settings: a settings file; None for the defaults.
+        set: `key=value` texts for all optima but those of flights.
+        until: the fidelity of the optima, e.g. `point-mass`; None for the last one there is.
+        cold: whether every optimum is found from the course alone as well, and the faster one taken: slower, but no
+            route is missed for the start.
+        output: a folder in which runs are kept, and taken up again by a second call; None for none.
+        threads: threads that evaluate derivatives; None for all cores.
+        tell: is told of every optimum, in words.
+
+    Raises:
+        InputError: the inputs are not valid; it carries all findings.
+        UsageError: an argument says nothing sensible, or two aircraft have one name.
+        CheckpointError: a flight cannot be read.
+    """
+    stage = stage_by_name(until)
+    rose = ((),) if winds is None else parse_winds(winds)
+    airs = (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweep), rose)))
+    read = {
+        stem_of(Path(name)): load_inputs(track, aircraft=name, settings=settings, overrides=set) for name in aircraft
+    }
+    if len(read) < len(aircraft):
+        raise UsageError("two aircraft have one name; rename a file")
+    if not read:
+        own = load_inputs(track, settings=settings, overrides=set)
+        read = {stem_of(Path(own.aircraft.path)): own}
+    planned = {name: [_in_air(inputs, air) for air in airs] for name, inputs in read.items()}
+    folder = None if output is None else Path(output)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    solver = _Solver(stage, folder, threads or available_cores(), cold, tell)
+    columns: list[list[Optimum]] = []
+    for name, inputs in planned.items():
+        solved, column = list[tuple[Combination, RunState]](), list[Optimum]()
+        for air, one in zip(airs, inputs, strict=True):
+            start = min(solved, key=lambda other: _apart(other[0], air), default=None)
+            optimum, run = solver.solve(one, f"{stem_of(Path(track))},{name}", air_text(air), start and start[1])
+            column.append(optimum)
+            solved += [(air, run)] if optimum.stage is not None else []
+        columns.append(column)
+    optima = tuple(zip(*columns, strict=True))
+    found = _normalised(flights, solver)
+    return Fairness(stem_of(Path(track)), stage, tuple(read), airs, optima, _favours(optima[0]), found)
+
+
+def _in_air(inputs: Inputs, air: Combination) -> Inputs:
+    """Return inputs in another air; a wind keeps the profile of that of the course."""
+    twice = [f"{WIND}.speed_m_s=null"] if SPEED in dict(air) and inputs.race.air.wind is not None else []
+    documents = inputs.track, inputs.aircraft, inputs.settings_file
+    return inputs_from_documents(*documents, [*inputs.overrides, *twice, *(f"{key}={value}" for key, value in air)])
+
+
+def _apart(one: Combination, other: Combination) -> float:
+    """Return how unlike two airs are, kt; one other value is as much as a wind of 5 kt, a judgement."""
+    winds = [
+        cmath.rect(float(values.get(SPEED, 0.0)), math.radians(float(values.get(ORIGIN, 0.0))))
+        for values in map(dict[str, str], (one, other))
+    ]
+    values = [{pair for pair in air if not pair[0].startswith(WIND)} for air in (one, other)]
+    return abs(winds[0] - winds[1]) + 5.0 * len(values[0] ^ values[1])
+
+
+def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
+    """Return what the numbers of the gates cost every aircraft; none where an optimum is missing or stands alone."""
+    views = [one.stage for one in standards if one.stage is not None]
+    if len(views) < max(2, len(standards)):
+        return ()
+    try:
+        tables = [stage_sensitivities(view.inputs, view.result, "track") for view in views]
+    except NotCertified:
+        return ()
+    favours: list[Favour] = []
+    for key, one in tables[0].items():
+        if key.startswith("gates.") and all(key in table for table in tables):
+            step = f"+{one.usual_step:.3g}" + ("" if one.unit == "1" else f" {one.unit}")
+            costs = tuple(table[key].per_unit * one.usual_step for table in tables)
+            favours.append(Favour(key, step, costs))
+    return tuple(sorted(favours, key=lambda one: one.difference, reverse=True))
+
+
+def _normalised(names: Sequence[str], solver: _Solver) -> tuple[NormalisedFlight, ...]:
+    """Return the flights by these names and the optima of their aircraft, the fastest first."""
+    found: list[NormalisedFlight] = []
+    for name in map(FlightName.of, names):
+        opened = open_file(name.path)
+        flight, stem = source_of(opened, name.stage).flight(), stem_of(name.path)
+        start = opened if isinstance(opened, RunState) else None
+        there, run = solver.solve(_in_air(opened.inputs, ()), stem, "as flown", start)
+        standard, _ = solver.solve(_in_air(opened.inputs, STANDARD_AIR), stem, "still standard air", run)
+        found.append(NormalisedFlight(flight.label, flight.aircraft.name, flight.race_time, there.time, standard.time))
+    return tuple(sorted(found, key=lambda one: (math.isnan(one.time), one.time)))
