@@ -29,6 +29,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("plot", RUN),
     ("verify", RUN),
     ("sensitivity", RUN),
+    ("fairness", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off"),
     ("footprint", RUN),
     ("footprint", RUN, "--output", "fallen.csv"),
     ("check", COURSE),

@@ -1,0 +1,155 @@
+"""Fairness: the winds that are meant, laws of handicaps and normalised times, and the command."""
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+from command import run
+
+import airrace
+from airrace.batch.fairness import (
+    STANDARD_AIR,
+    Fairness,
+    NormalisedFlight,
+    Optimum,
+    air_text,
+    fairness,
+    parse_winds,
+)
+from airrace.errors import UsageError
+from airrace.inputs import load_inputs
+from airrace.procedure.result import Stage
+
+COURSE = "half_cuban_eight"
+QUICK = ("settings.search=off", "settings.guess=plan")
+
+
+def test_a_rose_of_winds_has_every_speed_from_every_direction_and_calm_once() -> None:
+    rose = parse_winds("10,0,5kt@4")
+    assert [air_text(one) for one in rose] == [
+        "calm",
+        *(f"{speed} kt from {origin}" for speed in (5, 10) for origin in (0, 90, 180, 270)),
+    ]
+    assert [air_text(one) for one in parse_winds("7.5kt")] == ["7.5 kt from 0"]
+
+
+@pytest.mark.parametrize("text", ["", "kt@8", "5kt@0", "5kt@x", "-5kt@4", "500kt@4", "5kt@1000"])
+def test_what_is_no_rose_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="expected speeds"):
+        parse_winds(text)
+
+
+def test_still_standard_air_is_without_wind_at_the_level_of_the_sea() -> None:
+    windy = ["environment.wind.from_deg=90", "environment.wind.speed_m_s=5", "origin.elevation_m=700"]
+    changed = [*windy, "environment.temperature_offset_K=20", *(f"{key}={value}" for key, value in STANDARD_AIR)]
+    assert load_inputs(COURSE, overrides=changed).race.air == load_inputs(COURSE).race.air
+
+
+def some(*times: float) -> Fairness:
+    """Optima of two aircraft in still standard air, calm, and a wind."""
+    rows = tuple(tuple(Optimum(time, "", None) for time in times[n : n + 2]) for n in range(0, len(times), 2))
+    airs = (STANDARD_AIR, *parse_winds("0,10kt@1"))
+    return Fairness("course", Stage.POINT_MASS, ("fast", "slow"), airs[: len(rows)], rows)
+
+
+def test_handicaps_and_spreads_follow_from_the_optima() -> None:
+    found = some(50.0, 53.0, 50.5, 53.2, 49.0, 53.4)
+    assert [round(behind[1], 9) for behind in found.behind] == [3.0, 2.7, 4.4]
+    fast, slow = found.aircraft_table().objects()
+    assert [fast[key] for key in ("handicap_s", "least_s", "most_s", "spread_s")] == pytest.approx([0, 0, 0, 1.5])
+    assert [slow[key] for key in ("handicap_s", "least_s", "most_s", "spread_s")] == pytest.approx([3, 2.7, 4.4, 0.4])
+
+
+def test_a_missing_optimum_is_left_out_of_handicaps_and_told() -> None:
+    found = some(50.0, math.nan)
+    assert found.aircraft_table().objects()[1]["handicap_s"] is None
+    assert found.as_object()["optima"][0]["slow_s"] is None  # type: ignore[index]
+    assert "-" in found.air_table().text()
+
+
+def test_a_normalised_time_keeps_the_gap_and_leaves_wind_and_density_out() -> None:
+    flight = NormalisedFlight("a", "edge", flown=57.3, there=56.0, standard=55.0)
+    assert flight.time == pytest.approx(56.3)
+    assert NormalisedFlight("a", "edge", 56.0, 56.0, 55.0).time == 55.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fairness")
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Fairness:
+    """Two aircraft in a wind along the course and one against it; and the optimum in such a wind as a flight."""
+    return fairness(
+        COURSE,
+        aircraft=["edge540", "pc9"],
+        winds="0,15kt@2",
+        set=QUICK,
+        until="point-mass",
+        output=folder,
+        flights=[str(windy(folder))],
+    )
+
+
+def windy(folder: Path) -> Path:
+    """The optimum of the Edge in 10 kt of wind on a hot day."""
+    path = folder / "windy.h5"
+    if not path.exists():
+        wind = ["environment.wind.from_deg=180", "environment.wind.speed_kt=10", "environment.temperature_offset_K=20"]
+        airrace.optimize(COURSE, aircraft="edge540", set=[*wind, *QUICK], until="point-mass", output=path)
+    return path
+
+
+def test_in_calm_at_the_level_of_the_sea_optima_are_those_of_still_standard_air(found: Fairness) -> None:
+    assert load_inputs(COURSE).race.air.elevation == 0.0
+    assert found.optima[1] == found.optima[0]
+    assert not found.messages
+    assert all(one.stage and one.stage.certified for row in found.optima for one in row)
+
+
+def test_warm_starts_find_the_optima_that_are_found_from_the_course_alone(found: Fairness) -> None:
+    tail = airrace.optimize(
+        COURSE, aircraft="pc9", until="point-mass", set=[*QUICK, *(f"{key}={value}" for key, value in found.airs[3])]
+    )
+    assert found.optima[3][1].time == pytest.approx(tail.race_time, abs=0.01)
+
+
+def test_the_optimum_of_an_aircraft_in_a_wind_normalises_to_its_optimum_in_still_standard_air(found: Fairness) -> None:
+    (flight,) = found.flights
+    assert flight.flown == pytest.approx(flight.there, abs=0.002)
+    assert flight.flown != pytest.approx(flight.standard, abs=0.01)
+    assert flight.time == pytest.approx(found.optima[0][0].time, abs=0.003)
+
+
+def test_gates_that_favour_one_aircraft_cost_the_other_more(found: Fairness) -> None:
+    assert found.favours
+    for row, one in zip(found.gate_table().objects(), found.favours, strict=True):
+        assert row["favours"] == found.aircraft[0 if one.costs[0] <= one.costs[1] else 1]
+        assert one.difference == pytest.approx(abs(one.costs[0] - one.costs[1]))
+    sensitivities = found.optima[0][0].stage.sensitivities("track")  # type: ignore[union-attr]
+    one = found.favours[0]
+    assert one.costs[0] == pytest.approx(sensitivities[one.key].per_unit * sensitivities[one.key].usual_step)
+
+
+def test_the_command_takes_up_what_is_there_and_tells_tables_and_values(found: Fairness, folder: Path) -> None:
+    kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}
+    table = folder / "optima.csv"
+    words = ["fairness", COURSE, "--aircraft", "edge540", "--aircraft", "pc9", "--winds", "0,15kt@2"]
+    words += ["--until", "point-mass", "--output", str(folder), "--csv", str(table)]
+    said = run(*words, *(word for text in QUICK for word in ("--set", text)))
+    assert said.code == 0, said.err
+    assert "what a step of a gate costs, and whom it favours" in said.out
+    assert {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}.keys() == kept.keys()
+    with table.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["air"] for row in rows] == [air_text(air) for air in found.airs]
+    assert [float(row["pc9_s"]) for row in rows] == pytest.approx([row[1].time for row in found.optima])
+
+
+def test_bad_calls_end_with_one_sentence(tmp_path: Path) -> None:
+    for words in (["--winds", "x"], ["--until", "nonsense"], ["--flight", str(tmp_path / "none.h5"), "--until", "x"]):
+        said = run("fairness", COURSE, *words)
+        assert said.code == 2
+        assert said.err.count("\n") == 1, said.err
