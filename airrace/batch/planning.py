@@ -58,6 +58,7 @@ class JobResult:
         routes: which route the flight takes; None where no other was tried.
         stage: the last one that is finished; empty where none is.
         laps: lap times of that stage, s; empty for a race of one lap.
+        least_distances: of its flight from everything on the course, m, by what it is, e.g. `pylon g3`.
     """
 
     code: int
@@ -69,6 +70,7 @@ class JobResult:
     routes: RouteSummary | None = None
     stage: str = ""
     laps: tuple[float, ...] = ()
+    least_distances: tuple[tuple[str, float], ...] = ()
 
 
 def result_of(record: JobRecord) -> JobResult:
@@ -76,6 +78,7 @@ def result_of(record: JobRecord) -> JobResult:
     run: Mapping[str, Any] = record.run or {}  # Any: the object of `airrace optimize --json`
     stages: Sequence[Mapping[str, Any]] = run.get("stages") or ({},)
     routes = next((found for stage in stages if (found := stage.get("routes"))), None)
+    least: Sequence[Mapping[str, Any]] = stages[-1].get("least_distances") or ()
     summary = None
     if routes:
         rival = (routes[1]["route"], routes[1]["difference_s"]) if len(routes) > 1 else ()
@@ -90,6 +93,7 @@ def result_of(record: JobRecord) -> JobResult:
         summary,
         stages[-1].get("stage", ""),
         tuple(stages[-1].get("lap_times_s", ())),
+        tuple((f"{one['kind']} {one['name']}".rstrip(), one["distance_m"]) for one in least),
     )
 
 

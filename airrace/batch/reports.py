@@ -309,7 +309,7 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
         *(Column(key=key) for key in ("behind_s", "laps_s", "wall_s")),
         Column("wall", "s", ".1f"),
         *(Column(key=key) for key in ("kept", "retries", "message", "route", "routes_evaluated")),
-        *(Column(key=key) for key in ("next_route", "next_route_behind_s", "checkpoint")),
+        *(Column(key=key) for key in ("next_route", "next_route_behind_s", "least_distances_m", "checkpoint")),
     )
     cells: list[tuple[str | float | None, ...]] = []
     for row in rows:
@@ -324,6 +324,7 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
                 *(" ".join(map(str, result.laps)), result.wall, "kept" if reused else result.wall),
                 *("yes" if reused else "no", len(result.retries), result.message),
                 *((routes.route, routes.tried, routes.next, routes.behind) if routes else [None] * 4),
+                ", ".join(f"{name} {away:.2f}" for name, away in result.least_distances),
                 None if row.checkpoint is None else str(row.checkpoint),
             )
         )

@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import cast
 
-from airrace.cli.run_tables import laps_lines, leg_tables
+from airrace.cli.run_tables import distance_tables, laps_lines, leg_tables
 from airrace.cli.tables import PAGE, render
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
@@ -41,6 +41,7 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         yield render(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
     yield from laps_lines(flight)
+    yield from (render(one, columns=PAGE) for one in distance_tables(flight))
     if legs:
         yield from (render(table, columns=PAGE) for table in leg_tables(flight))
     yield "\n".join(textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in log.remarks)

@@ -17,7 +17,7 @@ from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight, laps_of
-from airrace.results.clearances import NearMiss, near_misses
+from airrace.results.clearances import NearMiss, least_distances, near_misses
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
 from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
@@ -160,6 +160,7 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
             yield _certificate_line(result, result.certificate)
         if shown.flight is not None and result.stage.value == shown.stage:
             yield from laps_lines(shown.flight)
+            yield from (render(one, columns=PAGE) for one in distance_tables(shown.flight))
             yield from _warnings(shown.flight)
             if legs:
                 yield from (render(table, columns=PAGE) for table in leg_tables(shown.flight))
@@ -301,6 +302,20 @@ def leg_tables(flight: Flight) -> tuple[Table, Table]:
     return Table("legs", _LOADS, loads), Table("legs: speeds and clearances", _SPEEDS, speeds)
 
 
+def distance_tables(flight: Flight) -> list[Table]:
+    """Return a table of the least distance from every thing on the course; none where nothing is known."""
+    rows = [(one.text, one.distance, one.required, one.margin, one.time, one.height) for one in least_distances(flight)]
+    return [Table("least distances", _DISTANCES, rows)] if rows else []
+
+
+_DISTANCES = (
+    Column("from", wraps=True),
+    Column("least", "m", "z.2f"),
+    Column("required", "m", "z.1f"),
+    Column("left", "m", "z.2f"),
+    Column("at", "s", "z.2f"),
+    Column("height", "m", "z.0f"),
+)
 _LOADS = (
     Column("leg to"),
     Column("time", "s", "z.3f"),

@@ -3,7 +3,7 @@
 The object, with the format's name first:
 
     format          "airrace-report/1"
-    course          elements, crowd, lines, airspace, frame: see below
+    course          elements, crowd, obstacles, lines, airspace, frame: see below
     flights         the flights, the first of which the page is about; the others are its ghosts
       label           what tells it from the others
       aircraft        {name, span}: span of its wing, m
@@ -39,6 +39,7 @@ elements    what is passed
   heights     [lowest, highest] of the passing, m
   place       [north, east, height] of its name; where it stands nowhere, where the first flight passed it
 crowd       [{name, corners, closed, distance, height}]
+obstacles   [{name, corners, height}]
 lines       safety lines, [{name, start, end, keep_right}]
 airspace    corners [[north, east], ...]; empty where there is none
 frame       [south, north, west, east] of what is to be seen, m
@@ -55,6 +56,7 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
+from airrace.results.distance_histories import with_nearest
 from airrace.results.flight import BODY_ATTITUDE
 from airrace.results.legs import Leg, way
 from airrace.track.course import CrowdShape
@@ -65,6 +67,8 @@ from airrace.views.map_model import MapModel, coordinates
 FORMAT = "airrace-report/1"
 INFLATED = 25.0
 """The usual height of an inflated pylon, m."""
+NEAR = 50.0
+"""The distance up to which those of the wing are drawn, m; else the near ones could not be told from zero."""
 DEGREE = math.pi / 180.0
 
 
@@ -112,6 +116,14 @@ STRIPS = (
         digits=1,
     ),
     Strip("Throttle", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Strip("Wing to the nearest", "m", 1.0, (("nearest_pylon", "pylon"), ("nearest_obstacle", "obstacle"))),
+    Strip(
+        "Away from",
+        "m",
+        1.0,
+        (("nearest_crowd", "people"), ("nearest_safety_line", "safety line"), ("distance_airspace", "border")),
+        ("nearest_crowd",),
+    ),
     Strip("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
 """The strips of a report, from top to bottom."""
@@ -132,6 +144,7 @@ def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], ma
         comparisons: of the others with the first, in their order.
         map_: the race of the first from above.
     """
+    flights = [with_nearest(one, NEAR) for one in flights]
     first = flights[0]
     return {
         "format": FORMAT,

@@ -19,7 +19,7 @@ from airrace.report.contents import as_json, clock_start, contents_of
 from airrace.report.script import FOLDER, LIBRARIES, page_script
 from airrace.report.sections import number, table_section
 from airrace.results import Flight, laps_of
-from airrace.results.clearances import near_misses
+from airrace.results.clearances import least_distances, near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
@@ -61,7 +61,8 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     first = flights[0]
     comparisons = [compare_flights(first, other) for other in flights[1:]]
     losses = [comparison_section(one) for one in comparisons]
-    sections = [flights_section(flights), legs_section(first), cues_section(first), *losses, *sections]
+    facts = [flights_section(flights), legs_section(first), distances_section(first), cues_section(first)]
+    sections = [*facts, *losses, *sections]
     map_ = map_model(first.race)
     track = np.stack([first["x"], first["y"]], axis=1)
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
@@ -184,6 +185,25 @@ def legs_section(flight: Flight) -> str:
         notes.append(f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}.")
     notes += [f"Warning: {one.text}." for one in sustained_loads(flight)]
     return table_section(Table("Legs", columns, rows, notes, by_leg=True))
+
+
+def distances_section(flight: Flight) -> str:
+    """Return a table of the least distance from every thing on the course; empty where nothing is known."""
+    columns = (
+        Column("from"),
+        Column("least", "m", "z.2f"),
+        Column("required", "m", "z.1f"),
+        Column("left", "m", "z.2f"),
+        Column("at", "s", "z.2f"),
+        Column("height", "m", "z.0f"),
+    )
+    begin = clock_start(flight)
+    rows = [
+        (one.text, one.distance, one.required, one.margin, one.time - begin, one.height)
+        for one in least_distances(flight)
+    ]
+    remark = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
+    return table_section(Table("Least distances", columns, rows, [remark])) if rows else ""
 
 
 def cues_section(flight: Flight) -> str:

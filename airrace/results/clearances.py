@@ -10,7 +10,7 @@ between the pylons. The wing of an aircraft that crosses this line askew reaches
 or after, and may be closer to a pylon then. Nothing at all keeps the wing away from the pylons of other gates.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -126,18 +126,27 @@ def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearanc
 
 
 def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, ...]:
-    """Return the least distance from every thing on all legs together, in the order of `known`.
+    """Return the least distance from every thing on all complete legs together, in the order of `known`.
 
     Args:
-        flight: all of whose passings are made.
+        flight: a flight.
         known: distances of the flight, e.g. `distances`.
     """
-    legs = legs_of(flight)
+    legs, none = legs_of(flight), np.zeros(0, np.int64)
     found = (
-        _least(flight, one, np.concatenate([leg.rows for leg in legs if one.legs is None or leg.number in one.legs]))
+        _least(
+            flight,
+            one,
+            np.concatenate([none, *(leg.rows for leg in legs if one.legs is None or leg.number in one.legs)]),
+        )
         for one in known
     )
     return tuple(one for one in found if one is not None)
+
+
+def least_distances(flight: Flight) -> tuple[Clearance, ...]:
+    """Return the least distance of a flight from every thing on its course, that with the least margin first."""
+    return tuple(sorted(least_of_all(flight, distances(flight)), key=lambda one: one.margin))
 
 
 def nearest_pylon(found: Sequence[Clearance]) -> tuple[Clearance, ...]:
@@ -159,14 +168,17 @@ def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance 
     return at_row(flight, one, int(known[int(np.argmin(one.values[known]))])) if len(known) else None
 
 
-def pylons(flight: Flight) -> Iterator[Distance]:
+def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = None) -> Iterator[Distance]:
     """Yield the distance of the wing from the pylons of every element, in the order of first passings, and from every
     obstacle; none where the flight knows its height nowhere.
 
-    A value is the least from half a step before its time to half a step after it.
+    Args:
+        flight: one whose position is known.
+        measure: returns the distance of a wing's axis from a pylon, m, shape (n,); by default the least from half a
+            step before a time to half a step after it.
     """
-    standing = pylons_of(flight.course)
-    if not standing or len(flight.time) < 2 or not np.isfinite(flight["height"]).any():
+    standing, measure = pylons_of(flight.course), measure or _least_about
+    if not standing or not np.isfinite(flight["height"]).any():
         return
     wing = _wing(flight)
     for element in {one.element.name: one.element for one in flight.course.passages}.values():
@@ -175,9 +187,9 @@ def pylons(flight: Flight) -> Iterator[Distance]:
             required = element.tolerances.clearance
         own = [one for one in standing if one.name == element.name]
         if own:
-            yield Distance("pylon", element.name, required, np.minimum.reduce([_least_about(wing, one) for one in own]))
+            yield Distance("pylon", element.name, required, np.minimum.reduce([measure(wing, one) for one in own]))
     for obstacle in flight.course.obstacles:
-        axes = [_least_about(wing, one) for one in standing if one.name == obstacle.name]
+        axes = [measure(wing, one) for one in standing if one.name == obstacle.name]
         yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
 
 
@@ -194,6 +206,8 @@ def _wing(flight: Flight) -> Wing:
 def _least_about(wing: Wing, pylon: PylonPost) -> Array:
     """Return the least distance from a pylon from half a step before to half a step after every time, m, shape (n,)."""
     least = wing_distance(pylon, wing.centre, wing.half)
+    if len(least) < 2:
+        return least
     distance, time = closest_in_steps(wing, pylon)
     early = time - wing.time[:-1] <= wing.time[1:] - time
     known = np.isfinite(least)

@@ -11,7 +11,7 @@ from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
 from airrace.results import Flight, laps_of
-from airrace.results.clearances import Clearance, NearMiss, near_misses
+from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.legs import passings_around
@@ -188,8 +188,9 @@ def legs_object(flight: Flight) -> dict[str, object]:
 
 
 def warnings_object(flight: Flight) -> dict[str, object]:
-    """Return `near_misses` and `sustained_loads` of a stage: SI units, g."""
+    """Return `least_distances`, `near_misses` and `sustained_loads` of a stage: SI units, g."""
     return {
+        "least_distances": [_clearance(one) for one in least_distances(flight)],
         "near_misses": [_near_miss(one) for one in near_misses(flight)],
         "sustained_loads": [
             {

@@ -15,6 +15,7 @@ from airrace.inputs import Inputs, inputs_from_documents
 from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
+from airrace.results.distance_histories import with_distances
 from airrace.runs.output import write_or_return
 from airrace.runs.run import document_of, library_versions, stored_inputs
 from airrace.runs.stage_view import Splits
@@ -80,7 +81,7 @@ class LogView:
         source = Source(
             label or stored.label, version=stored.versions.get("airrace", ""), remark=" ".join(self.remarks)
         )
-        return Flight(race, source, stored.time, histories, tuple(crossings))
+        return with_distances(Flight(race, source, stored.time, histories, tuple(crossings)))
 
     @property
     def splits(self) -> Splits:

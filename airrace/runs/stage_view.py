@@ -21,6 +21,7 @@ from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
+from airrace.results.distance_histories import distance_columns, with_distances
 from airrace.runs.brief import Brief
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
@@ -362,7 +363,7 @@ class StageView:
             remark=self.message,
         )
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            flight = flight_of(self.inputs.race, self.result, source)
+            flight = with_distances(flight_of(self.inputs.race, self.result, source))
         for name, one in flight.histories.items():
             if np.isinf(one.values).any():
                 raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
@@ -502,6 +503,7 @@ class StageView:
         return {
             **results_api.derived_quantities(race, self.result),
             **table_columns(race, states),
+            **distance_columns(race, states),
         }
 
     def _sampler(self, rate: float | None) -> Sampler | None:
