@@ -464,10 +464,11 @@ class Run(RunState):
             UsageError: an argument says nothing sensible, there is no such stage, or it found no flight.
             StorageError: the system refused.
         """
-        from airrace.runs.footprints import flight_footprint, write_footprint
+        from airrace.runs.footprints import write_footprint
+        from airrace.safety.footprint import Track, footprint_of
 
         flight = self.flight(stage)
-        found = flight_footprint(flight, drag_area=drag_area, glide_ratio=glide_ratio)
+        found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
         if output is not None:
             write_footprint(found, flight, Path(output), origin=origin)
         return found

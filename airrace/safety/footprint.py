@@ -95,7 +95,6 @@ class CrowdExposure:
         crowd: the people.
         distance: least distance over ground of an impact from them, half the span taken off, m; zero where one hits.
         label, time: the flight, and when the aircraft begins to fall there, s.
-        place: north and east of that impact, m.
         seconds: for how long falls that begin meanwhile hit them, s, over all flights.
         overlap: the share of the footprint on their area, m2; zero for points and lines.
         straight_seconds: for how long a glide straight on would lead over them, s.
@@ -106,11 +105,18 @@ class CrowdExposure:
     distance: float
     label: str
     time: float
-    place: tuple[float, float]
     seconds: float
     overlap: float
     straight_seconds: float
     turned_seconds: float
+
+    @property
+    def measures(self) -> tuple[str | float, ...]:
+        """All of it but the people, in its order."""
+        return (
+            *(self.distance, self.label, self.time, self.seconds, self.overlap),
+            *(self.straight_seconds, self.turned_seconds),
+        )
 
 
 @record
@@ -206,26 +212,18 @@ class Footprint:
         return np.maximum(away - self.half_span, 0.0)
 
     def _exposure(self, crowd: Crowd) -> CrowdExposure:
-        away, steps = self.distances(crowd), self._steps()
-        row = int(np.argmin(away))
+        away = self.distances(crowd)
+        row, every = int(np.argmin(away)), self.settings.glide_every
         overlap = 0.0
         if crowd.shape is CrowdShape.AREA and away[row] == 0.0:
             covered = self.raster.centres[self.raster.inside > 0.0]
             overlap = float((ground_distance(covered, crowd) == 0.0).sum()) * self.raster.cell**2
-        north, east = _nearest(self.vacuum.place[row], self.drag.place[row], crowd, self.settings.stretch)
         straight, turned = self._glides_to(crowd)
-        seconds = np.concatenate([_spans(track.time[:: self.settings.glide_every]) for track in self.tracks])
-        return CrowdExposure(
-            crowd,
-            distance=float(away[row]),
-            label=self.labels[row],
-            time=float(self.time[row]),
-            place=(north, east),
-            seconds=float(steps[away == 0.0].sum()),
-            overlap=overlap,
-            straight_seconds=float(seconds[straight].sum()),
-            turned_seconds=float(seconds[turned].sum()),
-        )
+        steps = np.concatenate([_spans(track.time) for track in self.tracks])
+        glide_steps = np.concatenate([_spans(track.time[::every]) for track in self.tracks])
+        seconds = steps[away == 0.0], glide_steps[straight], glide_steps[turned]
+        label, (hit, led, reached) = self.labels[row], (float(one.sum()) for one in seconds)
+        return CrowdExposure(crowd, float(away[row]), label, float(self.time[row]), hit, overlap, led, reached)
 
     def _glides_to(self, crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
         """Return from which instants a glide straight on leads over people, and from which they are within reach."""
@@ -243,13 +241,10 @@ class Footprint:
         ends = np.cumsum([0, *(len(track.time) for track in self.tracks)]).tolist()
         return [slice(begin, end) for begin, end in pairwise(ends)]
 
-    def _steps(self) -> Array:
-        """Return the time that every instant stands for, s."""
-        return np.concatenate([_spans(track.time) for track in self.tracks])
-
     def as_object(self) -> dict[str, object]:
         """Return it for JSON, in SI units."""
         lengths = {f"{name}_farthest_m": float(one.max()) for name, one in self.lengths.items()}
+        keys = ("distance_m", "flight", "time_s", "hit_s", "overlap_m2", "glide_straight_s", "glide_turned_s")
         return {
             "flights": [track.label for track in self.tracks],
             "aircraft": self.race.aircraft.name,
@@ -261,18 +256,7 @@ class Footprint:
             "falls": {**lengths, "time_longest_s": float(self.vacuum.time.max())},
             "glide_straight_m": [float(self.reach.distance.min()), float(self.reach.distance.max())],
             "crowds": [
-                {
-                    "name": one.crowd.name,
-                    "rule_m": one.crowd.distance,
-                    "distance_m": one.distance,
-                    "flight": one.label,
-                    "time_s": one.time,
-                    "impact": {"north_m": one.place[0], "east_m": one.place[1]},
-                    "hit_s": one.seconds,
-                    "overlap_m2": one.overlap,
-                    "glide_straight_s": one.straight_seconds,
-                    "glide_turned_s": one.turned_seconds,
-                }
+                {"name": one.crowd.name, "rule_m": one.crowd.distance, **dict(zip(keys, one.measures, strict=True))}
                 for one in self.crowds
             ],
             "outlines": {"falls": _rings(self.falls), "glides": _rings([self.glides])},
@@ -336,13 +320,6 @@ def _spans(time: Array) -> Array:
     """Return the time that every sample stands for: half of the steps on both sides, s."""
     middles = 0.5 * (time[:-1] + time[1:])
     return np.diff(np.concatenate([time[:1], middles, time[-1:]]))
-
-
-def _nearest(begin: Array, end: Array, crowd: Crowd, count: int) -> tuple[float, float]:
-    """Return the point of a stretch that lies nearest to people, m."""
-    points = begin + np.linspace(0.0, 1.0, count)[:, None] * (end - begin)
-    north, east = points[int(np.argmin(ground_distance(points, crowd)))].tolist()
-    return north, east
 
 
 def _outline(crowd: Crowd, step: float) -> Array:

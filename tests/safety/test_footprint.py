@@ -3,11 +3,13 @@
 import json
 import math
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import run
+from lxml import etree
 from transformations import Change, changed
 
 import airrace
@@ -202,8 +204,12 @@ def test_the_command_writes_what_the_name_of_the_file_says(flown: Path, tmp_path
         table = np.genfromtxt(path, delimiter=",", names=True, skip_header=2, dtype=None, encoding="utf-8")
         ways = np.hypot(table["vacuum_north_m"] - table["north_m"], table["vacuum_east_m"] - table["east_m"])
         assert ways == pytest.approx(table["vacuum_way_m"], abs=1e-6)
+    elif suffix == "kml":
+        schema = etree.XMLSchema(etree.parse(str(files("pykml") / "schemas" / "kml22gx.xsd")))
+        assert schema.validate(etree.fromstring(content)), schema.error_log
+        assert content.count(b"<outerBoundaryIs>") >= 2
     else:
-        assert content.startswith(b"\x89PNG" if suffix == "png" else b"<?xml")
+        assert content.startswith(b"\x89PNG")
 
 
 def test_bad_calls_end_with_one_sentence(flown: Path, tmp_path: Path) -> None:
