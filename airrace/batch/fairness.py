@@ -165,7 +165,7 @@ class Fairness:
             [air_text(air), *(one.time for one in row), *(behind if len(names) > 1 else ())]
             for air, row, behind in zip(self.airs, self.optima, self.behind, strict=True)
         ]
-        return Table(f"{self.course}: optima of {self.stage.value}", columns, rows)
+        return Table(f"{self.stage.value} optima", columns, rows)
 
     def aircraft_table(self) -> Table:
         """Return handicaps and spreads."""
@@ -179,7 +179,7 @@ class Fairness:
             times = [one for row in self.optima if math.isfinite(one := row[number].time)] or [math.nan]
             behind = [one for row in self.behind if math.isfinite(one := row[number])] or [math.nan]
             rows.append([name, self.behind[0][number], min(behind), max(behind), max(times) - min(times)])
-        notes = ["least, most: of the handicap, in all airs", "spread: slowest without fastest air"]
+        notes = ["least, most: handicap in all airs", "spread: slowest without fastest air"]
         return Table("what aircraft and air are worth", columns, rows, notes)
 
     def gate_table(self) -> Table:
@@ -204,6 +204,8 @@ class Fairness:
             for one in self.flights
         ]
         notes = ["normalised: standard + gap; penalties are not in it"]
+        if any(one.flown < one.there for one in self.flights):
+            notes.append("a flight that is faster than its optimum breaks a limit of it, or its air was another")
         return Table("flights as of still standard air", columns, rows, notes)
 
     def tables(self) -> Iterator[Table]:
