@@ -33,9 +33,15 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, Initial
 from airrace.procedure.multistart.local_search import RoutesAround, search_around
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
-from airrace.procedure.result import Note, NoteKind, SearchReport, Stage, StageResult, Status
+from airrace.procedure.result import Note, NoteKind, PylonCondition, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
-from airrace.procedure.solve_and_refine import check_mesh_convergence, solve_single_mesh, solve_with_refinement
+from airrace.procedure.solve_and_refine import (
+    Failure,
+    check_mesh_convergence,
+    solve_certified,
+    solve_single_mesh,
+    solve_with_refinement,
+)
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
@@ -62,6 +68,8 @@ CARRIED_MAX, CARRIED_LAG = 2, 0.05
 
 The order of routes at six-dof is another one than at the point mass on two of four courses, where rolls differ.
 """
+OTHER_SIDES_MAX = 3
+"""How often at most the pylons beside the fastest flight are passed on their other sides, one at a time."""
 SAME_FLIGHT = 2e-4
 """The difference of race times below which two optima from different starts are one, s."""
 
@@ -284,7 +292,7 @@ class FidelityContinuation:
             results.append(job(session))
         if not any(one.holds for one in results):
             results.append(self._optimum(Stage.POINT_MASS, known, session))
-        results = list(self._resolve_near_ties(results, session))
+        results = list(self._resolve_near_ties(self.with_other_sides(results, session), session))
         result = self._fastest(results)
         winner = _winner(results)
         report = found.report(winner) if winner < len(found.starts) else best
@@ -297,6 +305,39 @@ class FidelityContinuation:
                 *(best.routes[0].race_time, result.status.value, result.trajectory.race_time),
             )
         return dataclasses.replace(_with_log(result, session), search=report)
+
+    def with_other_sides(self, results: Sequence[StageResult], session: SolverSession) -> list[StageResult]:
+        """Return results of a stage, and more that pass pylons on other sides than the fastest, while that gains time.
+
+        On which side a flight comes by a pylon that it need not pass is chance, and may cost tenths of a second.
+        """
+        found = list(results)
+        for _ in range(OTHER_SIDES_MAX):
+            fastest = found[_winner(found)]
+            tried = session.side_by_side(self._on_other_sides(fastest))
+            found += [one for one in tried if isinstance(one, StageResult) and one.holds]
+            if found[_winner(found)] is fastest:
+                break
+        return found
+
+    def _on_other_sides(self, optimum: StageResult) -> list[Callable[[SolverSession], StageResult | Failure]]:
+        """Return solves that start from an optimum and pass one pylon each on its other side."""
+        flight, mesh, iterate = (
+            self.along(optimum.stage, optimum),
+            mesh_of(optimum.trajectory),
+            iterate_of(optimum.trajectory),
+        )
+        if flight.rooms is None or not optimum.holds:
+            return []
+        refine = solve_certified if optimum.certified else solve_single_mesh
+
+        def solve(session: SolverSession, conditions: tuple[PylonCondition, ...]) -> StageResult | Failure:
+            other = flight.with_conditions(conditions)
+            start = Start(other, other.problem(mesh), iterate, InitialBarrier.PIECES, optimum.provenance)
+            return refine(session, start, session.solvers[0])
+
+        sides = flight.rooms.on_other_sides(flight.plan, flight.problem(mesh), iterate)
+        return [functools.partial(solve, conditions=conditions) for conditions in sides]
 
     def _search_routes(self, budget: SearchBudget, session: SolverSession) -> FoundRoutes:
         """Search routes, with the starts of a run without a search among the starts, so that none is lost by it."""

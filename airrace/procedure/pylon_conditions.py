@@ -12,7 +12,7 @@ condition would change along the flight, and the Hamiltonian with it.
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -43,6 +43,8 @@ class PylonSettings:
         needless: length by which a condition may keep the wing farther away than its clearance, m.
         holds: room left up to which a condition is what keeps the wing away, m.
         binding: room left up to which it may be that on the next mesh, m.
+        beside: time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. At 18 ms it
+            drifted by four times its limit, whatever the mesh; at 25 ms elsewhere by less than the limit.
     """
 
     one_passing: float = 0.5
@@ -51,6 +53,7 @@ class PylonSettings:
     needless: float = 0.05
     holds: float = 0.01
     binding: float = 1.0
+    beside: float = 2e-3
 
 
 SETTINGS = PylonSettings()
@@ -86,12 +89,15 @@ class ReplayedFlight:
         before = min(int(part), samples.shape[1] - 2)
         return samples[:, before] + (part - before) * (samples[:, before + 1] - samples[:, before])
 
+    def time(self, condition: PylonCondition) -> float:
+        """Return the time at which a condition is asked for, s."""
+        return float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
+
     def same(self, condition: PylonCondition, approach: ClosestApproach) -> bool:
         """Tell whether an approach is that of a condition's pylon at the same passing."""
         if (condition.element, condition.post) != (approach.pylon.name, approach.pylon.post):
             return False
-        time = float(self.durations[: condition.leg].sum() + condition.share * self.durations[condition.leg])
-        return abs(approach.time - time) <= SETTINGS.one_passing
+        return abs(approach.time - self.time(condition)) <= SETTINGS.one_passing
 
     def at(self, condition: PylonCondition, approach: ClosestApproach) -> PylonCondition:
         """Return a condition at the moment abeam of an approach."""
@@ -111,6 +117,7 @@ class MeasuredConditions:
         binding: of which the room hardly exceeds what is asked for, or is too small.
         missed: the largest length by which a clearance is missed, m.
         needless: the largest length beyond its clearance at which a condition keeps the wing away, m.
+        moved: the longest time from a condition that keeps the wing away to its moment abeam, s.
     """
 
     conditions: tuple[PylonCondition, ...]
@@ -118,11 +125,17 @@ class MeasuredConditions:
     binding: tuple[bool, ...]
     missed: float
     needless: float
+    moved: float
 
     @property
     def is_needless(self) -> bool:
         """Whether a condition keeps the wing farther away than another solve would."""
         return self.needless > SETTINGS.needless
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether a condition stands so far beside its moment abeam that the Hamiltonian may drift there."""
+        return self.moved > SETTINGS.beside
 
 
 @record
@@ -189,6 +202,25 @@ class PylonRooms:
                 found.append(PylonCondition(pylon.name, pylon.post, leg, share, side, 0.0))
         return tuple(found)
 
+    def on_other_sides(self, plan: Plan, problem: Problem, iterate: Iterate) -> Iterator[tuple[PylonCondition, ...]]:
+        """Yield the conditions with one pylon on the other side of a flight, each in turn that may be passed on either.
+
+        Those are pylons that no passing at either end of the leg is of, and that keep the wing away.
+        """
+        conditions = self.conditions_on(plan)
+        for number, one in enumerate(conditions):
+            ends = [plan.waypoints[end].passage.element for end in (one.leg, one.leg + 1)]
+            passed = {place_of(post) for element in ends if element.place for post in element.drawing().posts}
+            if one.side is PylonSide.BELOW or place_of(self.pylons[one.element, one.post]) in passed:
+                continue
+            places = np.cumsum([0.0, *problem.phases[one.leg].fractions])
+            node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
+            seen = self._observe(self.pylons[one.element, one.post], iterate.state[:, node])
+            if self._room(one, seen) - self._required_room(one) < SETTINGS.holds:
+                side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
+                other = dataclasses.replace(one, side=side, error=0.0)
+                yield (*conditions[:number], other, *conditions[number + 1 :])
+
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
         """Return the conditions along a plan as constraints on every leg."""
         legs: list[list[PathConstraint]] = [[] for _ in plan.waypoints[1:]]
@@ -213,7 +245,7 @@ class PylonRooms:
             replayed: the flight.
             approaches: of its wing to all pylons.
         """
-        conditions, missed, needless = list(self.conditions_on(plan)), 0.0, 0.0
+        conditions, missed, needless, moved = list(self.conditions_on(plan)), 0.0, 0.0, 0.0
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
         end = float(replayed.durations.sum())
         for number, before in enumerate(conditions):
@@ -225,7 +257,9 @@ class PylonRooms:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
             left = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
             left -= self._required_room(before)
-            needless = max(needless, -approach.shortfall if left < SETTINGS.holds else 0.0)
+            if left < SETTINGS.holds:
+                needless = max(needless, -approach.shortfall)
+                moved = max(moved, abs(approach.abeam - replayed.time(before)))
             conditions[number] = replayed.at(before, approach)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         for approach in sorted(approaches, key=_distance):
@@ -238,7 +272,7 @@ class PylonRooms:
                 distances.append(approach.distance)
                 binding.append(True)
                 missed = max(missed, approach.shortfall)
-        return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless)
+        return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless, moved)
 
     def _side(self, condition: PylonCondition, pylon: PylonPost, replayed: ReplayedFlight) -> PylonSide:
         """Return the side with the most room; of an obstacle all cylinders are passed on the same one."""

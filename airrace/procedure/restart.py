@@ -140,11 +140,15 @@ def start_from(
         faster = _on_other_route(continuation, session, main, around, another.name)
         flights += [faster] if faster else []
     if flights:
+        known, flights = flights, continuation.with_other_sides(flights, session)
         best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
         carried, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
         remark = _remark(another, obstacles, f"the start is {what}")
         if best is not main and not isinstance(main, str):
-            route = around.text if around and best is faster else "an alternative of the stored one"
+            if not any(best is one for one in known):
+                route = "past a pylon on its other side"
+            else:
+                route = around.text if around and best is faster else "an alternative of the stored one"
             remark = "; ".join([*filter(None, [remark]), f"{another.name}: another route has become faster: {route}"])
         return replace(best, alternatives=carried, attempts=log, timings=session.timings()), remark
     if around is not None:

@@ -40,6 +40,7 @@ from airrace.procedure.refinement import (
     refine_predicted,
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
+from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
@@ -202,12 +203,16 @@ class Refined:
     def too_near(self, share: float = 1.0) -> bool:
         """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may cure it.
 
+        So may one the drift of the Hamiltonian at a pylon, which no mesh does.
+
         Args:
             share: of the certificate's limit that is allowed.
         """
-        if self.pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
+        limits, pylons = self.session.settings.certificate, self.pylons
+        if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
-        return self.pylons.missed > share * self.session.settings.certificate.gate_length or self.pylons.is_needless
+        drifts = pylons.is_beside and float(self.solved[0].evidence.drift.max()) > limits.hamiltonian
+        return pylons.missed > share * limits.gate_length or pylons.is_needless or drifts
 
     @property
     def barrier(self) -> InitialBarrier:
@@ -335,7 +340,7 @@ def _until_certified(refined: Refined) -> RefinementState | None:
         flight, draft = refined.keep_clear(refine_changed(optimum, coarser, limits))
         coarser = None
     else:
-        draft = refine_flagged(optimum, limits)
+        draft = None if _drifts_as_before(optimum, state.before, limits) else refine_flagged(optimum, limits)
     if draft is None:
         return None
     following = certified_state(
@@ -351,6 +356,14 @@ def _until_certified(refined: Refined) -> RefinementState | None:
     )
     rounds = state.clearance_rounds + same_mesh
     return replace(following, clearance_rounds=rounds, too_near=refined if same_mesh else None)
+
+
+def _drifts_as_before(optimum: MeshSolution, before: MeshSolution | None, limits: CertificateLimits) -> bool:
+    """Tell whether the Hamiltonian drifts too much, and a finer mesh has not made it drift less."""
+    if before is None or before.problem.intervals >= optimum.problem.intervals:
+        return False
+    drift = float(optimum.evidence.drift.max())
+    return drift > max(limits.hamiltonian, SETTINGS.drift_stays * float(before.evidence.drift.max()))
 
 
 def _again_on_both_meshes(refined: Refined) -> RefinementState:

@@ -12,12 +12,19 @@ from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
 from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
 from airrace.optimal_control.replay import replay
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.planning.wing_clearance import UNASKED, PylonPost, wing_distance
 from airrace.procedure.fidelity import iterate_of, stage_model
+from airrace.procedure.progress import Silent
+from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.recomputation import recertify
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import PylonSide, Stage, StageResult
+from airrace.procedure.settings import SearchEffort
+from airrace.procedure.solve_and_refine import solve_certified
+from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.procedure.wing_clearance import approaches
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
@@ -106,9 +113,11 @@ def nearest(race: Race, result: StageResult) -> dict[tuple[str, int], float]:
     return found
 
 
-def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
-    """The finish is met in its middle alone, so its width does nothing but to plant a pylon on the way to the second
-    element."""
+def planted_race() -> tuple[Race, StageResult]:
+    """A race with a pylon on the way to the second element, and the flight that hits it.
+
+    The finish is met in its middle alone, so its width does nothing but to plant that pylon.
+    """
     exact = with_element(by(ClearanceRule.CROSSING, SMALL), 3, passing=Passing.POINT)
     free = optimum(exact, PLAN)
     finish = exact.course.passages[3].element
@@ -121,7 +130,11 @@ def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
     crossed = int(np.flatnonzero(np.diff(np.sign(along[first_legs])))[0])
     share = along[crossed] / (along[crossed] - along[crossed + 1])
     width = 2.0 * abs(float(beside[crossed] + share * (beside[crossed + 1] - beside[crossed])))
-    planted = with_element(exact, 3, width=width)
+    return with_element(exact, 3, width=width), free
+
+
+def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
+    planted, free = planted_race()
     hit = min(away for (name, _), away in nearest(planted, free).items() if name == "last")
     assert hit < 0.1
     clear = optimum(by(ClearanceRule.FLIGHT, planted), PLAN)
@@ -130,6 +143,35 @@ def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
     assert min(away for (name, _), away in found.items() if name == "last") >= UNASKED - PLAN.certificate.gate_length
     assert any(one.element == "last" and one.leg < 2 for one in clear.pylon_conditions)
     assert clear.trajectory.race_time > free.trajectory.race_time
+
+
+def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
+    race = by(ClearanceRule.FLIGHT, planted_race()[0])
+    result = optimum(race, PLAN)
+    flight = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
+    assert flight.rooms is not None
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    (conditions,) = flight.rooms.on_other_sides(flight.plan, problem, iterate)  # those of the passings stay
+    (own,), (other,) = set(result.pylon_conditions) - set(conditions), set(conditions) - set(result.pylon_conditions)
+    assert {own.side, other.side} == {PylonSide.LEFT, PylonSide.RIGHT}
+    along = flight.with_conditions(conditions)
+    with SolverService() as service:
+        session = SolverSession(service, PLAN, Silent())
+        start = Start(along, along.problem(problem.mesh), iterate, InitialBarrier.PIECES)
+        found = solve_certified(session, start, session.solvers[0])
+    assert isinstance(found, StageResult)
+    assert found.certified
+    assert min(away for (name, _), away in nearest(race, found).items() if name == "last") >= UNASKED - 0.01
+    assert [one.side for one in found.pylon_conditions if one.element == "last" and one.leg < 2] == [other.side]
+
+
+@pytest.mark.slow
+def test_of_two_pylons_that_stand_together_each_is_passed_on_the_side_that_is_faster() -> None:
+    """By chance this course is flown 0.46 s slower, past two pylons that need not be passed there."""
+    race = with_element(SHIPPED["chiba_2015"], 2, north=382.1, east=-300.5)
+    found = optimum(race, dataclasses.replace(PLAN, search=SearchEffort.QUICK))
+    assert found.certified
+    assert found.trajectory.race_time < 47.0
 
 
 def test_who_asks_for_more_clearance_gets_more() -> None:
@@ -143,6 +185,30 @@ def test_who_asks_for_more_clearance_gets_more() -> None:
         times.append(result.trajectory.race_time)
     assert kept == pytest.approx(asked, abs=PLAN.certificate.gate_length)
     assert times == sorted(times)
+
+
+def test_a_condition_beside_its_moment_abeam_is_told_by_how_much() -> None:
+    result = optimum(SMALL, PLAN)
+    (holds,) = (one for one in result.pylon_conditions if one.element == "pylon")
+
+    def measure(earlier: float, error: float) -> MeasuredConditions:
+        share = holds.share - earlier / float(result.trajectory.durations[holds.leg])
+        conditions = [
+            dataclasses.replace(one, share=share, error=one.error + error)
+            if one is holds
+            else dataclasses.replace(one, error=one.error - 1.0)
+            for one in result.pylon_conditions
+        ]
+        flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, conditions)
+        problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+        replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
+        assert flight.rooms is not None
+        return flight.rooms.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+
+    assert measure(0.02, -1.0).moved == 0.0  # far from binding, it does not matter where it stands
+    own, earlier = measure(0.0, 0.1), measure(0.02, 0.1)
+    assert earlier.moved == pytest.approx(own.moved + 0.02, abs=2e-3)
+    assert earlier.is_beside
 
 
 def test_predictions_are_wrong_by_centimetres_also_where_a_pylon_is_abeam_behind_the_finish() -> None:
