@@ -70,6 +70,10 @@ class ClosedLoopSettings:
 SETTINGS = ClosedLoopSettings()
 KEPT = STATE["beta_K"] + 1
 """The number of the first states that are kept of a flight: those that tell where its wing is."""
+SURFACES = slice(STATE["eta"], STATE["zeta"] + 1)
+"""The rows of the deflections, whose rates are the first controls in this order."""
+AILERONS = 1
+"""The control that is the rate of the ailerons."""
 
 
 @record
@@ -171,11 +175,9 @@ class _Batch:
         self.lower, self.upper = (
             np.array([[getattr(one, end)] for one in bounds.controls]) for end in ("lower", "upper")
         )
-        self.travel = [
-            (place, STATE[one.rate_of], bounds.states[STATE[one.rate_of]])
-            for place, one in enumerate(bounds.controls)
-            if one.rate_of
-        ]
+        self.travel = tuple(
+            np.array([[getattr(one, end)] for one in bounds.states[SURFACES]]) for end in ("lower", "upper")
+        )
         self.alpha = bounds.path[loop.plant.path_row("alpha_A")]
         self.alpha_row, self.load_row = loop.plant.path_row("alpha_A"), loop.plant.path_row("n_z")
 
@@ -229,22 +231,23 @@ class _Batch:
     ) -> tuple[Array, Array]:
         """Return the stick decided now, within its limits, and what of it is besides that of the optimum."""
         pilot, gains, nominal = self.loop.pilot, self.loop.gains, self.loop.nominal
-        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.L) - 1)
+        row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), len(gains.known) - 1)
         seen = e.copy()
-        np.clip(seen[:3], -pilot.urgent, pilot.urgent, out=seen[:3])
+        seen[:3] = np.minimum(np.maximum(e[:3], -pilot.urgent), pilot.urgent)
         known = np.concatenate([seen, besides.reshape(-1, self.count)])
-        decision = np.sum(gains.L[row] * known.T[:, None, :], axis=2).T
+        *decision, alpha = np.einsum("nij,nj->in", gains.known[row], np.ascontiguousarray(known.T))
+        decision = np.array(decision)
         there = clock + pilot.delay * x[3] / line[3]
         optimum = nominal.stick(there, pilot.sample)
         # near the stall no more is pulled for the sake of the path; the optimum's own pull stays, and so does damping
         expected = nominal.at(there, slice(STATE["alpha_K"], STATE["alpha_K"] + 1))[0]
         turned = path[self.alpha_row] - x[STATE["alpha_K"]]  # by gusts and wind
-        alpha = expected + turned + np.sum(gains.alpha[row] * known.T, axis=1)
-        wanted = np.sum(gains.L[row, 0, :PATH] * seen[:PATH].T, axis=1)  # of the elevator; nose up where negative
+        alpha = alpha + expected + turned
+        wanted = np.sum(gains.known[row, 0, :PATH] * seen[:PATH].T, axis=1)  # of the elevator; nose up where negative
         above, below = np.maximum(self.alpha.upper, expected) - alpha, alpha - np.minimum(self.alpha.lower, expected)
         room = np.asarray(np.where(wanted < 0.0, above, below), np.float64)
-        decision[0] -= wanted * (1.0 - np.clip(room / pilot.stall_margin, 0.0, 1.0))
-        whole = np.clip(optimum + decision, self.lower, self.upper)
+        decision[0] -= wanted * (1.0 - np.minimum(np.maximum(room / pilot.stall_margin, 0.0), 1.0))
+        whole = np.minimum(np.maximum(optimum + decision, self.lower), self.upper)
         return whole, whole - optimum
 
     def _move(self, stick: Array, clock: Array, x: Array) -> None:
@@ -254,14 +257,14 @@ class _Batch:
         u[:] = stick
         if self.late.any():
             row = np.minimum(np.rint(clock / pilot.sample).astype(np.int64), self.loop.linear.count)
-            flight = np.arange(self.count)
+            flight, own = np.arange(self.count), slice(AILERONS, AILERONS + 1)
             end = clock + pilot.sample - self.late[row + 1, flight]
             begin = clock - self.late[row, flight]
-            moved = nominal.moved_to(end)[1] - nominal.moved_to(begin)[1]
-            u[1] += moved / pilot.sample - nominal.stick(clock, pilot.sample)[1]
-        np.clip(u, self.lower, self.upper, out=u)
-        for place, row, one in self.travel:
-            np.clip(u[place], (one.lower - x[row]) / pilot.sample, (one.upper - x[row]) / pilot.sample, out=u[place])
+            moved = nominal.moved_to(end, own) - nominal.moved_to(begin, own)
+            u[own] += moved / pilot.sample - nominal.stick(clock, pilot.sample, own)
+        u[:] = np.minimum(np.maximum(u, self.lower), self.upper)
+        lower, upper = ((end - x[SURFACES]) / pilot.sample for end in self.travel)
+        u[: CONTROLS - 1] = np.minimum(np.maximum(u[: CONTROLS - 1], lower), upper)
 
 
 def course(line: Array) -> tuple[Array, Array]:

@@ -38,8 +38,8 @@ class NominalFlight:
     """An optimum over its clock, at even steps.
 
     Attributes:
-        state: at the steps, shape (17, M).
-        moved: integrals of the controls up to the steps, shape (4, M).
+        state: at the steps, shape (M, 17).
+        moved: integrals of the controls up to the steps, shape (M, 4).
         passings: when the passages are passed, s; shape (n,).
     """
 
@@ -75,25 +75,26 @@ class NominalFlight:
             behind.append(x)
         last = moved[:, -1:] + held[:CONTROLS] * TABLE_STEP * np.arange(1, len(behind) + 1)
         first = trajectory.first_node.tolist()
-        return cls(np.hstack([state, *behind]), np.hstack([moved, last]), trajectory.time[first])
+        states, sums = np.hstack([state, *behind]).T, np.hstack([moved, last]).T
+        return cls(np.ascontiguousarray(states), np.ascontiguousarray(sums), trajectory.time[first])
 
     @property
     def end(self) -> float:
         """The clock at the end of the table, s."""
-        return TABLE_STEP * (self.state.shape[1] - 1)
+        return TABLE_STEP * (len(self.state) - 1)
 
     def at(self, clock: Array, rows: slice = slice(STATES)) -> Array:
-        """Return states at clocks (n,), s, within the table; shape (17, n)."""
-        return _between(self.state[rows], clock)
+        """Return states at clocks (n,), s, within the table; shape (17, n), or some of their rows."""
+        return _between(self.state[:, rows], clock)
 
-    def stick(self, clock: Array, seconds: float) -> Array:
-        """Return the mean controls from each clock on for some seconds, shape (4, n)."""
-        begin = np.clip(clock, 0.0, self.end - seconds)
-        return (self.moved_to(begin + seconds) - self.moved_to(begin)) / seconds
+    def stick(self, clock: Array, seconds: float, rows: slice = slice(CONTROLS)) -> Array:
+        """Return the mean controls from each clock on for some seconds, shape (4, n), or some of their rows."""
+        begin = np.minimum(np.maximum(clock, 0.0), self.end - seconds)
+        return (self.moved_to(begin + seconds, rows) - self.moved_to(begin, rows)) / seconds
 
-    def moved_to(self, clock: Array) -> Array:
-        """Return the integrals of the controls up to clocks (n,), shape (4, n)."""
-        return _between(self.moved, clock)
+    def moved_to(self, clock: Array, rows: slice = slice(CONTROLS)) -> Array:
+        """Return the integrals of the controls up to clocks (n,), shape (4, n), or some of their rows."""
+        return _between(self.moved[:, rows], clock)
 
 
 def instants(step: float, count: int) -> Array:
@@ -102,10 +103,10 @@ def instants(step: float, count: int) -> Array:
 
 
 def _between(table: Array, clock: Array) -> Array:
-    share = np.clip(clock / TABLE_STEP, 0.0, table.shape[1] - 1.001)
-    row = share.astype(np.int64)
-    share = share - row
-    return table[:, row] * (1.0 - share) + table[:, row + 1] * share
+    place = np.minimum(np.maximum(clock / TABLE_STEP, 0.0), len(table) - 1.001)
+    row = place.astype(np.int64)
+    share, first = (place - row)[:, None], table[row]
+    return np.ascontiguousarray((first + share * (table[row + 1] - first)).T)
 
 
 def errors(state: Array, line: Array) -> Array:
@@ -136,7 +137,7 @@ def abeam(nominal: NominalFlight, state: Array, clock: Array) -> Array:
     line = nominal.at(clock, slice(8))
     R = rotation(list(line[4:8]))
     along = sum(R[i][0] * (state[i] - line[i]) for i in range(3))
-    return np.clip(clock + along / line[3], 0.0, nominal.end)
+    return np.asarray(np.minimum(np.maximum(clock + along / line[3], 0.0), nominal.end), np.float64)
 
 
 assert tuple(STATE)[4:8] == ATTITUDE  # which the errors count on

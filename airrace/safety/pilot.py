@@ -183,12 +183,16 @@ class PilotGains:
     """The feedback of a pilot along a line.
 
     Attributes:
-        L: from errors and waiting decisions to the decision, shape (N, 4, 16 + 4 d).
-        alpha: from the same to the error of the angle of attack when the decision moves the stick, (N, 16 + 4 d).
+        known: from errors and waiting decisions to the decision, and to the error of the angle of attack when it moves
+            the stick, shape (N, 5, 16 + 4 d).
     """
 
-    L: Array
-    alpha: Array
+    known: Array
+
+    @property
+    def L(self) -> Array:
+        """From errors and waiting decisions to the decision, shape (N, 4, 16 + 4 d)."""
+        return self.known[:, :CONTROLS]
 
 
 def train(model: PilotModel, linear: LinearFlight) -> PilotGains:
@@ -196,4 +200,5 @@ def train(model: PilotModel, linear: LinearFlight) -> PilotGains:
     Q = model.state_cost
     K = regulator(linear.F, linear.G, Q, model.control_cost, Q * model.end / model.sample)
     later = predictors(linear.F, linear.G, model.waiting)
-    return PilotGains(delayed(K, later, model.waiting), later[:, ERRORS.index("alpha_K")])
+    alpha = later[:, [ERRORS.index("alpha_K")]]
+    return PilotGains(np.concatenate([delayed(K, later, model.waiting), alpha], axis=1))
