@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -40,6 +40,12 @@ def safety(
     ] = 0.02,
     delay: Annotated[float, typer.Option(metavar="S", help="From what the pilot sees to the stick that moves.")] = 0.1,
     seed: Annotated[int, typer.Option(metavar="N", help="Of all flights; the same seed, the same flights.")] = 0,
+    winds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROSE", help="Fly the course in each of these winds first, e.g. 0,5,10kt@8: from eight directions."
+        ),
+    ] = None,
     threads: Threads = None,
     output: Annotated[
         Path | None, output_option("FILE", "Write all numbers into this file, .json, or those of the gates, .csv.")
@@ -57,6 +63,7 @@ def safety(
     with answering(as_json=as_json, verbose=verbose) as answer:
         import json
 
+        from airrace.api import Run
         from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.runs.output import ensure_free, write_text
@@ -67,25 +74,33 @@ def safety(
             if output.suffix not in (".csv", ".json"):
                 raise UsageError(f"{output}: the file must end in .csv or .json")
             ensure_free(output, force=force, sources=[run_file])
-        view = open_run(run_file).stage(stage)
-        case = view.safety(
-            flights=flights,
-            gusts=gusts.value,
-            wind_error_kt=wind_error,
-            mass_error_percent=mass_error,
-            power_error_percent=power_error,
-            density_error_percent=density_error,
-            roll_timing_s=roll_timing,
-            delay_s=delay,
-            seed=seed,
-            threads=threads,
-            label=run_file.name,
-        )
+        options: dict[str, Any] = {  # Any: of many types
+            "flights": flights,
+            "gusts": gusts.value,
+            "wind_error_kt": wind_error,
+            "mass_error_percent": mass_error,
+            "power_error_percent": power_error,
+            "density_error_percent": density_error,
+            "roll_timing_s": roll_timing,
+            "delay_s": delay,
+            "seed": seed,
+            "threads": threads,
+        }
+        run = Run.of(open_run(run_file))
+        if winds is None:
+            case = run.stage(stage).safety(**options, label=run_file.name)
+            tables, written = [case.counts_table(), case.gates_table(), case.legs_table()], case.gates_table()
+        elif stage is not None:
+            raise UsageError("--stage and --winds exclude each other: in every wind the last stage is flown")
+        else:
+            case = run.safety_in_winds(winds, progress=not quiet, **options)
+            tables, written = [case.table()], case.table()
         answer.fields.update(case.as_object())
-        if not as_json:
-            tables = (case.counts_table(), case.gates_table(), case.legs_table())
+        if not as_json and not quiet:
             answer.texts.extend(render(table) for table in tables)
         if output is not None:
-            text = case.to_csv() if output.suffix == ".csv" else json.dumps(case.as_object(), allow_nan=False) + "\n"
+            text = (
+                written.csv(".6g") if output.suffix == ".csv" else json.dumps(case.as_object(), allow_nan=False) + "\n"
+            )
             write_text(output, text)
             answer_with_files(answer, [output], quiet=quiet)

@@ -1,5 +1,6 @@
 """Closed-loop flights of a short course in wind: they hold their line, scatter as predicted, and are judged right."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from safety_courses import inputs, loop, optimum
 
 from airrace.errors import UsageError
 from airrace.quantities import KNOT
+from airrace.runs.safety_case import SafetyCase, SafetyRose, Wind, fly_safety_case, winds_named
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, measure
 from airrace.safety.gusts import Gusts
@@ -152,3 +154,44 @@ def test_counts_have_the_interval_of_clopper_and_pearson() -> None:
     half = Count.among(50, 100)
     assert half.lower == pytest.approx(1.0 - half.upper)
     assert half.lower == pytest.approx(0.3983, abs=1e-4)  # table of the binomial distribution
+
+
+# In tables.
+
+
+def test_a_rose_of_winds_is_understood_or_refused() -> None:
+    assert [one.text for one in winds_named("0,5kt@4")] == [
+        "calm",
+        *("5 kt from 000", "5 kt from 090", "5 kt from 180", "5 kt from 270"),
+    ]
+    assert len(winds_named("2.5kt")) == 8
+    for wrong in ("", "5", "5kt@0", "kt@8", "5,kt@8", "5kt@100"):
+        with pytest.raises(UsageError, match="is no rose of winds"):
+            winds_named(wrong)
+
+
+def test_a_case_is_told_in_full_and_what_makes_no_sense_is_refused() -> None:
+    def case(flights: int = 3, gusts: str = "none", wind: float = 1.0, seed: int = 0) -> SafetyCase:
+        errors = (wind, 0.0, 0.0, 0.0, 0.0)
+        given = (inputs().race, optimum(), "short", flights, gusts, errors)
+        return fly_safety_case(*given, delay=0.1, seed=seed, threads=1)
+
+    one = case()
+    found = json.loads(json.dumps(one.as_object(), allow_nan=False))
+    assert found["flights"] == 3
+    assert found["wind_error_kt"] == pytest.approx(1.0)
+    assert [gate["passage"] for gate in found["gates"]] == [one.name for one in inputs().race.course.passages]
+    assert one.to_csv().count("\n") == 1 + len(found["gates"])
+    assert "names no crowd" in repr(one)
+    rose = SafetyRose("short", {Wind(5.0, 90.0): one, Wind(50.0, 0.0): "no flight was found: too windy"})
+    rows = json.loads(json.dumps(rose.as_object(), allow_nan=False))["winds"]
+    assert rows[0]["contact_percent"] == 100.0 * one.result.contact.share
+    assert rows[1]["remark"] == "no flight was found: too windy"
+    with pytest.raises(UsageError, match="known are none, light, moderate, severe"):
+        case(gusts="breezy")
+    with pytest.raises(UsageError, match="0 flights make no sense"):
+        case(flights=0)
+    with pytest.raises(UsageError, match="an error of -1 kt in the wind makes no sense"):
+        case(wind=-1.0)
+    with pytest.raises(UsageError, match="a seed of -1"):
+        case(seed=-1)
