@@ -86,8 +86,8 @@ def features(course: Course) -> Iterator[Feature]:
         yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
     for one in course.obstacles:
         note = f"{one.height:g} m high, keep the wing {one.clearance:g} m away"
-        shape, corners = (Shape.AREA, one.corners) if one.corners else (Shape.POINT, one.places)
-        yield _feature(course, "obstacle", one.name, shape, corners, note)
+        shape = Shape.AREA if len(one.outline) > 1 else Shape.POINT
+        yield _feature(course, "obstacle", one.name, shape, one.outline, note)
     for line in course.safety_lines:
         note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
         yield _feature(course, "safety line", line.name, Shape.LINE, (line.start, line.end), note)

@@ -262,7 +262,7 @@ class _Sketch:
 
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
-        found = HEIGHT.search(mark.name)
+        found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
         height = (
             float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
         )
@@ -275,9 +275,10 @@ class _Sketch:
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not found:
-            self._guess(mark, f"{what} {height:.0f} m high", "its name tells no height such as `60 m`")
+            self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
         elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
-            self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else "so it is drawn")
+            drawn = "a course knows masts, cylinders and boxes"
+            self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else drawn)
 
     def _take_airspace(self, mark: Placemark) -> None:
         if self.airspace:

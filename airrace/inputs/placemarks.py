@@ -30,6 +30,9 @@ NAMES = ("name", "title", "label")
 HINTS = ("kind", "type", "category", "class", "folder", "layer", "sym")
 """Attributes that say what a feature is, likewise."""
 
+NOTES = ("note", "description", "desc")
+"""Attributes that say more, likewise."""
+
 
 class Subject(Enum):
     """What a placemark is on a course; `FLIGHT` is what was flown there."""
@@ -99,12 +102,14 @@ class Placemark:
         shape: what its places are.
         places: latitude and longitude, degrees, of every corner; an area's outline is not closed.
         hint: words beside it that may say what it is: of attributes, its style, and its folders from the innermost.
+        note: what is said about it.
     """
 
     name: str
     shape: PlacemarkShape
     places: tuple[tuple[float, float], ...] = ()
     hint: str = ""
+    note: str = ""
 
     @cached_property
     def named(self) -> Subject | None:
@@ -114,21 +119,23 @@ class Placemark:
 
     @cached_property
     def subject(self) -> Subject | None:
-        """What its name says that it is, else what stands beside it."""
-        return self.named or subject_in(self.hint)
+        """What a word of its name says that it is, else what stands beside it; a mere number does not outweigh that."""
+        hinted = subject_in(self.hint)
+        return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named or hinted)
 
 
 @record
 class _Label:
-    """What is said of a placemark: by which messages name its file, its name, and what hints at its kind."""
+    """What is said of a placemark: by which messages name its file, its name, what hints at its kind, and its note."""
 
     path: str
     name: str = ""
     hint: str = ""
+    note: str = ""
 
     @classmethod
-    def of(cls, path: str, name: object, *hints: object) -> "_Label":
-        return cls(path, _one_line(name), _one_line(" / ".join(str(one) for one in hints if one)))
+    def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
+        return cls(path, _one_line(name), _one_line(" / ".join(str(one) for one in hints if one)), _one_line(note))
 
     def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
         """Yield a placemark if its places (longitude first) make one.
@@ -144,7 +151,7 @@ class _Label:
             corners.pop()
         least = {PlacemarkShape.POINT: 1, PlacemarkShape.LINE: 2, PlacemarkShape.AREA: 3}[shape]
         if len(corners) >= least:
-            yield Placemark(self.name, shape, tuple(corners), self.hint)
+            yield Placemark(self.name, shape, tuple(corners), self.hint, self.note)
         else:
             yield Placemark(self.name, PlacemarkShape.OTHER, (), f"{shape.value} of {len(corners)} places")
 
@@ -214,7 +221,8 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
     attributes = {one.get("name", "").lower(): one.text for one in mark.iter("SimpleData")}
     attributes |= {one.get("name", "").lower(): one.findtext("value") for one in mark.iter("Data")}
     name = mark.findtext("name") or _first(attributes, NAMES)
-    label = _Label.of(path, name, *_all(attributes, HINTS), mark.findtext("styleUrl"), folders)
+    note = mark.findtext("description") or _first(attributes, NOTES)
+    label = _Label.of(path, name, *_all(attributes, HINTS), mark.findtext("styleUrl"), folders, note=note)
     shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
     holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
     parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
@@ -238,8 +246,10 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
 
 
 def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
-    def label(one: Element, *hints: object) -> _Label:
-        return _Label.of(path, one.findtext("name"), one.findtext("type"), one.findtext("sym"), *hints)
+    def label(one: Element) -> _Label:
+        return _Label.of(
+            path, one.findtext("name"), one.findtext("type"), one.findtext("sym"), note=one.findtext("desc")
+        )
 
     for one in root:
         if one.tag == "wpt":
@@ -273,7 +283,8 @@ def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
         for entry in root["features"] if kind == "FeatureCollection" else [root]:
             known: Any = entry.get("properties") or {}
             properties = {str(key).lower(): value for key, value in known.items()}
-            label = _Label.of(path, _first(properties, NAMES), *_all(properties, HINTS))
+            hints, note = _all(properties, HINTS), _first(properties, NOTES)
+            label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
             geometry: Any = entry.get("geometry")
             if geometry is None:
                 yield label.other("feature without a geometry")

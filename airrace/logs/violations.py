@@ -18,7 +18,7 @@ from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results import Flight, TimedCrossing
-from airrace.results.clearances import at_row, surroundings
+from airrace.results.clearances import at_row, distances
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.results.legs import legs_of
 from airrace.track.course import StartSpeed
@@ -83,7 +83,8 @@ class Violation:
     Attributes:
         passing: the name of the passage; empty for the flight as a whole.
         rule: `pylon`, `missed`, `too-high`, `too-low`, `bank`, `climb`, `course`, `manoeuvre`, `start-speed`,
-            `load-factor`, `crowd`, `safety-line`, `airspace`, `floor` or `ceiling`.
+            `load-factor`, `obstacle`, `crowd`, `safety-line`, `airspace`, `floor` or
+            `ceiling`.
         time: when, s after the start; NaN where it did not happen at a time.
         value, limit: what was measured and what is allowed, in `unit`.
         deviation: standard deviation of the value; NaN where it is not known.
@@ -245,12 +246,13 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
 
 
 def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]:
-    """Yield what the flight came too near to: people, safety lines, borders, floor and ceiling."""
+    """Yield what the flight came too near to: obstacles, people, safety lines, borders, floor and ceiling."""
     legs = {leg.number: leg.rows for leg in legs_of(flight)}
-    for one in surroundings(flight) if flight.has("x", "y", "height") else ():
+    for one in (one for one in distances(flight) if one.kind != "pylon"):
         rows = np.arange(len(flight.time))
         if one.legs is not None:
             rows = np.concatenate([legs[number] for number in sorted(one.legs)])
+        rows = rows[np.isfinite(one.values[rows])]
         if len(rows):
             row = int(rows[int(np.argmin(one.values[rows]))])
             nearest = at_row(flight, one, row)

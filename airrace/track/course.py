@@ -77,6 +77,17 @@ class Obstacle:
     clearance: float
     corners: tuple[Point, ...] = ()
 
+    @property
+    def outline(self) -> tuple[Point, ...]:
+        """The corners of what is seen of it from above: of a circle 24, of a mast its place alone."""
+        if self.corners or not self.radius:
+            return self.corners or self.places[:1]
+        (middle,), turns = self.places, [math.tau * number / 24 for number in range(24)]
+        return tuple(
+            Point(middle.north + self.radius * math.cos(one), middle.east + self.radius * math.sin(one))
+            for one in turns
+        )
+
 
 class Turning(Enum):
     """A direction of a roll, as the pilot sees it."""

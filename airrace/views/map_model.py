@@ -26,7 +26,7 @@ from airrace.trajectory import Array
 LEAST_EXTENT = 200.0
 """The extent of a course that stands on one spot, m."""
 MAST = 3.0
-"""The least radius of an obstacle in a picture, m."""
+"""The radius of a mast in a picture, m."""
 BEYOND = 0.4
 """The share of the course's extent in which people and borders beside it are still shown."""
 
@@ -171,11 +171,8 @@ def map_model(race: Race, planned: Flight | None = None) -> MapModel:
 
 
 def _outline(obstacle: Obstacle) -> Array:
-    if obstacle.corners:
-        return coordinates((*obstacle.corners, obstacle.corners[0]))
-    angle: Array = np.linspace(0.0, 2.0 * np.pi, 25)
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return coordinates(obstacle.places[:1]) + max(obstacle.radius, MAST) * around
+    seen = obstacle if len(obstacle.outline) > 1 else replace(obstacle, radius=MAST)
+    return coordinates((*seen.outline, seen.outline[0]))
 
 
 def _line(course: Course, line: SafetyLine) -> MapLine:

@@ -236,6 +236,19 @@ def test_obstacles_are_as_high_as_their_names_tell(tmp_path: Path) -> None:
     assert [name for name, _ in told(written)] == ["Mast", "Building 12 m", "Power line 30 m"]
 
 
+def test_an_export_of_airrace_is_the_course_again_without_its_flights(tmp_path: Path) -> None:
+    """What a passing is called looks like a gate's name; its kind tells better."""
+    marks = [
+        feature("1:g2 4.2 s", geometry([(0.0, 500.0)]), kind="passing"),
+        feature("1:3", geometry([(0.0, 520.0)]), kind="passing"),
+        feature("north", geometry([(300.0, 300.0)]), kind="obstacle", note="80 m high, keep the wing 10 m away"),
+    ]
+    written, course = sketch(tmp_path, [*gates(), *marks])
+    assert len(course.passages) == 2
+    assert [one.height for one in course.obstacles] == [80.0]
+    assert told(written) == [("1:g2 4.2 s", ""), ("1:3", ""), ("north", "an obstacle")]
+
+
 def test_points_without_a_word_are_pylons_where_no_other_has_one(tmp_path: Path) -> None:
     written, course = sketch(tmp_path, [feature(f"{n} buoy", geometry([(0.0, 300.0 * n)])) for n in range(3)])
     assert len(course.passages) == 3
