@@ -217,9 +217,16 @@ class PylonRooms:
             node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
             seen = self._observe(self.pylons[one.element, one.post], iterate.state[:, node])
             if self._room(one, seen) - self._required_room(one) < SETTINGS.holds:
-                side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
-                other = dataclasses.replace(one, side=side, error=0.0)
-                yield (*conditions[:number], other, *conditions[number + 1 :])
+                side, name = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT, one.element
+                alike = [number] if not self.pylons[name, one.post].is_obstacle else range(len(conditions))
+                with_it = {
+                    index for index in alike if (conditions[index].element, conditions[index].leg) == (name, one.leg)
+                }
+                if number == min(with_it):  # of an obstacle all cylinders are passed on the same side
+                    yield tuple(
+                        dataclasses.replace(each, side=side, error=0.0) if index in with_it else each
+                        for index, each in enumerate(conditions)
+                    )
 
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
         """Return the conditions along a plan as constraints on every leg."""
@@ -257,10 +264,13 @@ class PylonRooms:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
             left = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
             left -= self._required_room(before)
+            conditions[number] = after = replayed.at(before, approach)
             if left < SETTINGS.holds:
                 needless = max(needless, -approach.shortfall)
                 moved = max(moved, abs(approach.abeam - replayed.time(before)))
-            conditions[number] = replayed.at(before, approach)
+                side = self._side(after, approach.pylon, replayed)
+                if -approach.shortfall > SETTINGS.needless and side is not before.side:  # as above its top
+                    conditions[number] = dataclasses.replace(after, side=side, error=0.0)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         for approach in sorted(approaches, key=_distance):
             pylon = approach.pylon

@@ -211,7 +211,8 @@ class Refined:
         limits, pylons = self.session.settings.certificate, self.pylons
         if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
-        drifts = pylons.is_beside and float(self.solved[0].evidence.drift.max()) > limits.hamiltonian
+        drift = float(self.solved[0].evidence.drift.max())
+        drifts = pylons.is_beside and drift > limits.hamiltonian and not self.state.clearance_rounds
         return pylons.missed > share * limits.gate_length or pylons.is_needless or drifts
 
     @property

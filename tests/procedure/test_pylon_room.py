@@ -14,7 +14,7 @@ from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
-from airrace.planning.wing_clearance import UNASKED, PylonPost, wing_distance
+from airrace.planning.wing_clearance import UNASKED, PylonPost, closest_approaches, wing_distance
 from airrace.procedure.fidelity import iterate_of, stage_model
 from airrace.procedure.progress import Silent
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -25,7 +25,7 @@ from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.wing_clearance import approaches
+from airrace.procedure.wing_clearance import approaches, replayed_wing
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
 
@@ -237,3 +237,20 @@ def test_by_the_rule_flight_no_wing_comes_nearer_than_its_clearance_and_it_costs
     (its,) = (one for one in free.certificate.items if one.name == "clearance")
     assert own.value <= own.limit < its.value
     assert 0.0 < clear.trajectory.race_time - free.trajectory.race_time < 0.5
+
+
+def test_a_pylon_whose_top_is_below_the_wing_does_not_keep_it_away_to_the_side() -> None:
+    """What its condition asks for to the side is for a wing that may hit it."""
+    result = optimum(SMALL, PLAN)
+    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
+    assert flight.rooms is not None
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
+    low = {key: dataclasses.replace(one, height=one.height - 20.0) for key, one in flight.rooms.pylons.items()}
+    rooms = dataclasses.replace(flight.rooms, pylons=low)
+    wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
+    measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(low.values()), legs)))
+    (before,) = (one for one in result.pylon_conditions if one.element == "pylon")
+    (after,) = (one for one in measured.conditions if one.element == "pylon")
+    assert measured.is_needless
+    assert (before.side in (PylonSide.LEFT, PylonSide.RIGHT), after.side) == (True, PylonSide.BELOW)
