@@ -27,6 +27,7 @@ from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
 from airrace.runs.run import RunState, adopt_checkpoint, new_run, resolved_text
+from airrace.runs.safety_case import winds_named
 from airrace.runs.stage_view import StageView, stage_sensitivities
 from airrace.standard_streams import stem_of
 from airrace.views.tables import Column, Table
@@ -41,26 +42,16 @@ FAVOURS_SHOWN = 12
 """The largest number of a gate's numbers that are shown to people."""
 
 
-def parse_winds(text: str) -> tuple[Combination, ...]:
-    """Return what is set for the winds that `0,5,10kt@8` means: every speed from so many directions, calm once.
+def airs_of(winds: str) -> tuple[Combination, ...]:
+    """Return what is set for every wind of a rose, e.g. of `0,5,10kt@8`.
 
     Raises:
-        UsageError: it means none.
+        UsageError: it is no rose.
     """
-    speeds, _, count = text.partition("@")
-    try:
-        numbers = sorted({float(one) for one in speeds.removesuffix("kt").split(",")})
-        directions = int(count or "1")
-    except ValueError:
-        numbers, directions = [], 0
-    if not numbers or not 1 <= directions <= 360 or not all(0.0 <= one <= 100.0 for one in numbers):
-        raise UsageError(f"--winds {text}: expected speeds up to 100 kt and a number of directions, e.g. 0,5,10kt@8")
-    rose = [
-        ((SPEED, f"{speed:g}"), (ORIGIN, f"{360.0 / directions * one:g}"))
-        for speed, one in product(numbers, range(directions))
-        if speed
-    ]
-    return (*([((WIND, "null"),)] if 0.0 in numbers else []), *rose)
+    return tuple(
+        ((SPEED, f"{wind.speed_kt:g}"), (ORIGIN, f"{wind.from_deg:g}")) if wind.speed_kt else ((WIND, "null"),)
+        for wind in winds_named(winds)
+    )
 
 
 def air_text(air: Combination) -> str:
@@ -318,7 +309,7 @@ def fairness(
         CheckpointError: a flight cannot be read.
     """
     stage = stage_by_name(until)
-    rose = ((),) if winds is None else parse_winds(winds)
+    rose = ((),) if winds is None else airs_of(winds)
     airs = (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweep), rose)))
     read = {
         stem_of(Path(name)): load_inputs(track, aircraft=name, settings=settings, overrides=set) for name in aircraft

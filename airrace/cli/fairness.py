@@ -31,7 +31,7 @@ def fairness(
     ] = None,
     winds: Annotated[
         str | None,
-        typer.Option(metavar="SPEEDSkt@N", help="Winds, e.g. 0,5,10kt@8: from 8 directions; by default the course's."),
+        typer.Option(metavar="ROSE", help="Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's."),
     ] = None,
     sweep: Annotated[
         list[str] | None,
@@ -59,11 +59,13 @@ def fairness(
 ) -> None:
     """Tell what aircraft and air are worth on a course: handicaps, spreads, and times as of still standard air."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.output import ensure_free, write_text
+        from airrace.inputs import load_inputs
+        from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
 
         ensure_room(csv_file, as_json=as_json)
         if csv_file is not None:
             ensure_free(csv_file, force=force, sources=[track, settings, *(aircraft or ()), *(flights or ())])
+            ensure_unread([csv_file], documents_of(load_inputs(track, settings=settings, overrides=overrides or ())))
         from airrace.batch.fairness import fairness as find_fairness
         from airrace.batch.sources import parse_sweeps
         from airrace.cli.tables import render

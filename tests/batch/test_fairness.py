@@ -14,8 +14,8 @@ from airrace.batch.fairness import (
     NormalisedFlight,
     Optimum,
     air_text,
+    airs_of,
     fairness,
-    parse_winds,
 )
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
@@ -25,19 +25,11 @@ COURSE = "half_cuban_eight"
 QUICK = ("settings.search=off", "settings.guess=plan")
 
 
-def test_a_rose_of_winds_has_every_speed_from_every_direction_and_calm_once() -> None:
-    rose = parse_winds("10,0,5kt@4")
-    assert [air_text(one) for one in rose] == [
-        "calm",
-        *(f"{speed} kt from {origin}" for speed in (5, 10) for origin in (0, 90, 180, 270)),
-    ]
-    assert [air_text(one) for one in parse_winds("7.5kt")] == ["7.5 kt from 0"]
-
-
-@pytest.mark.parametrize("text", ["", "kt@8", "5kt@0", "5kt@x", "-5kt@4", "500kt@4", "5kt@1000"])
-def test_what_is_no_rose_is_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="expected speeds"):
-        parse_winds(text)
+def test_the_airs_of_a_rose_say_what_is_set() -> None:
+    assert [air_text(one) for one in airs_of("0,5kt@2")] == ["calm", "5 kt from 0", "5 kt from 180"]
+    assert airs_of("7.5kt@1") == ((("environment.wind.speed_kt", "7.5"), ("environment.wind.from_deg", "0")),)
+    with pytest.raises(UsageError, match="rose"):
+        airs_of("5@x")
 
 
 def test_still_standard_air_is_without_wind_at_the_level_of_the_sea() -> None:
@@ -49,7 +41,7 @@ def test_still_standard_air_is_without_wind_at_the_level_of_the_sea() -> None:
 def some(*times: float) -> Fairness:
     """Optima of two aircraft in still standard air, calm, and a wind."""
     rows = tuple(tuple(Optimum(time, "", None) for time in times[n : n + 2]) for n in range(0, len(times), 2))
-    airs = (STANDARD_AIR, *parse_winds("0,10kt@1"))
+    airs = (STANDARD_AIR, *airs_of("0,10kt@1"))
     return Fairness("course", Stage.POINT_MASS, ("fast", "slow"), airs[: len(rows)], rows)
 
 

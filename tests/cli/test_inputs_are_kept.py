@@ -37,6 +37,10 @@ COMMANDS: dict[str, str] = {
     "plot run.h5:point-mass --output OUT.png": "run.h5",
     "report run.h5 run.h5:homotopy log.csv --output OUT": "run.h5 log.csv",
     "export csv run.h5:point-mass --output OUT": "run.h5",
+    "footprint run.h5:point-mass --output OUT.csv": "run.h5",
+    "safety run.h5 --output OUT.json": "run.h5",
+    f"fairness course.yaml {INPUTS} --flight run.h5 --csv OUT": "course.yaml other.yaml settings.yaml run.h5",
+    "fairness course.yaml --csv OUT": "plane.yaml extension.py",
     f"export {KML} --output OUT": "run.h5 log.csv",
     f"{LOG} --aircraft other.yaml --output OUT": "log.csv course.yaml mapping.yaml other.yaml",
     f"{LOG} --output OUT": "plane.yaml extension.py",
@@ -163,7 +167,7 @@ def test_every_option_that_names_an_input_of_a_command_that_writes_is_tried() ->
         if words.partition(" ")[2] in ("", "csv", "kml")  # which stands for all formats of several flights
         and any(one.name in WRITES for one in parameters)
     }
-    assert len(writing) == 11
+    assert len(writing) == 14
     for words, options in writing.items():
         tried = " ".join(command for command in COMMANDS if command.startswith(f"{words} "))
         assert tried
