@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
-from airrace.errors import InputError, UsageError
+from airrace.errors import UsageError
 from airrace.inputs import Document, Inputs, load_inputs
 from airrace.inputs.batch import set_texts
 from airrace.inputs.objects import CourseAndAir, document_of_objects
@@ -20,7 +20,6 @@ from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
-from airrace.quantities import KNOT
 from airrace.results.comparison import Comparison
 from airrace.runs.brief import Brief
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
@@ -46,7 +45,8 @@ from airrace.views.progress_view import watching
 from airrace.views.units import units_named
 
 if TYPE_CHECKING:
-    from airrace.runs.safety_case import SafetyCase, SafetyRose
+    from airrace.runs.safety_case import SafetyCase
+    from airrace.runs.safety_rose import SafetyRose
     from airrace.safety.footprint import Footprint
 
 TrackGiven = str | Path | Course | Race
@@ -451,23 +451,12 @@ class Run(RunState):
         Raises:
             UsageError: it is no rose, or an argument says nothing sensible.
         """
-        from airrace.runs.safety_case import SafetyCase, SafetyRose, Wind, winds_named  # takes what flies
+        from airrace.runs.safety_rose import fly_rose  # takes what flies
 
-        def case_in(wind: Wind) -> SafetyCase | str:
-            knots = self.inputs.track.text.find("speed_m_s") < 0
-            speed = {"speed_kt": wind.speed_kt} if knots else {"speed_m_s": wind.speed_kt * KNOT}
-            values = {f"environment.wind.{key}": value for key, value in {**speed, "from_deg": wind.from_deg}.items()}
-            try:
-                run = resume(self, set=values, threads=threads, progress=progress)
-            except InputError as error:
-                return str(error)
-            last = run.stages[-1]
-            if last.name != self.stages[-1].name or not last.result.is_flight:
-                return f"no flight was found: {last.message or last.status}"
-            named: dict[str, Any] = {"label": wind.text, **options}
-            return last.safety(threads=threads, **named)
+        def fly_again(values: Mapping[str, float]) -> "Run":
+            return resume(self, set=values, threads=threads, progress=progress)
 
-        return SafetyRose(self.name, {wind: case_in(wind) for wind in winds_named(winds)})
+        return fly_rose(self, winds, fly_again, {**options, "threads": threads})
 
     def brief(self, stage: str | Stage | None = None) -> Brief:
         """Return what the pilot does in a stage, by default the last one, leg by leg; see `StageView.cues`."""

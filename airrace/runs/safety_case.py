@@ -1,8 +1,7 @@
 """The safety of a flight as tables: what closed-loop flights along it break, and their scatter at gates and legs."""
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -155,97 +154,6 @@ class SafetyCase:
 
     def _repr_html_(self) -> str:
         return "".join(table.html() for table in (self.counts_table(), self.gates_table(), self.legs_table()))
-
-
-@dataclass(frozen=True)
-class Wind:
-    """A wind of a rose: speed, kt, and where it blows from, deg."""
-
-    speed_kt: float
-    from_deg: float
-
-    @property
-    def text(self) -> str:
-        """The wind in words, e.g. `10 kt from 090`."""
-        return f"{self.speed_kt:g} kt from {self.from_deg:03.0f}" if self.speed_kt else "calm"
-
-
-def winds_named(text: str) -> list[Wind]:
-    """Return the winds of a rose, e.g. of `0,5,10kt@8`: these speeds from eight directions; a calm is one wind.
-
-    Raises:
-        UsageError: it is no rose.
-    """
-    found = re.fullmatch(r"(\d+(?:\.\d+)?(?:,\d+(?:\.\d+)?)*)kt(?:@(\d+))?", text)
-    count = int(found[2] or 8) if found else 0
-    if not found or not 1 <= count <= 72:
-        raise UsageError(
-            f"{text!r} is no rose of winds; one is 0,5,10kt@8: speeds, and from how many directions (1 to 72)"
-        )
-    speeds = [float(one) for one in found[1].split(",")]
-    return [Wind(speed, 360.0 * one / count) for speed in speeds for one in range(count if speed else 1)]
-
-
-ROSE = (
-    Column("wind", key="wind"),
-    Column(key="speed_kt"),
-    Column(key="from_deg"),
-    Column("race time", "s", ".3f", key="race_time_s"),
-    Column("touch, miss or lose", "%", ".1f", key="contact_percent"),
-    Column("from", "%", ".1f", key="contact_lower_percent"),
-    Column("to", "%", ".1f", key="contact_upper_percent"),
-    Column("break a rule", "%", ".1f", key="outside_percent"),
-    Column("load factor", "%", ".1f", key="load_factor_percent"),
-    Column("worst pylon", key="worst_pylon"),
-    Column("touched", "%", ".1f", key="worst_pylon_percent"),
-    Column("remark", key="remark", wraps=True),
-)
-
-
-@dataclass(frozen=True, repr=False)
-class SafetyRose:
-    """The same course in many winds: each with its own optimum, and closed-loop flights along that.
-
-    Attributes:
-        label: what people call the run.
-        cases: by wind; a text says why there is none.
-    """
-
-    label: str
-    cases: Mapping[Wind, SafetyCase | str]
-
-    def table(self) -> Table:
-        """Return one row per wind."""
-        return Table(
-            f"{self.label}: closed-loop flights in many winds",
-            ROSE,
-            list(map(_rose_row, *zip(*self.cases.items(), strict=True))),
-        )
-
-    def as_object(self) -> dict[str, object]:
-        """Return the object that `airrace safety --winds --json` prints."""
-        cases = {wind.text: case if isinstance(case, str) else case.as_object() for wind, case in self.cases.items()}
-        return {"flight": self.label, "winds": self.table().objects(), "cases": cases}
-
-    def __repr__(self) -> str:
-        return self.table().text()
-
-    def _repr_html_(self) -> str:
-        return self.table().html()
-
-
-def _rose_row(wind: Wind, case: SafetyCase | str) -> list[Value]:
-    """Return the row of a wind."""
-    named: list[Value] = [wind.text, wind.speed_kt, wind.from_deg]
-    if isinstance(case, str):
-        return [*named, *[None] * (len(ROSE) - len(named) - 1), case]
-    result = case.result
-    name, (worst, _) = max(
-        result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.among(0, 1), 0.0))
-    )
-    name, contact = name if worst.flights else "-", result.contact
-    shares = (contact.share, contact.lower, contact.upper, result.outside.share, result.counts[LOAD].share)
-    return [*named, result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, result.note]
 
 
 def fly_safety_case(
