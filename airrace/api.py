@@ -469,31 +469,21 @@ class Run(RunState):
         drag_area: float | None = None,
         glide_ratio: float | None = None,
         output: str | Path | None = None,
-        origin: str | None = None,
     ) -> "Footprint":
-        """Return what falls where from every instant of a flight, as `airrace footprint` tells it.
-
-        This is mechanics, not the scatter formula of an authority, and no prediction.
+        """Return what falls where from a stage's flight, as `airrace footprint` tells it: mechanics, no prediction.
 
         Args:
             stage: which stage; None for the last one.
-            drag_area: C_D A of the falling aircraft, m2; None for `C_D0` times its wing area.
-            glide_ratio: way over height without power; None for that of its polar.
+            drag_area, glide_ratio: of the falling and of the gliding aircraft, see `footprint_of`.
             output: a file to be written, `.geojson`, `.kml`, `.csv`, `.png`, `.svg` or `.pdf`; None for none.
-            origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
 
         Raises:
             UsageError: an argument says nothing sensible, there is no such stage, or it found no flight.
             StorageError: the system refused.
         """
-        from airrace.runs.footprints import write_footprint
-        from airrace.safety.footprint import Track, footprint_of
+        from airrace.runs.footprints import flight_footprint
 
-        flight = self.flight(stage)
-        found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
-        if output is not None:
-            write_footprint(found, flight, Path(output), origin=origin)
-        return found
+        return flight_footprint(self.flight(stage), drag_area, glide_ratio, None if output is None else Path(output))
 
     def compare(self, other: RunState) -> Comparison:
         """Hold another run of the same passings against this one, as `airrace compare` does, at the highest stage that

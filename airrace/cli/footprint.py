@@ -44,19 +44,16 @@ def footprint(
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.flight_sources import open_flight
-        from airrace.runs.footprints import ensure_footprint_file, write_footprint
+        from airrace.runs.footprints import ensure_footprint_file, flight_footprint
         from airrace.runs.output import ensure_free
-        from airrace.safety.footprint import Track, footprint_of
 
         if output is not None:
             ensure_room(output, as_json=as_json)
             ensure_footprint_file(output)
             ensure_free(output, force=force, sources=[name])
         flight = open_flight(name, stage=stage)
-        found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+        found = flight_footprint(flight, drag_area, glide_ratio, output, origin)
         answer.fields.update(found.as_object())
-        if output is not None:
-            write_footprint(found, flight, output, origin=origin)
         if not as_json and not quiet:
             answer.texts.extend(_texts(found, flight))
         answer_with_files(answer, [] if output is None else [output], quiet=quiet)

@@ -11,11 +11,24 @@ from airrace.results import Flight
 from airrace.results.legs import passings_around
 from airrace.runs.flight_sources import origin_of
 from airrace.runs.output import write_text
-from airrace.safety.footprint import Footprint
+from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.views.drawing import FORMATS, ensure_drawable, save_figure
 
 GLOBE = (".geojson", ".kml")
 SUFFIXES = (*GLOBE, ".csv", *FORMATS)
+
+
+def flight_footprint(
+    flight: Flight, drag_area: float | None, glide_ratio: float | None, output: Path | None, origin: str | None = None
+) -> Footprint:
+    """Return what falls where from a flight, and write it into a file unless that is None.
+
+    Arguments and errors are those of `footprint_of` and `write_footprint`.
+    """
+    found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+    if output is not None:
+        write_footprint(found, flight, output, origin=origin)
+    return found
 
 
 def ensure_footprint_file(path: Path) -> None:
