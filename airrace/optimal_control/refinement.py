@@ -97,7 +97,12 @@ def resample(
 
 
 def move_nodes(
-    mesh: Sequence[Fractions], iterate: Iterate, nodes: Marks, wanted: Sequence[Sequence[float]]
+    mesh: Sequence[Fractions],
+    iterate: Iterate,
+    nodes: Marks,
+    wanted: Sequence[Sequence[float]],
+    *,
+    beside_ends: bool = False,
 ) -> tuple[Mesh, Iterate]:
     """Move the nearest of some nodes to each of the places that are wanted; those between them move along.
 
@@ -108,6 +113,7 @@ def move_nodes(
         iterate: on that mesh.
         nodes: which nodes may be moved, shape (N + 1,); those between phases are among them.
         wanted: places in every phase, as shares of its duration.
+        beside_ends: whether a place next to the end of a phase takes the node beside that; else it takes the end.
 
     Returns:
         The new mesh, and the iterate on it: states straight between the old nodes, the same controls.
@@ -121,6 +127,8 @@ def move_nodes(
         targets = places.copy()
         for share in shares:
             nearest = int(np.abs(places - share).argmin())
+            if beside_ends and 0.0 < share < 1.0:
+                nearest = min(max(nearest, 1), len(places) - 2)
             if 0 < nearest < len(places) - 1 and targets[nearest] == places[nearest]:
                 around = targets[nearest - 1 : nearest + 2 : 2]
                 apart = LEAST_SHARE * np.diff(places[nearest - 1 : nearest + 2])

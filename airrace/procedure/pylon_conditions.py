@@ -299,6 +299,8 @@ class PylonRooms:
         mesh: Sequence[Fractions],
         guess: Iterate,
         nodes: Marks,
+        *,
+        beside_passings: bool,
     ) -> tuple[Mesh, Iterate, tuple[PylonCondition, ...]]:
         """Return another mesh with nodes moved to the moments abeam, the guess on it, and the conditions at its nodes.
 
@@ -308,12 +310,13 @@ class PylonRooms:
             mesh: fractions of every leg.
             guess: on that mesh.
             nodes: those at which a condition may be asked for, shape (N + 1,); the ends of legs are among them.
+            beside_passings: whether a moment abeam shortly before or after a passing takes a node of its own.
         """
         wanted: list[list[float]] = [[] for _ in mesh]
         for one, binding in zip(found.conditions, found.binding, strict=True):
             if binding:
                 wanted[one.leg].append(one.share)
-        mesh, guess = move_nodes(mesh, guess, nodes, wanted)
+        mesh, guess = move_nodes(mesh, guess, nodes, wanted, beside_ends=beside_passings)
         first_node = np.cumsum([0, *(len(leg) for leg in mesh)])
         conditions: list[PylonCondition] = []
         for one, distance in zip(found.conditions, found.distances, strict=True):

@@ -132,6 +132,7 @@ class RefinementState:
         iterations_max: likewise.
         purpose: what is solved for, a clause; by default a refinement of all phases.
         clearance_rounds: how many solves for wings too near to pylons were made on a mesh that was good already.
+        nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
         too_near: the optimum that keeps to all but the clearance from pylons, for which this is solved; else None.
     """
 
@@ -150,6 +151,7 @@ class RefinementState:
     iterations_max: int | None = None
     purpose: str = ""
     clearance_rounds: int = 0
+    nodes_beside_passings: bool = False
     too_near: "Refined | None" = None
 
 
@@ -197,7 +199,14 @@ class Refined:
         rooms = self.flight.rooms
         if rooms is None or self.pylons is None:
             return self.flight, draft
-        mesh, guess, conditions = rooms.place(self.pylons, self.replayed_flight, draft.mesh, draft.guess, draft.coarser)
+        mesh, guess, conditions = rooms.place(
+            self.pylons,
+            self.replayed_flight,
+            draft.mesh,
+            draft.guess,
+            draft.coarser,
+            beside_passings=self.nodes_beside_passings,
+        )
         return self.flight.with_conditions(conditions), replace(draft, mesh=mesh, guess=guess)
 
     def too_near(self, share: float = 1.0) -> bool:
@@ -211,9 +220,16 @@ class Refined:
         limits, pylons = self.session.settings.certificate, self.pylons
         if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
-        drift = float(self.solved[0].evidence.drift.max())
-        drifts = pylons.is_beside and drift > limits.hamiltonian and not self.state.clearance_rounds
+        drifts = self.nodes_beside_passings and not self.state.nodes_beside_passings
         return pylons.missed > share * limits.gate_length or pylons.is_needless or drifts
+
+    @cached_property
+    def nodes_beside_passings(self) -> bool:
+        """Whether moments abeam beside passings get nodes: once conditions beside them make the Hamiltonian drift."""
+        limit = self.session.settings.certificate.hamiltonian
+        is_beside = self.pylons is not None and self.pylons.is_beside
+        drifts = is_beside and float(self.solved[0].evidence.drift.max()) > limit
+        return self.state.nodes_beside_passings or drifts
 
     @property
     def barrier(self) -> InitialBarrier:
@@ -356,7 +372,12 @@ def _until_certified(refined: Refined) -> RefinementState | None:
         coarser=coarser,
     )
     rounds = state.clearance_rounds + same_mesh
-    return replace(following, clearance_rounds=rounds, too_near=refined if same_mesh else None)
+    return replace(
+        following,
+        clearance_rounds=rounds,
+        nodes_beside_passings=refined.nodes_beside_passings,
+        too_near=refined if same_mesh else None,
+    )
 
 
 def _drifts_as_before(optimum: MeshSolution, before: MeshSolution | None, limits: CertificateLimits) -> bool:
@@ -390,7 +411,12 @@ def _again_on_both_meshes(refined: Refined) -> RefinementState:
             before=coarser.solved[0],
             coarser=coarser.solved[0],
         )
-        return replace(following, clearance_rounds=rounds, too_near=refined)
+        return replace(
+            following,
+            clearance_rounds=rounds,
+            nodes_beside_passings=refined.nodes_beside_passings,
+            too_near=refined,
+        )
 
     return RefinementState(
         flight,
@@ -448,6 +474,7 @@ def _until_good(refined: Refined) -> RefinementState | None:
         multipliers=refined.carry(draft, flight),
         number=state.number + (not same_mesh),
         clearance_rounds=state.clearance_rounds + same_mesh,
+        nodes_beside_passings=refined.nodes_beside_passings,
         too_near=refined if same_mesh else None,
         before=optimum,
         rough=_rough_tolerance(session, state.number + 1) if better else 0.0,

@@ -109,13 +109,15 @@ def test_error_of_the_integrator_is_what_its_series_leaves_out(count: int) -> No
 shares = st.lists(st.floats(0.0, 1.0), max_size=3)
 
 
-@given(shares, shares, st.lists(st.booleans(), min_size=STATED.intervals - 1, max_size=STATED.intervals - 1))
+@given(
+    shares, shares, st.lists(st.booleans(), min_size=STATED.intervals - 1, max_size=STATED.intervals - 1), st.booleans()
+)
 def test_moved_nodes_are_as_many_in_the_same_order_and_phases_keep_their_ends(
-    first: list[float], second: list[float], marks: list[bool]
+    first: list[float], second: list[float], marks: list[bool], beside_ends: bool
 ) -> None:
     nodes = np.array([True, *marks, True])
     nodes[edges(STATED.mesh)] = True
-    mesh, iterate = move_nodes(STATED.mesh, FLOWN, nodes, (first, second))
+    mesh, iterate = move_nodes(STATED.mesh, FLOWN, nodes, (first, second), beside_ends=beside_ends)
     assert edges(mesh) == edges(STATED.mesh)
     for phase in mesh:
         assert sum(phase) == pytest.approx(1.0)
@@ -134,6 +136,15 @@ def test_the_nearest_node_is_moved_to_where_it_is_wanted_and_what_lies_between_m
     known = np.linspace(0.0, 1.0, 5)
     for row, before in zip(iterate.state, flight(stated).state, strict=True):
         assert row[:5] == pytest.approx(np.interp(places, known, before[:5]))
+
+
+def test_a_place_beside_an_end_takes_the_end_or_the_node_beside_it() -> None:
+    stated = problem((0.25,) * 4, (0.5, 0.5))
+    nodes = np.ones(stated.intervals + 1, dtype=np.bool_)
+    stays, _ = move_nodes(stated.mesh, flight(stated), nodes, ([0.1], []))
+    moves, _ = move_nodes(stated.mesh, flight(stated), nodes, ([0.1], []), beside_ends=True)
+    assert np.cumsum(stays[0]) == pytest.approx([0.25, 0.5, 0.75, 1.0])
+    assert np.cumsum(moves[0]) == pytest.approx([0.1, 0.5, 0.75, 1.0])
 
 
 REPLAYED = replay(STATED, FLOWN)
