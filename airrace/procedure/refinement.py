@@ -234,6 +234,14 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
     return _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
 
 
+def keeps_drifting(optimum: MeshSolution, before: MeshSolution | None, limits: CertificateLimits) -> bool:
+    """Tell whether the Hamiltonian drifts too much, and a finer mesh has not made it drift less."""
+    if before is None or before.problem.intervals >= optimum.problem.intervals:
+        return False
+    drift = float(optimum.evidence.drift.max())
+    return drift > max(limits.hamiltonian, SETTINGS.drift_stays * float(before.evidence.drift.max()))
+
+
 def refine_guess(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
     """Return a mesh that is finer where a guess lets expect that the integrator's error breaks its limit.
 

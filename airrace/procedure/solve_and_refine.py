@@ -35,12 +35,12 @@ from airrace.procedure.refinement import (
     bisect_all,
     bisect_coarse,
     iterate_meshes,
+    keeps_drifting,
     refine_changed,
     refine_flagged,
     refine_predicted,
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
-from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
@@ -357,7 +357,7 @@ def _until_certified(refined: Refined) -> RefinementState | None:
         flight, draft = refined.keep_clear(refine_changed(optimum, coarser, limits))
         coarser = None
     else:
-        draft = None if _drifts_as_before(optimum, state.before, limits) else refine_flagged(optimum, limits)
+        draft = None if keeps_drifting(optimum, state.before, limits) else refine_flagged(optimum, limits)
     if draft is None:
         return None
     following = certified_state(
@@ -378,14 +378,6 @@ def _until_certified(refined: Refined) -> RefinementState | None:
         nodes_beside_passings=refined.nodes_beside_passings,
         too_near=refined if same_mesh else None,
     )
-
-
-def _drifts_as_before(optimum: MeshSolution, before: MeshSolution | None, limits: CertificateLimits) -> bool:
-    """Tell whether the Hamiltonian drifts too much, and a finer mesh has not made it drift less."""
-    if before is None or before.problem.intervals >= optimum.problem.intervals:
-        return False
-    drift = float(optimum.evidence.drift.max())
-    return drift > max(limits.hamiltonian, SETTINGS.drift_stays * float(before.evidence.drift.max()))
 
 
 def _again_on_both_meshes(refined: Refined) -> RefinementState:
