@@ -38,6 +38,7 @@ class PylonSettings:
 
     Attributes:
         one_passing: time within which a pylon is passed but once, s.
+        one_node: time within which cylinders of one obstacle are abeam at once, s: three metres of way.
         touched: distance below which a pylon is taken to be hit, m: how deep, its distance does not tell.
         error_max: largest error of a prediction that is taken for true, m.
         needless: length by which a condition may keep the wing farther away than its clearance, m.
@@ -48,6 +49,7 @@ class PylonSettings:
     """
 
     one_passing: float = 0.5
+    one_node: float = 0.03
     touched: float = 0.05
     error_max: float = 1.0
     needless: float = 0.05
@@ -272,16 +274,24 @@ class PylonRooms:
                 if -approach.shortfall > SETTINGS.needless and side is not before.side:  # as above its top
                     conditions[number] = dataclasses.replace(after, side=side, error=0.0)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
+        new: list[tuple[float, PylonCondition, ClosestApproach]] = []
         for approach in sorted(approaches, key=_distance):
             pylon = approach.pylon
             known = (pylon.name, pylon.post) in self.pylons
             if known and approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
-                new = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
-                new = replayed.at(new, approach)
-                conditions.append(dataclasses.replace(new, side=self._side(new, pylon, replayed)))
+                one = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
+                one = replayed.at(one, approach)
+                one = dataclasses.replace(one, side=self._side(one, pylon, replayed))
+                missed = max(missed, approach.shortfall)
+                room = self._room(one, self._observe(pylon, replayed.state(one.leg, one.share)))
+                new.append((room if pylon.is_obstacle else 0.0, one, approach))
+        taken: list[ClosestApproach] = []  # of the cylinders that are abeam at once the farthest out speaks for all
+        for _, one, approach in sorted(new, key=lambda each: each[0]):
+            if not any(_abeam_together(approach, other) for other in taken):
+                taken.append(approach)
+                conditions.append(one)
                 distances.append(approach.distance)
                 binding.append(True)
-                missed = max(missed, approach.shortfall)
         return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless, moved)
 
     def _side(self, condition: PylonCondition, pylon: PylonPost, replayed: ReplayedFlight) -> PylonSide:
@@ -349,6 +359,12 @@ class PylonRooms:
 
     def _room(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
         return min(sign * seen[name] for name, sign in ROOMS[condition.side])
+
+
+def _abeam_together(one: ClosestApproach, other: ClosestApproach) -> bool:
+    """Tell whether two cylinders of one obstacle are abeam at the same time, as far as nodes tell."""
+    alike = one.pylon.is_obstacle and one.pylon.name == other.pylon.name
+    return alike and abs(one.abeam - other.abeam) < SETTINGS.one_node
 
 
 def _distance(approach: ClosestApproach) -> float:
