@@ -16,7 +16,7 @@ class Iteration:
 
 
 class Progress(ABC):
-    """The callbacks of a run, called from the thread that runs the procedure.
+    """The callbacks of a run, called one at a time, though not always from the same thread.
 
     The procedure tells of all but the end of a stage: whoever stores the result reports it, once it is stored.
     """

@@ -75,7 +75,8 @@ class Attempt:
 class Timings:
     """The times of a stage, s.
 
-    `solve` is inside the solver, of which `derivatives` evaluates functions; `wall` is the whole stage.
+    `solve` is inside the solver, of which `derivatives` evaluates functions; `wall` is the whole stage. Routes that are
+    solved side by side all count in the first two, which may then exceed the last.
     """
 
     solve: float
