@@ -264,6 +264,7 @@ class Refined:
 def refine_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
     """Solve on one mesh after another, from the first one on; return the stage, with the certificate that it has."""
     limits, total = session.settings.certificate, session.settings.mesh.refinements_max
+    largest = SETTINGS.growth_max * sum(len(fractions) for fractions in first.draft.mesh)
 
     def step(state: RefinementState) -> Refined:
         problem, number = state.flight.problem(state.draft.mesh), max(state.number, 0)
@@ -287,7 +288,9 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
         return Refined(session, state, solution, optimum)
 
     def following(state: RefinementState, refined: Refined) -> RefinementState | None:
-        return None if refined.optimum is None or state.number == total else state.following(refined)
+        if refined.optimum is None or state.number == total or refined.optimum.problem.intervals > largest:
+            return None
+        return state.following(refined)
 
     last = iterate_meshes(first, step, following)
     if last.optimum is None and last.state.too_near is not None:
@@ -451,7 +454,8 @@ def _until_good(refined: Refined) -> RefinementState | None:
     """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
     (optimum, _), state, session = refined.solved, refined.state, refined.session
     better = _adapt(refined) if state.rough else None
-    good = better or _good_mesh(refined)
+    in_vain = keeps_drifting(optimum, state.before, session.settings.certificate)
+    good = better or (None if in_vain else _good_mesh(refined))
     same_mesh = not good and refined.too_near()
     if not (state.rough or good or same_mesh):
         return None

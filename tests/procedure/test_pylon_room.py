@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from races import PLAN, SHIPPED, SMALL, optimum
+from races import PLAN, ROOT, SHIPPED, SMALL, optimum
 
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
 from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
+from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
@@ -168,7 +169,7 @@ def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
 @pytest.mark.slow
 def test_of_two_pylons_that_stand_together_each_is_passed_on_the_side_that_is_faster() -> None:
     """By chance this course is flown 0.46 s slower, past two pylons that need not be passed there."""
-    race = with_element(SHIPPED["chiba_2015"], 2, north=382.1, east=-300.5)
+    race = with_element(load_inputs(ROOT / "tracks" / "chiba_2015.yaml").race, 2, north=382.1, east=-300.5)
     found = optimum(race, dataclasses.replace(PLAN, search=SearchEffort.QUICK))
     assert found.certified
     assert found.trajectory.race_time < 47.0
