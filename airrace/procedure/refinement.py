@@ -94,8 +94,6 @@ class RefinementSettings:
     growth_max: float = 6.0
     """Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.3 times
     as fine at most; where a limit is missed on any mesh, each would be four times as fine as the one before."""
-    drift_stays: float = 0.9
-    """Share of its drift that the Hamiltonian keeps on a finer mesh if the mesh is not what makes it drift."""
     clearance_rounds_max: int = 6
     """Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons.
     """
@@ -235,14 +233,6 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
     more, reasons = _most(optimum, ahead)
     parts, why = np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8)
     return _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
-
-
-def keeps_drifting(optimum: MeshSolution, before: MeshSolution | None, limits: CertificateLimits) -> bool:
-    """Tell whether the Hamiltonian drifts too much, and a finer mesh has not made it drift less."""
-    if before is None or before.problem.intervals >= optimum.problem.intervals:
-        return False
-    drift = float(optimum.evidence.drift.max())
-    return drift > max(limits.hamiltonian, SETTINGS.drift_stays * float(before.evidence.drift.max()))
 
 
 def refine_guess(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:

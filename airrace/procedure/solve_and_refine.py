@@ -35,7 +35,6 @@ from airrace.procedure.refinement import (
     bisect_all,
     bisect_coarse,
     iterate_meshes,
-    keeps_drifting,
     refine_changed,
     refine_flagged,
     refine_predicted,
@@ -360,7 +359,7 @@ def _until_certified(refined: Refined) -> RefinementState | None:
         flight, draft = refined.keep_clear(refine_changed(optimum, coarser, limits))
         coarser = None
     else:
-        draft = None if keeps_drifting(optimum, state.before, limits) else refine_flagged(optimum, limits)
+        draft = refine_flagged(optimum, limits)
     if draft is None:
         return None
     following = certified_state(
@@ -454,8 +453,7 @@ def _until_good(refined: Refined) -> RefinementState | None:
     """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
     (optimum, _), state, session = refined.solved, refined.state, refined.session
     better = _adapt(refined) if state.rough else None
-    in_vain = keeps_drifting(optimum, state.before, session.settings.certificate)
-    good = better or (None if in_vain else _good_mesh(refined))
+    good = better or _good_mesh(refined)
     same_mesh = not good and refined.too_near()
     if not (state.rough or good or same_mesh):
         return None

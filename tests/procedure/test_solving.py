@@ -47,6 +47,9 @@ class Canned(SolverService):
         self.known: list[Multipliers | None] = []
         self.threads: list[int | None] = []
 
+    def stop_unless_started_here(self) -> None:
+        """There is no process."""
+
     def solve(
         self,
         problem: Problem,
