@@ -351,7 +351,8 @@ def archive_of(name: str, content: bytes) -> bytes:
         (b'{"type": "Feature", "properties": {}, "geometry": null}', "holds no placemarks"),
         (b'{"type": "MultiPoint", "coordinates": 3}', "is no GeoJSON as RFC 7946 has it"),
     ],
-    ids=["no document", "damaged", "too large", "too deep", "encoding", "no geometry", "no GeoJSON"],  # an archive is dated
+    # an archive carries its date
+    ids=["no document", "damaged", "too large", "too deep", "encoding", "no geometry", "no GeoJSON"],
 )
 def test_files_that_hold_no_placemarks_are_refused(tmp_path: Path, content: bytes, said: str) -> None:
     (tmp_path / "marks").write_bytes(content)
