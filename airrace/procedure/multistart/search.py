@@ -172,7 +172,7 @@ class Search:
 
     def run(self, starts: Sequence[InitialGuess], solved: Sequence[CoarseSolution | None] = ()) -> SearchResult:
         """Try starts, then improve the best of the flights that they lead to, and of those that are solved already."""
-        self._report(f"{len(starts)} starts, solved coarsely")
+        self._report(f"{len(starts) + len(solved)} starts, solved coarsely")
         found = [*self._pool.work(starts, solve_coarse), *solved]
         self._flights = [one for one in found if one is not None]
         self._failed = len(found) - len(self._flights)
