@@ -12,6 +12,7 @@ from airrace.results.legs import passings_around
 from airrace.runs.flight_sources import origin_of
 from airrace.runs.output import write_text
 from airrace.safety.footprint import Footprint, Track, footprint_of
+from airrace.track.course import Origin
 from airrace.views.drawing import FORMATS, ensure_drawable, save_figure
 
 GLOBE = (".geojson", ".kml")
@@ -23,11 +24,12 @@ def flight_footprint(
 ) -> Footprint:
     """Return what falls where from a flight, and write it into a file unless that is None.
 
-    Arguments and errors are those of `footprint_of` and `write_footprint`.
+    Arguments and errors are those of `footprint_of`, `write_footprint` and, for the origin, `origin_of`.
     """
+    place = None if origin is None else origin_of(origin)
     found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is not None:
-        write_footprint(found, flight, output, origin=origin)
+        write_footprint(found, flight, output, origin=place)
     return found
 
 
@@ -44,14 +46,14 @@ def ensure_footprint_file(path: Path) -> None:
         ensure_drawable(path)
 
 
-def write_footprint(footprint: Footprint, flight: Flight, path: Path, *, origin: str | None = None) -> None:
+def write_footprint(footprint: Footprint, flight: Flight, path: Path, *, origin: Origin | None = None) -> None:
     """Write a footprint, in the format that the name of the file says, replacing the file as a whole.
 
     Args:
         footprint: of the flight.
         flight: shown beside it.
         path: `.geojson`, `.kml`, `.csv`, `.png`, `.svg` or `.pdf`.
-        origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
+        origin: where the course lies; None for what it says.
 
     Raises:
         UsageError: there is no such format, or the course has no origin where the format needs one.
@@ -68,7 +70,7 @@ def write_footprint(footprint: Footprint, flight: Flight, path: Path, *, origin:
     elif suffix == ".csv":
         write_text(path, footprint_csv(footprint))
     else:
-        placed = on_globe(flight, None if origin is None else origin_of(origin))
+        placed = on_globe(flight, origin)
         write = footprint_geojson if suffix == ".geojson" else footprint_kml
         write_text(path, write(footprint, placed.at_rate(10.0), BEGIN).decode())
 

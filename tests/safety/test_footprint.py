@@ -213,7 +213,12 @@ def test_the_command_writes_what_the_name_of_the_file_says(flown: Path, tmp_path
 
 
 def test_bad_calls_end_with_one_sentence(flown: Path, tmp_path: Path) -> None:
-    for words in (["--output", tmp_path / "x.dwg"], ["--drag-area", "-1"], ["--output", tmp_path / "x.kml"]):
+    for words in (
+        ["--output", tmp_path / "x.dwg"],
+        ["--drag-area", "-1"],
+        ["--output", tmp_path / "x.kml"],
+        ["--origin", "junk"],
+    ):
         said = run("footprint", flown, *words)
         assert said.code == 2
         assert said.err.count("\n") == 1, said.err
