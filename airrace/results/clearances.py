@@ -86,7 +86,7 @@ def distances(flight: Flight) -> tuple[Distance, ...]:
 def surroundings(flight: Flight) -> Iterator[Distance]:
     """Yield the distances from people, safety lines, the border of the airspace, floor and ceiling.
 
-    A safety line counts on the legs that name it.
+    A safety line counts on the legs that name it; one that none names, on all.
 
     Args:
         flight: one whose position is known.
