@@ -7,9 +7,11 @@ a word.
 
 import io
 import json
+import lzma
 import math
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
@@ -187,6 +189,13 @@ def read_placemarks(path: Path) -> list[Placemark]:
     return found
 
 
+_DAMAGES = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError),  # of the archive, and of streams by their methods
+    *(NotImplementedError, RuntimeError, EOFError, ValueError),
+)
+"""What `zipfile` raises for archives that it cannot unpack."""
+
+
 def _unpacked(path: str, content: bytes) -> bytes:
     """Return the document of a KMZ, the first of its KML files."""
     try:
@@ -196,7 +205,7 @@ def _unpacked(path: str, content: bytes) -> bytes:
                 refuse(path, 0, "is an archive without a KML document")
             with archive.open(entry) as file:
                 unpacked = file.read(LIMITS.size + 1)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+    except _DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
     if len(unpacked) > LIMITS.size:
         refuse(path, 0, f"is too large unpacked: at most {LIMITS.size} bytes are read")

@@ -333,11 +333,24 @@ def test_routes_and_tracks_of_gpx_are_read(tmp_path: Path) -> None:
     assert ("Flight 3", "") in told(written)
 
 
-def archive_of(name: str, content: bytes) -> bytes:
+def archive_of(name: str, content: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(file, "w", method) as archive:
         archive.writestr(name, content)
     return file.getvalue()
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_archive_with_any_byte_flipped_is_read_or_refused(tmp_path: Path, method: int) -> None:
+    text = kml("".join(mark(name, places, "Point" if len(places) == 1 else "LineString") for name, places in GATES))
+    whole, path, refused = archive_of("doc.kml", text.encode(), method), tmp_path / "marks.kmz", 0
+    for index in range(len(whole)):
+        path.write_bytes(whole[:index] + bytes([whole[index] ^ 0xFF]) + whole[index + 1 :])
+        try:
+            read_placemarks(path)
+        except InputError:
+            refused += 1
+    assert refused > len(whole) // 2
 
 
 @pytest.mark.parametrize(
