@@ -10,7 +10,7 @@ told.
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +18,7 @@ import yaml
 
 from airrace.inputs.nodes import LIMITS
 from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
+from airrace.inputs.surroundings import BOX_MAX_M, HEIGHT_MAX_M
 from airrace.logs.recording import refuse
 from airrace.records import record
 from airrace.track import polygons
@@ -35,6 +36,8 @@ HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNO
 FOOT = 0.3048
 OBSTACLE_HEIGHT = 50.0
 """The height of an obstacle until the file says better, m."""
+OBSTACLE_HEIGHT_MIN = 0.1
+"""The least height of an obstacle, m; one of 0 m is none."""
 SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
@@ -253,6 +256,8 @@ class _Sketch:
             self._drop(mark, f"that is no {subject.value if subject else 'gate'}")
 
     def _take_crowd(self, mark: Placemark) -> None:
+        if not self._has_room(mark, self.crowd, 1, LIMITS.crowds, "groups of people"):
+            return
         shape = {PlacemarkShape.POINT: "point", PlacemarkShape.LINE: "line", PlacemarkShape.AREA: "polygon"}[mark.shape]
         places = _degrees(mark.places)
         where: object = places[0] if shape == "point" else places
@@ -263,19 +268,28 @@ class _Sketch:
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
         found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
-        height = (
-            float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
-        )
+        told = float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
+        height = min(max(told, OBSTACLE_HEIGHT_MIN), HEIGHT_MAX_M)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
             boxes, what = [_box_around(ends) for ends in pairwise(points)], "an obstacle of 2 m width"
         elif mark.shape is PlacemarkShape.AREA:
             boxes, what = [_box_around(points)], "an obstacle, a box around it"
+        longest = max(box.get(side, 0.0) for box in boxes for side in ("length_m", "width_m"))
+        if longest > BOX_MAX_M:
+            reason = f"an obstacle is no longer than {BOX_MAX_M / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
+            self._drop(mark, f"{reason}; draw it in parts")
+            return
+        if not self._has_room(mark, self.obstacles, len(boxes), LIMITS.obstacles, "obstacles"):
+            return
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not found:
             self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
+        elif height != told:
+            limits = f"the height of an obstacle is more than 0 and at most {HEIGHT_MAX_M:g} m"
+            self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {told:.4g} m are told")
         elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
             drawn = "a course knows masts, cylinders and boxes"
             self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else drawn)
@@ -295,6 +309,8 @@ class _Sketch:
         points, places = self._points(mark.places), mark.places
         if all(abs(polygons.to_right(points[0], points[-1], one)) <= STRAIGHT for one in points[1:-1]):
             points, places = (points[0], points[-1]), (places[0], places[-1])
+        if not self._has_room(mark, self.lines, len(points) - 1, LIMITS.safety_lines, "safety lines"):
+            return
         for number, ((start, end), corners) in enumerate(zip(pairwise(points), pairwise(places), strict=True), start=1):
             rights = [polygons.to_right(start, end, one.middle) > 0.0 for one in self.elements]
             right = 2 * sum(rights) >= len(rights)
@@ -320,6 +336,12 @@ class _Sketch:
 
     def _drop(self, mark: Placemark, reason: str) -> None:
         self._guess(mark, "", reason)
+
+    def _has_room(self, mark: Placemark, taken: Sized, more: int, most: int, what: str) -> bool:
+        """Return whether so many more things make no more than a course has room for; drop the placemark if not."""
+        if len(taken) + more > most:
+            self._drop(mark, f"a course has room for {most} {what}, and with it there were {len(taken) + more}")
+        return len(taken) + more <= most
 
     def _points(self, places: Sequence[tuple[float, float]]) -> tuple[Point, ...]:
         latitude, longitude = np.radians(np.array(places, np.float64)).T

@@ -33,6 +33,10 @@ At most they are 1.7 times as long, as the number of them is rounded.
 """
 SQUARES = 100
 """The largest number of squares along one side of a box."""
+HEIGHT_MAX_M = 1000.0
+"""The greatest height of an obstacle, m."""
+BOX_MAX_M = 5000.0
+"""The greatest length and width of a box, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
 Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
@@ -105,10 +109,14 @@ class ObstacleEntry(PlacedEntry):
     """An obstacle: a mast, a cylinder with a `radius_m`, or a box with `length_m` and `width_m`."""
 
     what: ClassVar[str] = "an obstacle"
-    height_m: Annotated[float, Gt(0), Le(1000)] = Field(description="height of its top above the origin")
+    height_m: Annotated[float, Gt(0), Le(HEIGHT_MAX_M)] = Field(description="height of its top above the origin")
     radius_m: Annotated[float, Ge(0), Le(500)] | None = optional("radius of a cylinder; 0 by default, for a mast")
-    length_m: Annotated[float, Gt(0), Le(5000)] | None = optional("length of a box, along its heading; with `width_m`")
-    width_m: Annotated[float, Gt(0), Le(5000)] | None = optional("width of a box, across its heading; with `length_m`")
+    length_m: Annotated[float, Gt(0), Le(BOX_MAX_M)] | None = optional(
+        "length of a box, along its heading; with `width_m`"
+    )
+    width_m: Annotated[float, Gt(0), Le(BOX_MAX_M)] | None = optional(
+        "width of a box, across its heading; with `length_m`"
+    )
     heading_deg: Azimuth | None = optional("direction of a box's length; 0 by default")
     clearance_m: Annotated[float, Ge(0.5), Le(500)] = Field(
         default=10.0, description="least distance of the wing from it at any time"

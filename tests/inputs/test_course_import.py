@@ -236,6 +236,38 @@ def test_obstacles_are_as_high_as_their_names_tell(tmp_path: Path) -> None:
     assert [name for name, _ in told(written)] == ["Mast", "Building 12 m", "Power line 30 m"]
 
 
+def test_more_than_a_course_has_room_for_is_dropped_and_told(tmp_path: Path) -> None:
+    """The file that is written is one that can be read."""
+    corners = [(400.0 + 60.0 * (n % 2), 100.0 * n) for n in range(40)]
+    wires = [feature(f"Power line {n} 20 m", geometry([(e + 300.0 * n, m) for e, m in corners])) for n in range(2)]
+    people = [feature(f"Crowd {n}", geometry([(-500.0, 50.0 * n)])) for n in range(21)]
+    lines = [
+        feature(f"Safety line {n}", geometry([(300.0 + 50.0 * n + m % 2 * 5.0, 20.0 * m) for m in range(41)]))
+        for n in range(3)
+    ]
+    written, course = sketch(tmp_path, [*gates(), *wires, *people, *lines])
+    counts = len(course.obstacles), len(course.crowd), len(course.safety_lines)
+    assert counts == (39, 20, 80)
+    assert [name for name, taken in told(written) if not taken] == ["Power line 1 20 m", "Crowd 20", "Safety line 2"]
+
+
+def test_obstacles_are_no_higher_or_longer_than_a_course_allows(tmp_path: Path) -> None:
+    things = [
+        feature("Tower 1200 m", geometry([(300.0, 300.0)])),
+        feature("Tank 0 m", geometry([(300.0, 400.0)])),
+        feature("Power line 20 m", geometry([(400.0, 0.0), (400.0, 5100.0)])),
+        feature("Bridge 20 m", geometry([(500.0, 0.0), (560.0, 5100.0), (600.0, 0.0)], area=True)),
+    ]
+    written, course = sketch(tmp_path, [*gates(), *things])
+    assert {one.name: one.height for one in course.obstacles} == {"Tower_1200_m": 1000.0, "Tank_0_m": 0.1}
+    assert dict(told(written)) == {
+        "Tower 1200 m": "an obstacle 1000 m high",
+        "Tank 0 m": "an obstacle 0.1 m high",
+        "Power line 20 m": "",
+        "Bridge 20 m": "",
+    }
+
+
 def test_an_export_of_airrace_is_the_course_again_without_its_flights(tmp_path: Path) -> None:
     """What a passing is called looks like a gate's name; its kind tells better."""
     marks = [
