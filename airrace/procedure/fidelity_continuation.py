@@ -33,7 +33,7 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, Initial
 from airrace.procedure.multistart.local_search import RoutesAround, search_around
 from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
-from airrace.procedure.result import Note, NoteKind, PylonCondition, SearchReport, Stage, StageResult, Status
+from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import (
     Failure,
@@ -70,6 +70,8 @@ The order of routes at six-dof is another one than at the point mass on two of f
 """
 OTHER_SIDES_MAX = 3
 """How often at most the pylons beside the fastest flight are passed on their other sides, one at a time."""
+Side = tuple[str, int, int, PylonSide]
+"""Element and number of a pylon, the leg, and where it stands as the pilot passes it there."""
 SAME_FLIGHT = 2e-4
 """The difference of race times below which two optima from different starts are one, s."""
 
@@ -292,9 +294,12 @@ class FidelityContinuation:
             results.append(job(session))
         if not any(one.holds for one in results):
             results.append(self._optimum(Stage.POINT_MASS, known, session))
+        started = len(results)
         results = list(self._resolve_near_ties(self.with_other_sides(results, session), session))
         result = self._fastest(results)
         winner = _winner(results)
+        if winner >= started:  # past a pylon on its other side, on the route of the fastest before
+            winner = _winner(results[:started])
         report = found.report(winner) if winner < len(found.starts) else best
         for loop in report.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
@@ -307,27 +312,37 @@ class FidelityContinuation:
         return dataclasses.replace(_with_log(result, session), search=report)
 
     def with_other_sides(self, results: Sequence[StageResult], session: SolverSession) -> list[StageResult]:
-        """Return results of a stage, and more that pass pylons on other sides than the fastest, while that gains time.
+        """Return results of a stage, and faster ones that pass pylons on other sides than the fastest of them.
 
         On which side a flight comes by a pylon that it need not pass is chance, and may cost tenths of a second.
+        What is tried takes nothing from the budget.
         """
-        found = list(results)
+        found, tried, spent = list(results), set[frozenset[Side]](), session.budget.spent
         for _ in range(OTHER_SIDES_MAX):
             fastest = found[_winner(found)]
-            tried = session.side_by_side(self._on_other_sides(fastest))
-            found += [one for one in tried if isinstance(one, StageResult) and one.holds]
-            if found[_winner(found)] is fastest:
+            tried.add(_sides(fastest.pylon_conditions))
+            solved = session.side_by_side(self._on_other_sides(fastest, tried))
+            least = fastest.trajectory.race_time - SAME_FLIGHT
+            faster = [one for one in solved if isinstance(one, StageResult) and one.trajectory.race_time < least]
+            faster = [one for one in faster if one.certified or (one.holds and not fastest.certified)]
+            if not faster:
                 break
+            found += faster
+        session.budget.spent = spent
         return found
 
-    def _on_other_sides(self, optimum: StageResult) -> list[Callable[[SolverSession], StageResult | Failure]]:
-        """Return solves that start from an optimum and pass one pylon each on its other side."""
+    def _on_other_sides(
+        self, optimum: StageResult, tried: set[frozenset[Side]]
+    ) -> list[Callable[[SolverSession], StageResult | Failure]]:
+        """Return solves that start from an optimum and pass one pylon each on its other side, as was not tried yet."""
+        if not optimum.holds:
+            return []
         flight, mesh, iterate = (
             self.along(optimum.stage, optimum),
             mesh_of(optimum.trajectory),
             iterate_of(optimum.trajectory),
         )
-        if flight.rooms is None or not optimum.holds:
+        if flight.rooms is None:
             return []
         refine = solve_certified if optimum.certified else solve_single_mesh
 
@@ -336,8 +351,12 @@ class FidelityContinuation:
             start = Start(other, other.problem(mesh), iterate, InitialBarrier.PIECES, optimum.provenance)
             return refine(session, start, session.solvers[0])
 
-        sides = flight.rooms.on_other_sides(flight.plan, flight.problem(mesh), iterate)
-        return [functools.partial(solve, conditions=conditions) for conditions in sides]
+        jobs: list[Callable[[SolverSession], StageResult | Failure]] = []
+        for conditions in flight.rooms.on_other_sides(flight.plan, flight.problem(mesh), iterate):
+            if (sides := _sides(conditions)) not in tried:
+                tried.add(sides)
+                jobs.append(functools.partial(solve, conditions=conditions))
+        return jobs
 
     def _search_routes(self, budget: SearchBudget, session: SolverSession) -> FoundRoutes:
         """Search routes, with the starts of a run without a search among the starts, so that none is lost by it."""
@@ -367,7 +386,7 @@ class FidelityContinuation:
     def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
         """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""
         budget = BUDGETS.get(self._settings.search)
-        if budget is None:
+        if budget is None or self._last is Stage.HOMOTOPY:
             return self._homotopy(session)
         plans = self._plans(budget, session.settings.mesh)
         jobs: list[Callable[[SolverSession], StageResult | CoarseSolution | None]] = [self._homotopy]
@@ -467,6 +486,11 @@ def _confirms(result: StageResult, report: SearchReport) -> bool:
     if not result.holds or not report.routes:
         return result.holds
     return result.trajectory.race_time <= report.routes[0].race_time + MAX_LOSS
+
+
+def _sides(conditions: Sequence[PylonCondition]) -> frozenset[Side]:
+    """Return on which side every pylon is passed on every leg."""
+    return frozenset((one.element, one.post, one.leg, one.side) for one in conditions)
 
 
 def _solve_plan(start: InitialGuess, session: SolverSession) -> CoarseSolution | None:

@@ -44,8 +44,8 @@ class PylonSettings:
         needless: length by which a condition may keep the wing farther away than its clearance, m.
         holds: room left up to which a condition is what keeps the wing away, m.
         binding: room left up to which it may be that on the next mesh, m.
-        beside: time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. At 18 ms it
-            drifted by four times its limit, whatever the mesh; at 25 ms elsewhere by less than the limit.
+        beside: time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement:
+            nodes that were moved lie within half a millisecond; at 18 ms it drifted by four times its limit.
     """
 
     one_passing: float = 0.5
@@ -207,28 +207,34 @@ class PylonRooms:
     def on_other_sides(self, plan: Plan, problem: Problem, iterate: Iterate) -> Iterator[tuple[PylonCondition, ...]]:
         """Yield the conditions with one pylon on the other side of a flight, each in turn that may be passed on either.
 
-        Those are pylons that no passing at either end of the leg is of, and that keep the wing away.
+        Those are pylons that no passing at either end of the leg is of, and that keep the wing away. An obstacle has
+        all of its cylinders on one side.
         """
-        conditions = self.conditions_on(plan)
-        for number, one in enumerate(conditions):
+        conditions, turned = self.conditions_on(plan), set[tuple[str, int]]()
+        for one in conditions:
+            pylon = self.pylons[one.element, one.post]
             ends = [plan.waypoints[end].passage.element for end in (one.leg, one.leg + 1)]
             passed = {place_of(post) for element in ends if element.place for post in element.drawing().posts}
-            if one.side is PylonSide.BELOW or place_of(self.pylons[one.element, one.post]) in passed:
+            if (
+                one.side is PylonSide.BELOW
+                or place_of(pylon) in passed
+                or (pylon.is_obstacle and (pylon.name, one.leg) in turned)
+            ):
                 continue
             places = np.cumsum([0.0, *problem.phases[one.leg].fractions])
             node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
-            seen = self._observe(self.pylons[one.element, one.post], iterate.state[:, node])
-            if self._room(one, seen) - self._required_room(one) < SETTINGS.holds:
-                side, name = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT, one.element
-                alike = [number] if not self.pylons[name, one.post].is_obstacle else range(len(conditions))
-                with_it = {
-                    index for index in alike if (conditions[index].element, conditions[index].leg) == (name, one.leg)
-                }
-                if number == min(with_it):  # of an obstacle all cylinders are passed on the same side
-                    yield tuple(
-                        dataclasses.replace(each, side=side, error=0.0) if index in with_it else each
-                        for index, each in enumerate(conditions)
-                    )
+            if (
+                self._room(one, self._observe(pylon, iterate.state[:, node])) - self._required_room(one)
+                < SETTINGS.holds
+            ):
+                turned.add((pylon.name, one.leg))
+                side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
+                yield tuple(
+                    dataclasses.replace(each, side=side, error=0.0)
+                    if each is one or (pylon.is_obstacle and _same_obstacle(each, one))
+                    else each
+                    for each in conditions
+                )
 
     def path_constraints(self, plan: Plan) -> list[tuple[PathConstraint, ...]]:
         """Return the conditions along a plan as constraints on every leg."""
@@ -271,7 +277,8 @@ class PylonRooms:
                 needless = max(needless, -approach.shortfall)
                 moved = max(moved, abs(approach.abeam - replayed.time(before)))
                 side = self._side(after, approach.pylon, replayed)
-                if -approach.shortfall > SETTINGS.needless and side is not before.side:  # as above its top
+                other = side is not before.side and (side is PylonSide.BELOW or not approach.pylon.is_obstacle)
+                if -approach.shortfall > SETTINGS.needless and other:  # as above its top
                     conditions[number] = dataclasses.replace(after, side=side, error=0.0)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         new: list[tuple[float, PylonCondition, ClosestApproach]] = []
@@ -281,7 +288,8 @@ class PylonRooms:
             if known and approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
                 one = PylonCondition(pylon.name, pylon.post, approach.leg, 0.0, PylonSide.RIGHT, 0.0)
                 one = replayed.at(one, approach)
-                one = dataclasses.replace(one, side=self._side(one, pylon, replayed))
+                beside = (each.side for each in conditions if pylon.is_obstacle and _same_obstacle(each, one))
+                one = dataclasses.replace(one, side=next(beside, None) or self._side(one, pylon, replayed))
                 missed = max(missed, approach.shortfall)
                 room = self._room(one, self._observe(pylon, replayed.state(one.leg, one.share)))
                 new.append((room if pylon.is_obstacle else 0.0, one, approach))
@@ -359,6 +367,11 @@ class PylonRooms:
 
     def _room(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
         return min(sign * seen[name] for name, sign in ROOMS[condition.side])
+
+
+def _same_obstacle(one: PylonCondition, other: PylonCondition) -> bool:
+    """Tell whether two conditions are to the side of the same element on the same leg."""
+    return (one.element, one.leg) == (other.element, other.leg) and one.side is not PylonSide.BELOW
 
 
 def _abeam_together(one: ClosestApproach, other: ClosestApproach) -> bool:

@@ -93,7 +93,7 @@ class RefinementSettings:
     need it, 43 to 82 % of them, and in none when all were halved."""
     growth_max: float = 6.0
     """Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.4 times
-    as fine at most; where a limit is missed on any mesh, each would be four times as fine as the one before."""
+    as fine at most. Where a limit is missed on every mesh, ever more intervals would be cut into four."""
     clearance_rounds_max: int = 6
     """Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons.
     """

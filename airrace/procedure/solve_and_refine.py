@@ -211,7 +211,7 @@ class Refined:
     def too_near(self, share: float = 1.0) -> bool:
         """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may cure it.
 
-        So may one the drift of the Hamiltonian at a pylon, which no mesh does.
+        Likewise where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh cures.
 
         Args:
             share: of the certificate's limit that is allowed.
@@ -287,9 +287,10 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
         return Refined(session, state, solution, optimum)
 
     def following(state: RefinementState, refined: Refined) -> RefinementState | None:
-        if refined.optimum is None or state.number == total or refined.optimum.problem.intervals > largest:
+        if refined.optimum is None or state.number == total:
             return None
-        return state.following(refined)
+        after, fine = state.following(refined), refined.optimum.problem.intervals > largest
+        return None if fine and after is not None and after.number > state.number else after
 
     last = iterate_meshes(first, step, following)
     if last.optimum is None and last.state.too_near is not None:

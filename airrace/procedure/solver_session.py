@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
@@ -177,13 +178,15 @@ class SolverSession:
                 attempts=[],
                 budget=replace(self.budget),
                 derivative_seconds=0.0,
+                companions=[],
             )
             for number in range(len(jobs))
         ]
 
         def work(service: SolverService, number: int) -> Solved:
-            sessions[number].service = service
-            return jobs[number](sessions[number])
+            with closing(sessions[number]) as session:
+                session.service = service
+                return jobs[number](session)
 
         with self.pool(most) as pool:
             results = pool.work(range(len(jobs)), work)

@@ -56,7 +56,7 @@ def clearance_item(
     """
     always = flight.course.rules.clearance is ClearanceRule.FLIGHT
     missed = [one for one in found if one.shortfall > 0.0]
-    kept = [one for one in missed if always or one.pylon.is_obstacle]
+    kept = [one for one in missed if always or (one.pylon.is_obstacle and one.shortfall > limits.gate_length)]
     limit = limits.gate_length if always or kept else math.inf
     if not missed:
         return Item(CLEARANCE, 0.0, limit, "m", "")

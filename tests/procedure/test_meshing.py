@@ -17,8 +17,10 @@ from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Silent
 from airrace.procedure.refinement import (
     SETTINGS,
@@ -34,11 +36,11 @@ from airrace.procedure.refinement import (
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import RefinementReason
+from airrace.procedure.result import RefinementReason, StageResult
 from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -422,6 +424,19 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
     objective = result.trajectory.race_time + result.provenance.regularisation
     gained = solution.objective - objective
     assert 0.1 * gained < measure_hold_cost(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained
+
+
+@pytest.mark.parametrize(("growth", "refined"), [(0.5, False), (6.0, True)])
+def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
+    growth: float, refined: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(solve_and_refine, "SETTINGS", replace(solve_and_refine.SETTINGS, growth_max=growth))
+    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
+    with SolverService() as service:
+        found = solve_and_refine.solve_certified(SolverSession(service, PLAN, Silent()), start, "fatrop")
+    assert isinstance(found, StageResult)
+    assert found.certified is refined
 
 
 def test_limit_of_a_long_race_grows_with_its_duration() -> None:

@@ -9,8 +9,11 @@ from races import EDGE_540, PLAN, RULES, course, level, optimum
 
 from airrace.environment.air import Air
 from airrace.planning.race import Race
-from airrace.planning.wing_clearance import Wing, closest_approaches, kept_clear, pylons_of
-from airrace.procedure.result import Status
+from airrace.planning.wing_clearance import ClosestApproach, Wing, closest_approaches, kept_clear, pylons_of
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.result import PylonSide, Stage, Status
+from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.procedure.wing_clearance import clearance_item
 from airrace.results.clearances import distances, least_of_all
 from airrace.results.derivation import flight_of
 from airrace.results.flight import Flight, Source
@@ -98,3 +101,33 @@ def test_the_planned_line_is_remarked_on() -> None:
     (remark,) = remarks_on_line(planned_flight(race(TANK)))
     assert remark.kind.value == "obstacle"
     assert "leads the wing through the obstacle `tank`; 10 m are required" in remark.text
+
+
+def test_an_obstacle_is_tried_on_its_other_side_as_a_whole() -> None:
+    what = race(WALL)
+    result = optimum(what, PLAN)
+    flight = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory, result.pylon_conditions)
+    assert flight.rooms is not None
+    own = [one for one in result.pylon_conditions if one.element == "wall"]
+    (side,) = {one.side for one in own}
+    far = dataclasses.replace(own[0], error=-50.0)  # the first of them has room to spare
+    rooms = flight.rooms.with_conditions([far, *result.pylon_conditions])
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    (conditions,) = rooms.on_other_sides(flight.plan, problem, iterate)
+    turned = [one.side for one in conditions if one.element == "wall"]
+    assert len(turned) == len(own) + 1
+    assert set(turned) == {PylonSide.LEFT, PylonSide.RIGHT} - {side}
+
+
+def test_an_obstacle_that_is_all_but_kept_clear_of_hides_no_pylon_that_is_hit() -> None:
+    what = race(MAST, clearance=ClearanceRule.CROSSING)
+    result = optimum(what, PLAN)
+    flight = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory)
+    problem = flight.problem(mesh_of(result.trajectory))
+    mast, gate = (next(one for one in pylons_of(what.course) if one.is_obstacle is kind) for kind in (True, False))
+    near = [ClosestApproach(one, 0, one.required - by, 1.0, 1.0, 0.0, 0.0) for one, by in ((mast, 1e-3), (gate, 0.4))]
+    item = clearance_item(flight, problem, near, PLAN.certificate)
+    assert item.value == pytest.approx(0.4)
+    assert math.isinf(item.limit)  # by the rule of crossings it is told, and decides nothing
+    worse = [dataclasses.replace(near[0], distance=mast.required - 0.5), near[1]]
+    assert clearance_item(flight, problem, worse, PLAN.certificate).limit == PLAN.certificate.gate_length

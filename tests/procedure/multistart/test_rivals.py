@@ -274,3 +274,35 @@ def test_fastest_certified_way_is_the_result_whichever_was_the_best_when_rough(m
     assert asked == [[one] for one in found[:3]]
     assert seconds(result) == pytest.approx(9.0)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.2)]
+
+
+def flights_at(seconds_of: Sequence[float], certified: bool = True) -> list[StageResult]:
+    """Optima of one race with these race times, s."""
+    known = search_optimum(SMALL, OFF)
+    outcome = known.outcome if certified else Status.NOT_CERTIFIED
+    times = [dataclasses.replace(known.trajectory, durations=np.array([0.5 * one] * 2)) for one in seconds_of]
+    return [dataclasses.replace(known, trajectory=one, outcome=outcome) for one in times]
+
+
+def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    beaten, uncertified = flights_at([9.0, 8.0, 7.9999]), flights_at([6.0], certified=False)
+    rounds = [[beaten[0], beaten[1], *uncertified], [beaten[2]]]
+    around: list[float] = []
+
+    def on_other_sides(_: FidelityContinuation, fastest: StageResult, tried: object) -> Sequence[object]:
+        around.append(seconds(fastest))
+        return [lambda session, one=one: spend(session, one) for one in rounds.pop(0)]
+
+    def spend(session: SolverSession, one: StageResult) -> StageResult:
+        session.budget.spent += 1000
+        return one
+
+    monkeypatch.setattr(FidelityContinuation, "_on_other_sides", on_other_sides)
+    with open_session(OFF) as session:
+        given = flights_at([8.5, 8.6])
+        found = FidelityContinuation(SMALL, OFF, ()).with_other_sides(given, session)
+        assert session.budget.spent == 0
+    assert around == pytest.approx([8.5, 8.0])
+    assert [seconds(one) for one in found] == pytest.approx(
+        [8.5, 8.6, 8.0]
+    )  # neither slower, uncertified, nor the same
