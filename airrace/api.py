@@ -453,7 +453,7 @@ class Run(RunState):
         """
         from airrace.runs.safety_rose import fly_rose  # takes what flies
 
-        def fly_again(values: Mapping[str, float]) -> "Run":
+        def fly_again(values: Sequence[str]) -> "Run":
             return resume(self, set=values, threads=threads, progress=progress)
 
         return fly_rose(self, winds, fly_again, {**options, "threads": threads})

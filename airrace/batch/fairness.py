@@ -16,25 +16,28 @@ from itertools import product
 from pathlib import Path
 
 from airrace.batch.jobs import Combination, Sweep, combinations, job_name
+from airrace.batch.record import make_folder
 from airrace.errors import NotCertified, UsageError
 from airrace.inputs import Inputs, inputs_from_documents, load_inputs
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage
 from airrace.process import available_cores
 from airrace.records import record
+from airrace.results import Flight
 from airrace.runs.execute import execute
 from airrace.runs.flight_sources import open_file, source_of
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
 from airrace.runs.run import RunState, adopt_checkpoint, new_run, resolved_text
-from airrace.runs.safety_rose import winds_named
 from airrace.runs.stage_view import StageView, stage_sensitivities
+from airrace.runs.winds import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, winds_named
 from airrace.standard_streams import stem_of
 from airrace.views.tables import Column, Table
 
-WIND, SPEED, ORIGIN = "environment.wind", "environment.wind.speed_kt", "environment.wind.from_deg"
+ELEVATION = "origin.elevation_m"
+"""The only key of the air that is none of the environment."""
 STANDARD_AIR: Combination = (
-    *((WIND, "null"), ("environment.thermals", "null"), ("origin.elevation_m", "0")),
+    *((WIND, "null"), ("environment.thermals", "null"), (ELEVATION, "0")),
     *(("environment.temperature_offset_K", "0"), ("environment.pressure_offset_hPa", "0")),
 )
 """What makes the air of a course still standard air at the level of the sea."""
@@ -48,10 +51,7 @@ def airs_of(winds: str) -> tuple[Combination, ...]:
     Raises:
         UsageError: it is no rose.
     """
-    return tuple(
-        ((SPEED, f"{wind.speed_kt:g}"), (ORIGIN, f"{wind.from_deg:g}")) if wind.speed_kt else ((WIND, "null"),)
-        for wind in winds_named(winds)
-    )
+    return tuple(map(overrides_of, winds_named(winds)))
 
 
 def air_text(air: Combination) -> str:
@@ -59,8 +59,10 @@ def air_text(air: Combination) -> str:
     if air == STANDARD_AIR:
         return "still standard air"
     values = dict(air)
-    wind = f"{values[SPEED]} kt from {values[ORIGIN]}" if SPEED in values else "calm" if WIND in values else ""
-    others = (f"{key.rpartition('.')[2]}={value}" for key, value in air if not key.startswith(WIND))
+    wind = f"{values[SPEED]} kt from {values[ORIGIN]}" if {SPEED, ORIGIN} <= values.keys() else ""
+    words = {WIND, OTHER_SPEED, SPEED, ORIGIN} if wind else {WIND}
+    wind = wind or ("calm" if WIND in values else "")
+    others = (f"{key.rpartition('.')[2]}={value}" for key, value in air if key not in words)
     return ", ".join(filter(None, (wind, *others))) or "as the course says"
 
 
@@ -264,7 +266,9 @@ class _Solver:
         else:
             usable = start is not None and any(one.holds for one in start.results)
             plan = plan_new_run(inputs, until=self._until, path=path, start=start if usable else None)
-        run = [plan.run, *execute(plan, threads=self._threads, progress=Silent())][-1]
+        run = plan.run
+        if not plan.steps or any(one.action != "keep" for one in plan.steps):
+            *_, run = [run, *execute(plan, threads=self._threads, progress=Silent())]
         stages = [one for one in run.stages if one.stage is self._until and one.result.holds]
         if not stages:
             return Optimum(math.nan, run.message or "no flight was found", None), run
@@ -307,8 +311,12 @@ def fairness(
         InputError: the inputs are not valid; it carries all findings.
         UsageError: an argument says nothing sensible, or two aircraft have one name.
         CheckpointError: a flight cannot be read.
+        StorageError: the folder cannot be written to.
     """
     stage = stage_by_name(until)
+    for key in (one.key for one in sweep):
+        if key != ELEVATION and not key.startswith("environment."):
+            raise UsageError(f"`{key}` is no key of the air, which are those of `environment`, and `{ELEVATION}`")
     rose = ((),) if winds is None else airs_of(winds)
     airs = (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweep), rose)))
     read = {
@@ -320,9 +328,10 @@ def fairness(
         own = load_inputs(track, settings=settings, overrides=set)
         read = {stem_of(Path(own.aircraft.path)): own}
     planned = {name: [_in_air(inputs, air) for air in airs] for name, inputs in read.items()}
+    flown = [_Flown.of(name) for name in flights]
     folder = None if output is None else Path(output)
     if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
     solver = _Solver(stage, folder, threads or available_cores(), cold, tell)
     columns: list[list[Optimum]] = []
     for name, inputs in planned.items():
@@ -334,15 +343,14 @@ def fairness(
             solved += [(air, run)] if optimum.stage is not None else []
         columns.append(column)
     optima = tuple(zip(*columns, strict=True))
-    found = _normalised(flights, solver)
+    found = _normalised(flown, solver)
     return Fairness(stem_of(Path(track)), stage, tuple(read), airs, optima, _favours(optima[0]), found)
 
 
 def _in_air(inputs: Inputs, air: Combination) -> Inputs:
     """Return inputs in another air; a wind keeps the profile of that of the course."""
-    twice = [f"{WIND}.speed_m_s=null"] if SPEED in dict(air) and inputs.race.air.wind is not None else []
     documents = inputs.track, inputs.aircraft, inputs.settings_file
-    return inputs_from_documents(*documents, [*inputs.overrides, *twice, *(f"{key}={value}" for key, value in air)])
+    return inputs_from_documents(*documents, [*inputs.overrides, *(f"{key}={value}" for key, value in air)])
 
 
 def _apart(one: Combination, other: Combination) -> float:
@@ -373,14 +381,32 @@ def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
     return tuple(sorted(favours, key=lambda one: one.difference, reverse=True))
 
 
-def _normalised(names: Sequence[str], solver: _Solver) -> tuple[NormalisedFlight, ...]:
-    """Return the flights by these names and the optima of their aircraft, the fastest first."""
-    found: list[NormalisedFlight] = []
-    for name in map(FlightName.of, names):
+@record
+class _Flown:
+    """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs in both airs."""
+
+    flight: Flight
+    stem: str
+    start: RunState | None
+    there: Inputs
+    standard: Inputs
+
+    @classmethod
+    def of(cls, text: str) -> "_Flown":
+        """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
+        name = FlightName.of(text)
         opened = open_file(name.path)
-        flight, stem = source_of(opened, name.stage).flight(), stem_of(name.path)
         start = opened if isinstance(opened, RunState) else None
-        there, run = solver.solve(_in_air(opened.inputs, ()), stem, "as flown", start)
-        standard, _ = solver.solve(_in_air(opened.inputs, STANDARD_AIR), stem, "still standard air", run)
+        airs = (_in_air(opened.inputs, air) for air in ((), STANDARD_AIR))
+        return cls(source_of(opened, name.stage).flight(), stem_of(name.path), start, *airs)
+
+
+def _normalised(flown: Sequence[_Flown], solver: _Solver) -> tuple[NormalisedFlight, ...]:
+    """Return flights and the optima of their aircraft, the fastest first."""
+    found: list[NormalisedFlight] = []
+    for one in flown:
+        flight = one.flight
+        there, run = solver.solve(one.there, one.stem, "as flown", one.start)
+        standard, _ = solver.solve(one.standard, one.stem, "still standard air", run)
         found.append(NormalisedFlight(flight.label, flight.aircraft.name, flight.race_time, there.time, standard.time))
     return tuple(sorted(found, key=lambda one: (math.isnan(one.time), one.time)))

@@ -198,12 +198,11 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
     return reason, record
 
 
-@contextmanager
-def lock_folder(folder: Path) -> Generator[None, None, None]:
-    """Create the folder if it is missing, and lock it. The system releases the lock when this process ends in any way.
+def make_folder(folder: Path) -> None:
+    """Create a folder for runs if it is missing, and find out now whether it can be written to.
 
     Raises:
-        UsageError: another batch holds it, or it is no folder.
+        UsageError: it is no folder.
         StorageError: the system refused.
     """
     try:
@@ -214,6 +213,17 @@ def lock_folder(folder: Path) -> Generator[None, None, None]:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise StorageError(f"cannot write to the folder {folder}: permission denied")
+
+
+@contextmanager
+def lock_folder(folder: Path) -> Generator[None, None, None]:
+    """Create the folder if it is missing, and lock it. The system releases the lock when this process ends in any way.
+
+    Raises:
+        UsageError: another batch holds it, or it is no folder.
+        StorageError: the system refused.
+    """
+    make_folder(folder)
     with file_lock(folder / ".batch.lock") as refused:
         if refused:
             raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output")

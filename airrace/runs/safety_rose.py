@@ -1,46 +1,15 @@
 """The safety of a course in many winds: an optimum of its own in each, and closed-loop flights along that."""
 
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from airrace.errors import InputError, UsageError
-from airrace.quantities import KNOT
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase
+from airrace.runs.winds import Wind, overrides_of, winds_named
 from airrace.safety.result import LOAD, Count
 from airrace.views.tables import Column, Table, Value
-
-
-@dataclass(frozen=True)
-class Wind:
-    """A wind of a rose: speed, kt, and where it blows from, deg."""
-
-    speed_kt: float
-    from_deg: float
-
-    @property
-    def text(self) -> str:
-        """The wind in words, e.g. `10 kt from 090`."""
-        return f"{self.speed_kt:g} kt from {self.from_deg:03.0f}" if self.speed_kt else "calm"
-
-
-def winds_named(text: str) -> list[Wind]:
-    """Return the winds of a rose, e.g. of `0,5,10kt@8`: these speeds from eight directions; a calm is one wind.
-
-    Raises:
-        UsageError: it is no rose.
-    """
-    found = re.fullmatch(r"(\d+(?:\.\d+)?(?:,\d+(?:\.\d+)?)*)kt(?:@(\d+))?", text)
-    count = int(found[2] or 8) if found else 0
-    if not found or not 1 <= count <= 72:
-        raise UsageError(
-            f"{text!r} is no rose of winds; one is 0,5,10kt@8: speeds, and from how many directions (1 to 72)"
-        )
-    speeds = [float(one) for one in found[1].split(",")]
-    return [Wind(speed, 360.0 * one / count) for speed in speeds for one in range(count if speed else 1)]
-
 
 ROSE = (
     Column("wind", key="wind"),
@@ -105,31 +74,29 @@ def _rose_row(wind: Wind, case: SafetyCase | str) -> list[Value]:
 
 
 def fly_rose(
-    run: RunState, winds: str, fly_again: Callable[[Mapping[str, float]], RunState], options: Mapping[str, Any]
+    run: RunState, winds: str, fly_again: Callable[[Sequence[str]], RunState], options: Mapping[str, Any]
 ) -> SafetyRose:
     """Fly the course of a run in each wind of a rose, and its optimum there many times.
 
     Args:
         run: whose last stage is flown.
         winds: e.g. `0,5,10kt@8`.
-        fly_again: flies the run again with some values set.
+        fly_again: flies the run again with some values set, as `key=value`.
         options: of `StageView.safety`; any of them.
 
     Raises:
-        UsageError: it is no rose, or an argument says nothing sensible.
+        UsageError: it is no rose, an argument says nothing sensible, or the run is not six-dof.
     """
-    in_metres = "speed_m_s" in run.inputs.track.text
+    rose = winds_named(winds)
 
     def case_in(wind: Wind) -> SafetyCase | str:
-        key, speed = ("speed_m_s", wind.speed_kt * KNOT) if in_metres else ("speed_kt", wind.speed_kt)
-        values = {f"environment.wind.{key}": speed, "environment.wind.from_deg": wind.from_deg}
         try:
-            last = fly_again(values).stages[-1]
-        except InputError as error:
+            last = fly_again([f"{key}={value}" for key, value in overrides_of(wind)]).stages[-1]
+            if last.name != run.stages[-1].name or not last.result.is_flight:
+                return f"no flight was found: {last.message or last.status}"
+            named: dict[str, Any] = {**options, "label": wind.text}
+            return last.safety(**named)
+        except (InputError, UsageError) as error:
             return str(error)
-        if last.name != run.stages[-1].name or not last.result.is_flight:
-            return f"no flight was found: {last.message or last.status}"
-        named: dict[str, Any] = {**options, "label": wind.text}
-        return last.safety(**named)
 
-    return SafetyRose(run.name, {wind: case_in(wind) for wind in winds_named(winds)})
+    return SafetyRose(run.name, {wind: case_in(wind) for wind in rose})

@@ -20,6 +20,8 @@ from airrace.batch.fairness import (
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.procedure.result import Stage
+from airrace.quantities import KNOT
+from airrace.runs.winds import WIND, overrides_of, winds_named
 
 COURSE = "half_cuban_eight"
 QUICK = ("settings.search=off", "settings.guess=plan")
@@ -27,9 +29,29 @@ QUICK = ("settings.search=off", "settings.guess=plan")
 
 def test_the_airs_of_a_rose_say_what_is_set() -> None:
     assert [air_text(one) for one in airs_of("0,5kt@2")] == ["calm", "5 kt from 0", "5 kt from 180"]
-    assert airs_of("7.5kt@1") == ((("environment.wind.speed_kt", "7.5"), ("environment.wind.from_deg", "0")),)
+    windy = dict(airs_of("7.5kt@1")[0])
+    assert windy == {f"{WIND}.speed_m_s": "null", f"{WIND}.speed_kt": "7.5", f"{WIND}.from_deg": "0"}
     with pytest.raises(UsageError, match="rose"):
         airs_of("5@x")
+
+
+@pytest.mark.parametrize("given", [(), ("from_deg=90", "speed_m_s=5"), ("from_deg=90", "speed_kt=5", "profile=power")])
+def test_a_wind_is_set_whatever_speed_the_course_has(given: tuple[str, ...]) -> None:
+    given = tuple(f"{WIND}.{text}" for text in given)
+    for wind in winds_named("0,7.5kt@3"):
+        blown = load_inputs(COURSE, overrides=[*given, *(f"{key}={value}" for key, value in overrides_of(wind))])
+        found = blown.race.air.wind
+        assert (found.speed if found else 0.0) == pytest.approx(wind.speed_kt * KNOT)
+        assert found is None or found.origin == pytest.approx(math.radians(wind.from_deg))
+        assert found is None or (found.profile.value == "power") == (f"{WIND}.profile=power" in given)
+
+
+def test_airs_that_differ_have_different_texts() -> None:
+    """They name the files of the runs."""
+    wind, values = airs_of("5kt@2"), [((f"{WIND}.exponent", text),) for text in ("0.1", "0.2")]
+    speeds = [((f"{WIND}.speed_kt", text),) for text in ("5", "6")]
+    airs = [*wind, *values, *speeds, *((*one, *value) for one in wind for value in values)]
+    assert len({air_text(one) for one in airs}) == len(airs)
 
 
 def test_still_standard_air_is_without_wind_at_the_level_of_the_sea() -> None:
@@ -133,15 +155,29 @@ def test_the_command_takes_up_what_is_there_and_tells_tables_and_values(found: F
     said = run(*words, *(word for text in QUICK for word in ("--set", text)))
     assert said.code == 0, said.err
     assert "what a step of a gate costs, and whom it favours" in said.out
-    assert {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")}.keys() == kept.keys()
+    assert {path.name: path.stat().st_mtime_ns for path in folder.glob("*.h5")} == kept
     with table.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["air"] for row in rows] == [air_text(air) for air in found.airs]
     assert [float(row["pc9_s"]) for row in rows] == pytest.approx([row[1].time for row in found.optima])
 
 
-def test_bad_calls_end_with_one_sentence(tmp_path: Path) -> None:
-    for words in (["--winds", "x"], ["--until", "nonsense"], ["--flight", str(tmp_path / "none.h5"), "--until", "x"]):
-        said = run("fairness", COURSE, *words)
-        assert said.code == 2
-        assert said.err.count("\n") == 1, said.err
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("--winds", "x"), 2, "no rose of winds"),
+        (("--until", "nonsense"), 2, "nonsense"),
+        (("--flight", "none.h5"), 7, "there is no checkpoint none.h5"),
+        (("--output", "file"), 2, "file is not a folder; name one with --output"),
+        (("--sweep", "rules.n_z_max=8,9"), 2, "`rules.n_z_max` is no key of the air"),
+    ],
+)
+def test_bad_calls_end_with_one_sentence_before_anything_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], code: int, told: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    said = run("fairness", COURSE, *words)
+    assert said.code == code, said.err
+    assert told in said.err
+    assert said.err.count("\n") == 1, said.err

@@ -10,7 +10,8 @@ from safety_courses import inputs, loop, optimum
 from airrace.errors import UsageError
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
-from airrace.runs.safety_rose import SafetyRose, Wind, winds_named
+from airrace.runs.safety_rose import SafetyRose
+from airrace.runs.winds import Wind, winds_named
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, measure
 from airrace.safety.gusts import Gusts
