@@ -28,6 +28,7 @@ _UNITS = {
 """Unit and factor of every quantity."""
 _WORDS = {
     "pylon": "wing touches a pylon or an obstacle",
+    "ground": "wing tip touches the ground",
     "missed": "gate missed",
     "lost": "line lost",
     "clearance": "wing tip too near to a pylon at its gate",
@@ -37,6 +38,7 @@ _WORDS = {
     "climb": "climb angle beyond its limits at a gate",
     "speed": "start too fast",
     "tolerance": "another tolerance at a gate",
+    "flight clearance": "wing too near to a pylon or an obstacle",
     "floor": "below the floor",
     "ceiling": "above the ceiling",
     "crowd": "too near to the crowd",
@@ -85,7 +87,7 @@ class SafetyCase:
             title = f"{self.label}: {result.flights} closed-loop flights without gusts"
         kinds = [kind for kind in _WORDS if result.counts[kind].flights or kind in (*CONTACT, "floor", "crowd", LOAD)]
         rows = [
-            _count_row("touch a pylon, miss a gate or lose the line", result.contact),
+            _count_row("touch a pylon or the ground, miss a gate or lose the line", result.contact),
             _count_row("break any rule but the load factor", result.outside),
             *(_count_row(f"  {_WORDS[kind]}", result.counts[kind]) for kind in kinds),
         ]

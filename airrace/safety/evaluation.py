@@ -19,7 +19,7 @@ from airrace.optimal_control.problem import Boundary
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.race import Race
-from airrace.planning.wing_clearance import PylonPost, Wing, closest_in_steps, pylons_of
+from airrace.planning.wing_clearance import PylonPost, Wing, closest_in_steps, kept_clear, pylons_of
 from airrace.points import at_points
 from airrace.procedure.formulation import boundary
 from airrace.procedure.result import StageResult
@@ -45,7 +45,7 @@ class Allowances:
         speed: m/s, a knot.
         load: g, the noise of an accelerometer in turbulence.
         touch: distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance
-            are some millimetres apart.
+            are some millimetres apart. The ground is touched at the height of the origin.
     """
 
     length: float = 0.1
@@ -197,26 +197,31 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
         crossed[number] = np.stack([right, there[2] - state[2], e[4], load - judge.loads[number], late])
     racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
-    nearest = _pylons(judge, flights, racing)
+    centre, half = _wing(judge, flights)
+    nearest = _pylons(judge, flights, racing, centre, half)
     return Measured(
         crossed=crossed,
         breaches=breaches,
         touched=nearest < ALLOWED.touch,
         nearest=nearest,
-        along=_along(judge, loop, flights, racing),
+        along={
+            "ground": np.asarray((((centre[2] - np.abs(half[2])).T < 0.0) & racing).any(axis=0)),
+            "flight clearance": _too_near(judge, nearest),
+            **_along(judge, loop, flights, racing),
+        },
         deviations=_deviations(loop, flights),
         lost=lost,
     )
 
 
 def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
-    """Return the direction across the plane of a passage: the gate's axis, or the course where none stands."""
+    """Return the direction across the plane of a passage: the gate's axis, else the course, or north on a vertical."""
     values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
     if "along" in passing.bounds:
         return values["axis_north"], values["axis_east"]
     R = rotation([float(one) for one in state[4:8, 0]])
-    level = max(float(np.hypot(R[0][0], R[1][0])), 1e-9)
-    return R[0][0] / level, R[1][0] / level
+    level = float(np.hypot(R[0][0], R[1][0]))
+    return (R[0][0] / level, R[1][0] / level) if level > 1e-9 else (1.0, 0.0)
 
 
 def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: int) -> tuple[Array, Array, Array]:
@@ -273,31 +278,44 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
         breaches[kind][number] |= (values[name] > allowed.upper + beyond) | (values[name] < allowed.lower - beyond)
 
 
-def _pylons(judge: Judge, flights: Flights, racing: Booleans) -> Array:
-    """Return the least distances of the wing from every pylon, shape (pylons, n).
-
-    All flights are one long way, each with a sample more at either end so that its slopes are its own.
-    """
-    samples, count = flights.clock.shape
+def _wing(judge: Judge, flights: Flights) -> tuple[Array, Array]:
+    """Return centre and half of the wing, see `Wing`, of every flight; each of shape (3, n, K)."""
     q = [flights.state[:, row].T for row in range(4, 8)]  # (n, K)
     R, beta = rotation(q), flights.state[:, STATE["beta_K"]].T
     half = judge.semispan * np.stack(
         [side * (np.sin(beta) * R[i][0] + np.cos(beta) * R[i][1]) for i, side in enumerate((1.0, 1.0, -1.0))]
     )
-    centre = np.stack([side * flights.state[:, row].T for row, side in enumerate((1.0, 1.0, -1.0))])
+    return np.stack([side * flights.state[:, row].T for row, side in enumerate((1.0, 1.0, -1.0))]), half
+
+
+def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, half: Array) -> Array:
+    """Return the least distances of the wing from every pylon on steps that begin in the race, shape (pylons, n).
+
+    All flights are one long way, each with a sample more at either end so that its slopes are its own. Of a flight that
+    is lost the step before is left out, too, for its slope at the end is none of a flight.
+    """
+    samples, count = flights.clock.shape
 
     def padded(way: Array) -> Array:
         first, last = 2.0 * way[:, :, :1] - way[:, :, 1:2], 2.0 * way[:, :, -1:] - way[:, :, -2:-1]
         return np.concatenate([first, way, last], axis=2).reshape(3, -1)
 
     wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), padded(centre), padded(half))
-    steps = (racing[1:] & racing[:-1]).T  # (n, K - 1)
+    whole = np.where(flights.lost < samples, flights.lost, samples + 1)
+    steps = (racing[:-1] & (np.arange(2, samples + 1)[:, None] < whole)).T  # (n, K - 1)
     nearest = np.full((len(judge.pylons), count), np.inf)
     for row, pylon in enumerate(judge.pylons):
         distance, _ = closest_in_steps(wing, pylon)
         own = np.append(distance, np.inf).reshape(count, samples + 2)[:, 1:samples]
         nearest[row] = np.where(steps, own, np.inf).min(axis=1, initial=np.inf) - pylon.radius
     return nearest
+
+
+def _too_near(judge: Judge, nearest: Array) -> Booleans:
+    """Return which flights come nearer to a pylon or an obstacle than a wing may at any time, shape (n,)."""
+    kept = kept_clear(judge.course)
+    required = [pylon.required - pylon.radius if pylon in kept else 0.0 for pylon in judge.pylons]
+    return np.asarray((nearest < np.array(required)[:, None] - ALLOWED.length).any(axis=0))
 
 
 def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -> dict[str, Booleans]:

@@ -18,7 +18,7 @@ SHARES = (0.95, 0.997)
 """The shares of flights whose deviations are told."""
 QUANTITIES = ("lateral", "height", "bank", "load_factor")
 """The deviations that are told; m, m, rad, g."""
-CONTACT = ("pylon", "missed", "lost")
+CONTACT = ("pylon", "ground", "missed", "lost")
 """The kinds of breaches after which a race is over, and somebody may be hurt."""
 LOAD = "load factor"
 """The kind of breach that is counted apart."""
@@ -89,10 +89,10 @@ class SafetyResult:
     Attributes:
         scatter, pilot, seed, flights: what was flown, and how often.
         race_time: of the optimum, s.
-        counts: by kind: `pylon` (the wing touches one), `missed`, `clearance`, `height`, `bank`, `course`, `climb`,
-            `speed`, `tolerance` at gates; `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`;
-            `load factor`.
-        contact: flights that touch a pylon, miss a gate or are lost.
+        counts: by kind: `pylon` (the wing touches one), `ground` (a wing tip does), `missed`, `clearance`, `height`,
+            `bank`, `course`, `climb`, `speed`, `tolerance` at gates; `flight clearance` (of the wing at any time),
+            `floor`, `ceiling`, `crowd`, `safety line`, `airspace`; `lost`; `load factor`.
+        contact: flights that touch a pylon or the ground, miss a gate or are lost.
         outside: flights that break anything but the load factor.
         gates, legs: the scatter.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.

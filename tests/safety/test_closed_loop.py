@@ -8,6 +8,7 @@ import pytest
 from safety_courses import inputs, loop, optimum
 
 from airrace.errors import UsageError
+from airrace.planning.wing_clearance import pylons_of
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
@@ -20,7 +21,9 @@ from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, advance
 from airrace.safety.result import Count
 from airrace.safety.safety import closed_loop_of, fly_closed_loop, linear_at_passings
+from airrace.track.course import Obstacle
 from airrace.track.gates import Gate
+from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 FEW = Scatter()
@@ -148,6 +151,46 @@ def test_a_pylon_in_the_way_is_touched() -> None:
     assert found.touched[-1].all()
     assert not found.touched[:-1].any()
     assert (found.nearest[:-1] > 0.4).all()
+
+
+def test_a_pylon_at_the_finish_is_touched_by_the_step_that_crosses_it() -> None:
+    line = loop().nominal.at(loop().nominal.passings[-1:])[:, 0]
+    post = replace(judge().pylons[0], north=float(line[0]), east=float(line[1]), height=200.0)
+    assert measure(replace(judge(), pylons=(post,)), loop(), fly(loop(), UNDISTURBED, 0, [0])).touched.all()
+
+
+def test_a_flight_that_was_lost_touches_nothing_afterwards() -> None:
+    line = loop().nominal.at(np.array([0.5 * loop().nominal.passings[-1]]))[:, 0]
+    free = judge()
+    post = replace(free.pylons[0], north=float(line[0]), east=float(line[1]), height=200.0)
+    flights = fly(loop(), UNDISTURBED, 0, [0])
+    lost = replace(flights, lost=np.array([len(flights.clock) // 4]))
+    found = measure(replace(free, pylons=(post,)), loop(), lost)
+    assert not found.touched.any()
+    assert found.lost.all()
+
+
+def test_a_wing_tip_below_the_origin_touches_the_ground() -> None:
+    """The right wing points down by the sine of the bank, but for the sideslip."""
+    flights = fly(loop(), UNDISTURBED, 0, [0])
+    q0, q1, q2, q3 = (flights.state[:, row, 0] for row in range(4, 8))
+    tips = -flights.state[:, 2, 0] - judge().semispan * np.abs(2.0 * (q2 * q3 + q0 * q1))
+    lowest = float(tips[flights.clock[:, 0] <= loop().nominal.passings[-1]].min())
+    for above in (0.2, -0.2):
+        found = measure(judge(), loop(), moved(0.0, 0.0, above - lowest))
+        assert found.along["ground"].tolist() == [above < 0.0]
+
+
+def test_a_wing_too_near_to_a_pylon_or_an_obstacle_breaks_a_rule_without_a_touch() -> None:
+    """A mast a metre below the middle of the line, of an aircraft without wings: 1.5 m are asked for, or 0.9 m."""
+    line = loop().nominal.at(np.array([0.5 * loop().nominal.passings[-1]]))[:, 0]
+    for asked, near in ((1.5, True), (0.9, False)):
+        mast = Obstacle("mast", (Point(float(line[0]), float(line[1])),), 0.0, float(-line[2]) - 1.0, asked)
+        course = replace(inputs().race.course, obstacles=(mast,))
+        one = replace(judge(), course=course, pylons=pylons_of(course), semispan=1e-6)
+        found = measure(one, loop(), fly(loop(), UNDISTURBED, 0, [0]))
+        assert found.along["flight clearance"].tolist() == [near]
+        assert not found.touched.any()
 
 
 def test_counts_have_the_interval_of_clopper_and_pearson() -> None:
