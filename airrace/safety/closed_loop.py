@@ -112,7 +112,7 @@ class ClosedLoop:
     def gust_filter(self, gusts: Gusts, samples: int) -> GustFilter:
         """Return the gusts along the optimum; behind its end they go on as there."""
         line = self.nominal.at(instants(self.pilot.sample, samples))
-        return GustFilter.of(gusts, -line[STATE["z"]], line[STATE["V_K"]], self.pilot.sample)
+        return GustFilter.of(gusts, -line[STATE["z"]], self.plant.airspeed_of(line), self.pilot.sample)
 
 
 @record
@@ -125,7 +125,7 @@ class Flights:
         clock: of the line, s; shape (K, n).
         error: those of the path, shape (K, 7, n).
         load: load factor, g; shape (K, n).
-        lost: first sample at which a flight was lost, K where it never was; shape (n,).
+        lost: first sample at which a flight was lost, or had no finite state, K where it never was; shape (n,).
     """
 
     sample: float
@@ -196,7 +196,7 @@ class _Batch:
             line = nominal.at(clock)
             e = errors(x, line)
             away = np.sqrt(np.sum(e[:3] * e[:3], axis=0))
-            gone = ~(away < SETTINGS.lost) | ~np.isfinite(e).all(axis=0)
+            gone = ~(away < SETTINGS.lost)
             finished = clock >= nominal.end
             lost[gone & ~finished] = np.minimum(lost[gone & ~finished], k)
             if (gone | finished).any():
@@ -211,6 +211,9 @@ class _Batch:
             stick, besides = np.concatenate([stick, whole[None]]), np.concatenate([besides, beside[None]])
             self._move(stick[0], clock, x)
             x = advance(self.rates, x, pilot.sample)
+            broken = ~np.isfinite(x).all(axis=0)
+            if broken.any():
+                lost[broken], x = np.minimum(lost[broken], k + 1), np.where(broken, line, x)
             clock = clock + pilot.sample * x[3] / line[3]
             stick, besides = stick[1:], besides[1:]
         cut = slice(samples)

@@ -5,7 +5,8 @@ At the height h in feet (10 to 1000 ft) and with the wind W20 at 20 ft,
     sigma_w = 0.1 W20,   sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4
     L_w = h,             L_u = L_v = h / (0.177 + 0.000823 h)^1.2
 
-u is along the course over ground, v to its right, w down. With T = L / V, white noise of unit density drives
+u is along the course over ground, v to its right, w down. With T = L / V and the airspeed V, white noise of unit
+density drives
 
     H_u = sigma_u sqrt(2 T_u) / (1 + T_u s)
     H_v = sigma_v sqrt(T_v) (1 + sqrt(3) T_v s) / (1 + T_v s)^2,   H_w alike
@@ -61,7 +62,7 @@ class GustFilter:
 
     @classmethod
     def of(cls, gusts: Gusts, height: Array, speed: Array, seconds: float) -> "GustFilter":
-        """Return the filters at heights (m) and speeds (m/s), each of shape (N,), for steps of so many seconds."""
+        """Return the filters at heights (m) and airspeeds (m/s), each of shape (N,), for steps of so many seconds."""
         sigma, length = intensity(gusts, height)
         scaled = seconds * speed / length  # steps in units of T, shape (3, N)
         count = len(speed)

@@ -33,8 +33,9 @@ class PilotModel:
 
     Attributes:
         sample: time between two samples, s; 50 Hz, ten times faster than any pilot corrects.
-        delay: from what is seen to the stick that moves, s. McRuer & Jex (1967, IEEE HFE-8, 231-249) find effective
-            delays of 0.1 to 0.2 s, the muscles' lag among them; Kleinman, Baron & Levison 0.15 to 0.25 s without it.
+        delay: from what is seen to the stick that moves, s, a multiple of `sample`. McRuer & Jex (1967, IEEE HFE-8,
+            231-249) find effective delays of 0.1 to 0.2 s, the muscles' lag among them; Kleinman, Baron & Levison
+            0.15 to 0.25 s without it.
         allowed: errors that count alike, by name: m, m/s, rad (Bryson's rule). A judgement: a metre beside the line is
             as bad as 9 degrees of bank. Speed is not corrected: a race is flown at full throttle.
         brisk: rates of the surfaces (rad/s) and a step of the throttle that count like these errors. Surfaces then lag

@@ -12,12 +12,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from airrace.dynamics.aerodynamics import airflow
 from airrace.dynamics.limits import SurfaceControl
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, build_six_dof, six_dof
 from airrace.environment.atmosphere import AtmosphereParameters
 from airrace.environment.wind import Weather, WindField
-from airrace.frames import Scalar
+from airrace.frames import Scalar, rotation
 from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.planning.race import Race
@@ -62,13 +63,14 @@ class Plant:
     Attributes:
         system: states, controls and their bounds, undisturbed.
         numbers: values of its parameters, shape (n_p,).
-        rates, path: SX functions (x, (u, d), p) -> x_dot, path quantities.
+        rates, path, airspeed: SX functions (x, (u, d), p) -> x_dot, path quantities, m/s.
     """
 
     system: System
     numbers: Array
     rates: ca.Function
     path: ca.Function
+    airspeed: ca.Function
 
     @classmethod
     def of(cls, race: Race) -> "Plant":
@@ -89,6 +91,11 @@ class Plant:
         """Return the path quantities of states (17, n), as `rates_of`."""
         return function_at_points(self.path, inputs, self.numbers)
 
+    def airspeed_of(self, state: Array) -> Array:
+        """Return the airspeeds (n,) of states (17, n), undisturbed, m/s."""
+        inputs = np.zeros((CONTROLS + DISTURBANCES, state.shape[1]))
+        return function_at_points(self.airspeed, inputs, self.numbers)(state)[0]
+
     def path_row(self, name: str) -> int:
         """Return the row of a path quantity."""
         return [one.name for one in self.system.path].index(name)
@@ -102,7 +109,7 @@ def advance(rates: Callable[[Array], Array], state: Array, seconds: float) -> Ar
 
 
 @functools.lru_cache(maxsize=8)
-def _functions(profile: Any, thermals: int) -> tuple[ca.Function, ca.Function]:  # Any: a profile or None
+def _functions(profile: Any, thermals: int) -> tuple[ca.Function, ca.Function, ca.Function]:  # Any: a profile or None
     plain, field = WindField(profile, thermals), _DisturbedField(profile, thermals)
     x, u, d = (named_symbols(one.quantities()) for one in (SixDofState, SurfaceControl, Disturbance))
     declared = (*InnerLoopParameters.quantities(), *AtmosphereParameters.quantities(), *plain.parameters)
@@ -112,14 +119,11 @@ def _functions(profile: Any, thermals: int) -> tuple[ca.Function, ca.Function]: 
     atmosphere = AtmosphereParameters[Scalar](**{name: p[name] for name in AtmosphereParameters.names()})
     atmosphere = replace(atmosphere, p_0=atmosphere.p_0 * (1.0 + d["density"]))
     wind = [*(p[one.name] for one in plain.parameters), d["W_N"], d["W_E"], d["W_D"]]
-    rates, path = six_dof(
-        SixDofState[Scalar](**x),
-        SurfaceControl[Scalar](**u),
-        aircraft=aircraft,
-        weather=Weather(atmosphere, field, wind),
-    )
+    state, weather = SixDofState[Scalar](**x), Weather(atmosphere, field, wind)
+    rates, path = six_dof(state, SurfaceControl[Scalar](**u), aircraft=aircraft, weather=weather)
     arguments = [column(x.values()), column([*u.values(), *d.values()]), column(p.values())]
     return (
         ca.Function("disturbed_rates", arguments, [column(rates.join())], {"cse": True}),
         ca.Function("disturbed_path", arguments, [column(path.join())], {"cse": True}),
+        ca.Function("disturbed_airspeed", arguments, [airflow(state, rotation(state.q), weather).V_A], {"cse": True}),
     )

@@ -1,5 +1,6 @@
 """Closed-loop flights of a stage, from its optimum to the result: flown and measured batch by batch, on threads."""
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -36,7 +37,8 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
     """Train a pilot for the optimum of a stage.
 
     Raises:
-        UsageError: the stage is not six-dof or found no flight, or the pilot cannot hold it even undisturbed.
+        UsageError: the stage is not six-dof or found no flight, the delay is none, or the pilot cannot hold the optimum
+            even undisturbed.
     """
     if result.stage is not Stage.SIX_DOF or not result.is_flight:
         raise UsageError(
@@ -47,12 +49,24 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         raise UsageError(
             f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3"
         )
+    if abs(pilot.delay - pilot.waiting * pilot.sample) > 1e-9:
+        below = math.floor(pilot.delay / pilot.sample)
+        raise UsageError(
+            f"a delay of {pilot.delay:g} s makes no sense: the pilot decides every {pilot.sample:g} s, so it must be "
+            f"{below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
+        )
     plant = Plant.of(race)
     loop = ClosedLoop.of(plant, NominalFlight.of(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
     off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    if alone.lost[0] < len(alone.clock) or off.max() > SETTINGS.undisturbed_off:
-        when = float(alone.clock[int(np.argmax(off > SETTINGS.undisturbed_off)), 0])
+    astray = np.flatnonzero(off > SETTINGS.undisturbed_off)
+    if not len(astray) and alone.lost[0] < len(alone.clock):
+        raise UsageError(
+            "this optimum cannot be flown in closed loop: even undisturbed the flight has no finite state at "
+            f"{alone.sample * alone.lost[0]:.1f} s"
+        )
+    if len(astray):
+        when = float(alone.clock[astray[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
             f"than {SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
@@ -123,7 +137,8 @@ def fly_closed_loop(
 def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Array:
     """Return standard deviations of lateral, height, bank, load factor and time at every passage, shape (n, 5).
 
-    An error at the clock of the passage is carried along the flow to the plane of the gate.
+    An error at the clock of the passage is carried along the flow to the plane of the gate; where none stands it is
+    measured at that clock, and so are flights.
     """
     P, nominal, plant = covariance(loop, scatter), loop.nominal, loop.plant
     size, row = P.shape[1], plant.path_row("n_z")
@@ -137,8 +152,9 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
         away = np.array(rotation([float(one) for one in line[4:8, 0]]))  # north, east, down per error of position
         axis = axis_of(passing, line)
         across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
+        sooner = across / (across @ flow[:3]) if "along" in passing.bounds else np.zeros(3)  # s per error of position
         onto = np.eye(len(flow))
-        onto[:, :3] -= np.outer(flow, across) / (across @ flow[:3])
+        onto[:, :3] -= np.outer(flow, sooner)
         loads = np.zeros(size)
         loads[: len(flow)], loads[len(flow) : size - 1] = _load_gradient(plant, line, row)
         loads[: len(flow)] = loads[: len(flow)] @ onto
@@ -147,7 +163,7 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
         J[1, : len(flow)] = -away[2] @ onto[:3]
         J[2, : len(flow)] = onto[4]
         J[3], J[4, -1] = loads, 1.0
-        J[4, :3] -= across / (across @ flow[:3])
+        J[4, :3] -= sooner
         found[number] = np.sqrt(np.maximum(np.diag(J @ P[k] @ J.T), 0.0))
     return found
 

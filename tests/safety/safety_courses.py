@@ -1,11 +1,11 @@
-"""A short course in wind, optimised once with six degrees of freedom, and a pilot trained for it."""
+"""A short course in wind, and a half Cuban eight, optimised once with six degrees of freedom; a pilot."""
 
 import functools
 from pathlib import Path
 
 from disk_cache import cached_across_workers
 
-from airrace.inputs import Document, Inputs, inputs_from_documents
+from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
@@ -40,7 +40,23 @@ def inputs() -> Inputs:
 @cached_across_workers
 def optimum() -> StageResult:
     """The optimum with six degrees of freedom."""
-    stages = list(optimize(inputs().race, inputs().settings, until=Stage.SIX_DOF, threads=1, progress=Silent()))
+    return _optimum(inputs())
+
+
+@functools.cache
+def eight_inputs() -> Inputs:
+    """The inputs of a half Cuban eight, all of whose places are attitudes in a loop and on its lines."""
+    return load_inputs("half_cuban_eight", overrides=["settings.guess=plan", "settings.search=off"])
+
+
+@cached_across_workers
+def eight_optimum() -> StageResult:
+    """Its optimum with six degrees of freedom."""
+    return _optimum(eight_inputs())
+
+
+def _optimum(given: Inputs) -> StageResult:
+    stages = list(optimize(given.race, given.settings, until=Stage.SIX_DOF, threads=1, progress=Silent()))
     assert stages[-1].stage is Stage.SIX_DOF
     return stages[-1]
 

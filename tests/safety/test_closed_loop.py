@@ -1,13 +1,15 @@
 """Closed-loop flights of a short course in wind: they hold their line, scatter as predicted, and are judged right."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from safety_courses import inputs, loop, optimum
+from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 
 from airrace.errors import UsageError
+from airrace.frames import rotation
 from airrace.planning.wing_clearance import pylons_of
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
@@ -15,7 +17,7 @@ from airrace.runs.safety_rose import SafetyRose
 from airrace.runs.winds import Wind, winds_named
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, measure
-from airrace.safety.gusts import Gusts
+from airrace.safety.gusts import GustFilter, Gusts
 from airrace.safety.nominal import ERRORS, displaced, errors
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, advance
@@ -97,6 +99,22 @@ def test_the_covariance_is_that_of_the_flights_where_all_is_linear() -> None:
         np.testing.assert_allclose(found[:, 4], expected[:, 4], rtol=0.1, atol=2e-5)
 
 
+def test_so_it_is_where_no_gate_stands_and_on_a_vertical() -> None:
+    """In a loop at the stall, with a pilot who pulls on regardless, for the linear one does."""
+    race = eight_inputs().race
+    trained = closed_loop_of(race, eight_optimum(), PilotModel())
+    system = trained.plant.system
+    path = [replace(one, lower=-np.inf, upper=np.inf) if one.name == "alpha_A" else one for one in system.path]
+    eight = replace(trained, plant=replace(trained.plant, system=replace(system, path=tuple(path))))
+    places = Judge.of(race, eight_optimum(), eight)
+    assert abs(rotation([float(one) for one in places.states[4:8, 1]])[2][0]) > 0.999  # straight up
+    undisturbed = measure(places, eight, fly(eight, UNDISTURBED, 0, [0])).crossed
+    flights = measure(places, eight, fly(eight, SMALL, 1, range(200)))
+    found, expected = np.std(flights.crossed - undisturbed, axis=2), linear_at_passings(eight, places, SMALL)
+    np.testing.assert_allclose(found[1:, :2], expected[1:, :2], rtol=0.15, atol=2e-3)
+    np.testing.assert_allclose(found[1:, 4], expected[1:, 4], rtol=0.15, atol=2e-5)
+
+
 def test_gusts_scatter_more_the_stronger_they_are_and_none_scatter_nothing() -> None:
     def spread(gusts: Gusts) -> float:
         found = measure(judge(), loop(), fly(loop(), replace(UNDISTURBED, gusts=gusts), 2, range(20)))
@@ -114,9 +132,48 @@ def test_more_delay_scatters_more_and_too_much_is_told() -> None:
     assert quick.gates[-1].deviations["height"].linear < slow.gates[-1].deviations["height"].linear
     with pytest.raises(UsageError, match="must lie between 0 and 1 s"):
         closed_loop_of(inputs().race, optimum(), PilotModel(delay=3.0))
+    with pytest.raises(UsageError, match=r"decides every 0\.02 s, so it must be 0\.14 or 0\.16 s"):
+        closed_loop_of(inputs().race, optimum(), PilotModel(delay=0.15))
     hopeless = replace(quick, counts={**quick.counts, "lost": Count.among(30, 40)})
     assert "cannot hold this optimum: 30 of 40 flights" in hopeless.note
     assert not quick.note
+
+
+def test_a_flight_without_a_finite_state_is_lost_alone_and_the_undisturbed_one_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    steps: list[int] = []
+
+    def broken(rates: Callable[[Array], Array], state: Array, seconds: float) -> Array:
+        after = advance(rates, state, seconds)
+        steps.append(0)
+        if len(steps) == 100:
+            after[:, 0] = np.nan
+        return after
+
+    whole = fly(loop(), FEW, 7, range(3))
+    monkeypatch.setattr("airrace.safety.closed_loop.advance", broken)
+    flights = fly(loop(), FEW, 7, range(3))
+    assert flights.lost[0] == 100
+    assert (flights.state[: len(whole.state), :, 1:] == whole.state[: len(flights.state), :, 1:]).all()
+    assert np.isfinite(flights.state).all()
+    steps.clear()
+    with pytest.raises(UsageError, match=r"even undisturbed the flight has no finite state at 2\.0 s"):
+        closed_loop_of(inputs().race, optimum(), PilotModel())
+
+
+def test_gusts_go_by_at_the_speed_through_the_air() -> None:
+    """Of the same ground speed, with and against the wind of the course: 4 m/s from 250 degrees."""
+    towards = np.radians(70.0)
+    line = np.repeat(loop().nominal.at(np.zeros(1)), 2, axis=1)
+    for flight, course in enumerate((towards, towards + np.pi)):
+        line[4:8, flight] = np.cos(0.5 * course), 0.0, 0.0, np.sin(0.5 * course)
+    found = loop().plant.airspeed_of(line)
+    np.testing.assert_allclose(found, line[3] + np.array([-4.0, 4.0]))
+    filters = loop().gust_filter(Gusts.LIGHT, 1)
+    first = loop().nominal.at(np.zeros(1))
+    expected = GustFilter.of(Gusts.LIGHT, -first[2], loop().plant.airspeed_of(first), 0.02)
+    np.testing.assert_array_equal(filters.step, expected.step)
 
 
 # What is judged, with a line that is the optimum itself, moved.
