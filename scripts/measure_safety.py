@@ -5,12 +5,13 @@ python scripts/measure_safety.py RUN.h5... [--flights 1000]
 
 import argparse
 import time
+from typing import Any
 
 import numpy as np
 
 import airrace
 
-CALM = {
+CALM: dict[str, Any] = {  # Any: of many types
     "gusts": "none",
     "wind_error_kt": 0.0,
     "mass_error_percent": 0.0,
@@ -30,7 +31,7 @@ CASES = {
     "moderate gusts": {"gusts": "moderate"},
     "all of it, light gusts": None,
 }
-KINDS = ("pylon", "missed", "lost", "clearance", "height", "bank", "floor", "load factor")
+KINDS = ("pylon", "ground", "missed", "lost", "clearance", "height", "bank", "flight clearance", "floor", "load factor")
 
 
 def main() -> None:
@@ -40,6 +41,10 @@ def main() -> None:
     given = parser.parse_args()
     for path in given.runs:
         run = airrace.open(path)
+        alone = [one.deviations for one in run.safety(flights=1, **CALM).result.gates]
+        off = 1000.0 * max(abs(one[key].mean) for one in alone for key in ("lateral", "height"))
+        bank = np.degrees(max(abs(one["bank"].mean) for one in alone))
+        print(f"\n{run.name}, {run.race_time:.3f} s: undisturbed within {off:.1f} mm and {bank:.2f} deg at gates")
         print(f"\n| {run.name} | touch, miss or lose | {' | '.join(KINDS)} | linear/flights | seconds |", flush=True)
         print("|---|" + "---|" * (len(KINDS) + 3))
         for name, changed in CASES.items():

@@ -66,6 +66,7 @@ def safety(
         from airrace.api import Run
         from airrace.cli.tables import render
         from airrace.errors import UsageError
+        from airrace.runs.command_result import ExitCode
         from airrace.runs.output import ensure_free, write_text
         from airrace.runs.run import open_run
 
@@ -90,11 +91,12 @@ def safety(
         if winds is None:
             case = run.stage(stage).safety(**options, label=run_file.name)
             tables, written = [case.counts_table(), case.gates_table(), case.legs_table()], case.gates_table()
+            failures = [case.uncertified] if case.uncertified else []
         elif stage is not None:
             raise UsageError("--stage and --winds exclude each other: in every wind the last stage is flown")
         else:
             case = run.safety_in_winds(winds, progress=not quiet, **options)
-            tables, written = [case.table()], case.table()
+            tables, written, failures = [case.table()], case.table(), case.messages
         answer.fields.update(case.as_object())
         if not as_json and not quiet:
             answer.texts.extend(render(table) for table in tables)
@@ -104,3 +106,5 @@ def safety(
             )
             write_text(output, text)
             answer_with_files(answer, [output], quiet=quiet)
+        if failures:
+            answer.fail(ExitCode.NOT_CERTIFIED, failures[0])

@@ -10,10 +10,11 @@ from airrace.planning.race import Race
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.runs.output import write_text
+from airrace.runs.stage_view import verdict
 from airrace.safety.closed_loop import Scatter
 from airrace.safety.gusts import Gusts
 from airrace.safety.pilot import PilotModel
-from airrace.safety.result import CONTACT, LOAD, QUANTITIES, SHARES, Count, SafetyResult, Stretch
+from airrace.safety.result import CONTACT, LOAD, QUANTITIES, SHARES, Count, SafetyResult, Stretch, fewest
 from airrace.safety.safety import fly_closed_loop
 from airrace.views.tables import Column, Table, Value
 
@@ -63,18 +64,20 @@ class SafetyCase:
         label: what people call the flight.
         stage: whose optimum it is.
         result: all numbers, SI and radians.
+        uncertified: why the optimum is not certified, a sentence; empty where it is.
         no_crowd: whether the course names no crowd, so that nothing is known of distances from people.
     """
 
     label: str
     stage: str
     result: SafetyResult
+    uncertified: str
     no_crowd: bool
 
     @property
     def remarks(self) -> list[str]:
         """Sentences that belong to the numbers."""
-        found = [self.result.note] if self.result.note else []
+        found = [one for one in (self.uncertified, self.result.note) if one]
         if self.no_crowd:
             found.append("the course names no crowd: distances from people were not looked at")
         return found
@@ -194,7 +197,9 @@ def fly_safety_case(
     scatter = Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
     pilot = PilotModel(delay=delay)
     found = fly_closed_loop(race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads)
-    return SafetyCase(label, result.stage.value, found, no_crowd=not race.course.crowd)
+    (_, why) = verdict([result])
+    uncertified = f"the optimum is not certified: {why}" if why else ""
+    return SafetyCase(label, result.stage.value, found, uncertified, no_crowd=not race.course.crowd)
 
 
 _ERRORS = (
@@ -241,9 +246,11 @@ def _stretches(where: str, quantities: Sequence[str], stretches: Sequence[Stretc
                 row.append(factor * deviation.linear)
         row += [100.0 * stretch.breaches[kind].share if kind in stretch.breaches else 0.0 for kind in kinds]
         rows.append(row)
-    notes = []
-    if kinds:
-        notes = ["right: flights that break a tolerance there; near: the wing tip too near to a pylon"]
+    notes = ["right: flights that break a tolerance there; near: the wing tip too near to a pylon"] if kinds else []
+    known = [one.quantiles[-1] for stretch in stretches for one in stretch.deviations.values()]
+    if not all(map(math.isfinite, known)):
+        needed = ", ".join(f"{100 * share:g} % of {fewest(share)}" for share in SHARES)
+        notes.append(f"-: too few flights came so far; needed are for {needed} or more")
     place = "" if at_gates else ", at the worst place of every leg"
     title = f"95 % and 99.7 % of the flights deviate from the optimum by no more than this{place}"
     return Table(title, columns, rows, notes)

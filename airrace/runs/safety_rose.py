@@ -47,6 +47,12 @@ class SafetyRose:
             list(map(_rose_row, *zip(*self.cases.items(), strict=True))),
         )
 
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """The winds without a flight, and those whose optimum is not certified."""
+        cases = ((wind, case if isinstance(case, str) else case.uncertified) for wind, case in self.cases.items())
+        return tuple(f"{wind.text}: {why}" for wind, why in cases if why)
+
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace safety --winds --json` prints."""
         cases = {wind.text: case if isinstance(case, str) else case.as_object() for wind, case in self.cases.items()}
@@ -69,8 +75,9 @@ def _rose_row(wind: Wind, case: SafetyCase | str) -> list[Value]:
         result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.among(0, 1), 0.0))
     )
     name, contact = name if worst.flights else "-", result.contact
+    remark = "; ".join(one for one in (case.uncertified, result.note) if one)
     shares = (contact.share, contact.lower, contact.upper, result.outside.share, result.counts[LOAD].share)
-    return [*named, result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, result.note]
+    return [*named, result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, remark]
 
 
 def fly_rose(

@@ -478,8 +478,9 @@ class StageView:
 
         errors = (wind_error_kt, mass_error_percent, power_error_percent, density_error_percent, roll_timing_s)
         name = label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}"
+        result = downgrade_stale(self.result, self.stale)
         return fly_safety_case(
-            self.inputs.race, self.result, name, flights, gusts, errors, delay=delay_s, seed=seed, threads=threads
+            self.inputs.race, result, name, flights, gusts, errors, delay=delay_s, seed=seed, threads=threads
         )
 
     def as_object(self) -> dict[str, object]:

@@ -302,7 +302,8 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, hal
 
     wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), padded(centre), padded(half))
     whole = np.where(flights.lost < samples, flights.lost, samples + 1)
-    steps = (racing[:-1] & (np.arange(2, samples + 1)[:, None] < whole)).T  # (n, K - 1)
+    sound = np.asarray(np.arange(2, samples + 1)[:, None] < whole, np.bool_)
+    steps = np.transpose(racing[:-1] & sound)  # (n, K - 1)
     nearest = np.full((len(judge.pylons), count), np.inf)
     for row, pylon in enumerate(judge.pylons):
         distance, _ = closest_in_steps(wing, pylon)

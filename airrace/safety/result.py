@@ -1,5 +1,6 @@
 """What closed-loop flights tell: counts with confidence intervals, and the scatter at every gate and on every leg."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -16,6 +17,13 @@ CONFIDENCE = 0.95
 """The confidence of intervals of counts."""
 SHARES = (0.95, 0.997)
 """The shares of flights whose deviations are told."""
+
+
+def fewest(share: float) -> int:
+    """Return the smallest number of flights of which one is expected beyond a quantile: of fewer it is not known."""
+    return math.ceil(1.0 / min(share, 1.0 - share) - 1e-6)
+
+
 QUANTITIES = ("lateral", "height", "bank", "load_factor")
 """The deviations that are told; m, m, rad, g."""
 CONTACT = ("pylon", "ground", "missed", "lost")
@@ -58,7 +66,7 @@ class Deviation:
 
     Attributes:
         mean: of all flights.
-        quantiles: of the absolute deviation, for `SHARES`.
+        quantiles: of the absolute deviation, for `SHARES`; NaN of too few flights, see `fewest`.
         linear: standard deviation by the linear covariance; NaN where it is not known.
     """
 
@@ -97,7 +105,7 @@ class SafetyResult:
         gates, legs: the scatter.
         pylons: flights that touch each pylon, and the least distance of any, m, by its name.
         clock, envelope: the grid of the clock, s, shape (m,), and on it the quantiles 0.0015, 0.025, 0.5, 0.975 and
-            0.9985 of lateral (m), height (m), bank (rad) and load factor (g), shape (5, 4, m).
+            0.9985 of lateral (m), height (m), bank (rad) and load factor (g), shape (5, 4, m); NaN of too few flights.
     """
 
     scatter: Scatter
@@ -176,25 +184,29 @@ def _deviation(values: Array, linear: float) -> Deviation:
     known = values[np.isfinite(values)]
     if not len(known):
         return Deviation(np.nan, (np.nan,) * len(SHARES), linear)
-    return Deviation(float(known.mean()), tuple(float(np.quantile(np.abs(known), one)) for one in SHARES), linear)
+    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), one)) for one in SHARES), linear)
 
 
 def _worst(values: Array) -> Deviation:
     """Return the deviation at the place where most flights are farthest off; values of shape (m, n)."""
-    if not values.size or not np.isfinite(values).any():
-        return Deviation(np.nan, (np.nan,) * len(SHARES))
     widest = [_quantile(np.abs(values), share) for share in SHARES]
+    if not np.isfinite(widest[0]).any():
+        return Deviation(np.nan, (np.nan,) * len(SHARES))
     row = int(np.nanargmax(widest[0]))
     known = values[row][np.isfinite(values[row])]
-    return Deviation(float(known.mean()), tuple(float(np.nanmax(one)) for one in widest))
+    return Deviation(float(known.mean()), tuple(_largest(one) for one in widest))
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(values, initial=-np.inf, where=np.isfinite(values))) if np.isfinite(values).any() else np.nan
 
 
 def _quantile(values: Array, share: float) -> Array:
-    """Return a quantile over the flights, the last axis; those that are lost do not count."""
+    """Return a quantile over the flights, the last axis; those that are lost do not count, and too few are NaN."""
     count = np.isfinite(values).sum(axis=-1)
     ordered = np.sort(values, axis=-1)  # NaN last
     place = share * np.maximum(count - 1, 0)
     low = np.floor(place).astype(np.int64)
     high = np.minimum(low + 1, np.maximum(count - 1, 0))
     first, last = (np.take_along_axis(ordered, one[..., None], axis=-1)[..., 0] for one in (low, high))
-    return first + (place - low) * (last - first)
+    return np.where(count < fewest(share), np.nan, first + (place - low) * (last - first))

@@ -11,17 +11,18 @@ from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.planning.wing_clearance import pylons_of
+from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
 from airrace.runs.winds import Wind, winds_named
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
-from airrace.safety.evaluation import Judge, measure
+from airrace.safety.evaluation import Judge, grid_of, measure, together
 from airrace.safety.gusts import GustFilter, Gusts
 from airrace.safety.nominal import ERRORS, displaced, errors
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, advance
-from airrace.safety.result import Count
+from airrace.safety.result import Count, gate_stretches, leg_stretches
 from airrace.safety.safety import closed_loop_of, fly_closed_loop, linear_at_passings
 from airrace.track.course import Obstacle
 from airrace.track.gates import Gate
@@ -83,7 +84,8 @@ def test_a_flight_is_the_same_bit_by_bit_in_any_company_and_on_any_thread() -> N
         for threads in (1, 2)
     )
     assert one.counts == two.counts
-    assert (one.envelope == two.envelope).all()
+    np.testing.assert_array_equal(one.envelope, two.envelope)
+    assert np.isfinite(one.envelope[1:4]).all()
 
 
 def test_the_covariance_is_that_of_the_flights_where_all_is_linear() -> None:
@@ -258,6 +260,20 @@ def test_counts_have_the_interval_of_clopper_and_pearson() -> None:
     assert half.lower == pytest.approx(0.3983, abs=1e-4)  # table of the binomial distribution
 
 
+def test_a_quantile_is_told_only_of_so_many_flights_that_one_is_beyond() -> None:
+    def told(count: int) -> list[bool]:
+        flights = fly(loop(), UNDISTURBED, 0, [0])
+        many = together([measure(judge(), loop(), flights)] * count)
+        (_, *gates) = gate_stretches(["a", "b", "c"], many, np.zeros((3, 5)))
+        (*legs,) = leg_stretches(["a", "b", "c"], loop().nominal.passings, grid_of(loop().nominal), many)
+        deviations = [one.deviations["height"] for one in (*gates, *legs)]
+        assert np.isfinite([one.mean for one in gates[0].deviations.values()]).all()
+        (same,) = {tuple(np.isfinite(one.quantiles).tolist()) for one in deviations}
+        return list(same)
+
+    assert [told(count) for count in (19, 20, 333, 334)] == [[False] * 2, [True, False], [True, False], [True] * 2]
+
+
 # In tables.
 
 
@@ -285,10 +301,14 @@ def test_a_case_is_told_in_full_and_what_makes_no_sense_is_refused() -> None:
     assert [gate["passage"] for gate in found["gates"]] == [one.name for one in inputs().race.course.passages]
     assert one.to_csv().count("\n") == 1 + len(found["gates"])
     assert "names no crowd" in repr(one)
+    assert one.uncertified == ""
+    assert all(gate["height_997_m"] is None for gate in found["gates"])
+    assert "99.7 % of 334" in repr(one)
     rose = SafetyRose("short", {Wind(5.0, 90.0): one, Wind(50.0, 0.0): "no flight was found: too windy"})
     rows = json.loads(json.dumps(rose.as_object(), allow_nan=False))["winds"]
     assert rows[0]["contact_percent"] == 100.0 * one.result.contact.share
     assert rows[1]["remark"] == "no flight was found: too windy"
+    assert rose.messages == ("50 kt from 000: no flight was found: too windy",)
     with pytest.raises(UsageError, match="known are none, light, moderate, severe"):
         case(gusts="breezy")
     with pytest.raises(UsageError, match="0 flights make no sense"):
@@ -297,3 +317,14 @@ def test_a_case_is_told_in_full_and_what_makes_no_sense_is_refused() -> None:
         case(wind=-1.0)
     with pytest.raises(UsageError, match="a seed of -1"):
         case(seed=-1)
+
+
+def test_an_optimum_that_is_not_certified_is_flown_but_not_without_a_word() -> None:
+    doubtful = replace(optimum(), outcome=Status.NOT_CERTIFIED, message="a defect is too large")
+    given = (inputs().race, doubtful, "short", 1, "none", (0.0,) * 5)
+    case = fly_safety_case(*given, delay=0.1, seed=0, threads=1)
+    assert case.uncertified == "the optimum is not certified: six-dof: a defect is too large"
+    assert case.uncertified in repr(case)
+    rose = SafetyRose("short", {Wind(5.0, 90.0): case})
+    assert rose.messages == (f"5 kt from 090: {case.uncertified}",)
+    assert rose.table().objects()[0]["remark"] == case.uncertified
