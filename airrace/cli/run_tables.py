@@ -17,13 +17,14 @@ from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight, laps_of
-from airrace.results.clearances import NearMiss, least_distances, near_misses
+from airrace.results.clearances import NearMiss, near_misses
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
 from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
 from airrace.runs.run import ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.track.course import ClearanceRule
+from airrace.views.distance_table import distance_table
 from airrace.views.plain_text import one_line
 from airrace.views.stage_tables import certificate_table, claim, search_table, splits_table
 from airrace.views.tables import Cell, Column, Table
@@ -304,18 +305,10 @@ def leg_tables(flight: Flight) -> tuple[Table, Table]:
 
 def distance_tables(flight: Flight) -> list[Table]:
     """Return a table of the least distance from every thing on the course; none where nothing is known."""
-    rows = [(one.text, one.distance, one.required, one.margin, one.time, one.height) for one in least_distances(flight)]
-    return [Table("least distances", _DISTANCES, rows)] if rows else []
+    table = distance_table(flight, "least distances")
+    return [table] if table.rows else []
 
 
-_DISTANCES = (
-    Column("from", wraps=True),
-    Column("least", "m", "z.2f"),
-    Column("required", "m", "z.1f"),
-    Column("left", "m", "z.2f"),
-    Column("at", "s", "z.2f"),
-    Column("height", "m", "z.0f"),
-)
 _LOADS = (
     Column("leg to"),
     Column("time", "s", "z.3f"),

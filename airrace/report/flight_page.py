@@ -19,12 +19,13 @@ from airrace.report.contents import as_json, clock_start, contents_of
 from airrace.report.script import FOLDER, LIBRARIES, page_script
 from airrace.report.sections import number, table_section
 from airrace.results import Flight, laps_of
-from airrace.results.clearances import least_distances, near_misses
+from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
 from airrace.views.cue_tables import NOTE, cue_table
+from airrace.views.distance_table import distance_table
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
@@ -189,21 +190,9 @@ def legs_section(flight: Flight) -> str:
 
 def distances_section(flight: Flight) -> str:
     """Return a table of the least distance from every thing on the course; empty where nothing is known."""
-    columns = (
-        Column("from"),
-        Column("least", "m", "z.2f"),
-        Column("required", "m", "z.1f"),
-        Column("left", "m", "z.2f"),
-        Column("at", "s", "z.2f"),
-        Column("height", "m", "z.0f"),
-    )
-    begin = clock_start(flight)
-    rows = [
-        (one.text, one.distance, one.required, one.margin, one.time - begin, one.height)
-        for one in least_distances(flight)
-    ]
     remark = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
-    return table_section(Table("Least distances", columns, rows, [remark])) if rows else ""
+    table = distance_table(flight, "Least distances", begin=clock_start(flight), notes=[remark])
+    return table_section(table) if table.rows else ""
 
 
 def cues_section(flight: Flight) -> str:
