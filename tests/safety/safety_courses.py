@@ -1,9 +1,9 @@
 """A short course in wind, and a half Cuban eight, optimised once with six degrees of freedom; a pilot."""
 
 import functools
-from pathlib import Path
 
 from disk_cache import cached_across_workers
+from short_course import AIRCRAFT, FROM_PLAN, short_course
 
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.procedure.progress import Silent
@@ -13,22 +13,7 @@ from airrace.safety.closed_loop import ClosedLoop
 from airrace.safety.pilot import PilotModel
 from airrace.safety.safety import closed_loop_of
 
-ROOT = Path(__file__).parents[2]
-AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
-FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nsearch: "off"\n')
-COURSE = """
-schema: airrace/track/1
-name: three gates and a pylon
-rules: {n_z_max: 8, floor_m: 5, start_speed_max_kt: 200}
-environment:
-  wind: {from_deg: 250, speed_m_s: 4}
-gate_defaults: {height_m: 20, height_min_m: 15, height_max_m: 25, climb_min_deg: -10, climb_max_deg: 10}
-gates:
-  first: {type: level, north_m: 0, east_m: 0, heading_deg: 20}
-  side: {type: pylon, north_m: 300, east_m: 60, pass_side_deg: 110}
-  last: {type: level, north_m: 420, east_m: -260, heading_deg: 250}
-course: {start: first, lap: [side, last]}
-"""
+COURSE = short_course("n_z_max: 8", wind_m_s=4)
 
 
 @functools.cache

@@ -2,9 +2,9 @@
 
 import functools
 import re
-from pathlib import Path
 
 from disk_cache import cached_across_workers
+from short_course import AIRCRAFT, FROM_PLAN, short_course
 
 from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.progress import Silent
@@ -13,22 +13,7 @@ from airrace.procedure.run import optimize
 from airrace.sensitivity.lagrangian import sensitivities
 from airrace.sensitivity.sensitivity import Sensitivity
 
-ROOT = Path(__file__).parents[2]
-AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
-FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nsearch: "off"\n')
-COURSE = """
-schema: airrace/track/1
-name: three gates and a pylon
-rules: {n_z_max: 10, floor_m: 5, start_speed_max_kt: 200, clearance: crossing}
-environment:
-  wind: {from_deg: 250, speed_m_s: 6}
-gate_defaults: {height_m: 20, height_min_m: 15, height_max_m: 25, climb_min_deg: -10, climb_max_deg: 10}
-gates:
-  first: {type: level, north_m: 0, east_m: 0, heading_deg: 20}
-  side: {type: pylon, north_m: 300, east_m: 60, pass_side_deg: 110}
-  last: {type: level, north_m: 420, east_m: -260, heading_deg: 250}
-course: {start: first, lap: [side, last]}
-"""
+COURSE = short_course("n_z_max: 10, clearance: crossing", wind_m_s=6)
 CROWDED = COURSE.replace(
     "course:",
     """crowd:
