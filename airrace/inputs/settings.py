@@ -26,7 +26,7 @@ Limit = Annotated[float, Gt(0)] | None
 class MeshEntry(Schema):
     what: ClassVar[str] = "the mesh"
     interval: Annotated[float, Ge(0.005), Le(5)] | None = optional(
-        "about this long is an interval of the first mesh", alias="interval_s"
+        "about this long is an interval of the point mass's first mesh", alias="interval_s"
     )
     intervals_min: Count | None = optional("at least so many intervals in a leg")
     refinements_max: Annotated[int, Ge(0), Le(20)] | None = optional(
@@ -36,10 +36,14 @@ class MeshEntry(Schema):
 
 class SolverEntry(Schema):
     what: ClassVar[str] = "the solver"
-    primary: SolverName | None = optional("the solver that is tried first")
+    primary: SolverName | None = optional("the solver that is tried first, from either start")
     fallback: SolverName | None = optional("the solver that is tried on the same problem where the first one fails")
-    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = optional("of the solver, on the scaled problem")
-    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = optional("per attempt")
+    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = optional(
+        "of the solver, on the scaled problem; where `kkt_error` fails it goes on to a hundredth of it"
+    )
+    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = optional(
+        "per attempt; all attempts of a stage that find no optimum take 5,000 together"
+    )
     stall_seconds: Annotated[float, Ge(1), Le(86_400)] | None = optional(
         "a solver that finishes no iteration for so long is stopped", alias="stall_s"
     )
@@ -91,7 +95,7 @@ class SettingsEntry(Schema):
     )
     notes: str = Field(default="", description="whatever a reader should know")
     guess: Literal["homotopy", "plan"] | None = optional(
-        "where the point mass starts from: phase by phase, or straight from the plan"
+        "whether the race is flown phase by phase first, as one of the starts, or the plan is the guess"
     )
     search: Literal["off", "quick", "thorough"] | None = optional("how much is tried to find the fastest route")
     alternatives: Annotated[int, Ge(1), Le(20)] | None = optional(
@@ -101,7 +105,7 @@ class SettingsEntry(Schema):
         "which stages have their race time confirmed on a second mesh: the last one of a run, or all"
     )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = optional(
-        "weight of the squared, scaled control rates against seconds"
+        "weight of the squared control rates, each measured by half of its limit, against seconds"
     )
     mesh: MeshEntry = Field(default=MeshEntry(), description="how finely a flight is cut into intervals")
     solver: SolverEntry = Field(default=SolverEntry(), description="which solvers, and how long they may try")

@@ -1,9 +1,14 @@
 """The pages of the input languages, written from the JSON Schemas that `airrace schema` prints."""
 
+import math
 from collections.abc import Iterator
+from enum import Enum
 from typing import Any
 
 from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.inputs.schema import Schema
+from airrace.inputs.settings import CertificateEntry, MeshEntry, SettingsEntry, SolverEntry
+from airrace.procedure.settings import Settings
 
 # Any: JSON of any shape.
 Node = dict[str, Any]
@@ -18,7 +23,7 @@ TITLES = {
 GUIDES = {
     "track": "[Describing a course](../course.md) explains the language by examples.",
     "aircraft": "[Adding an aircraft](../how_to/aircraft.md) tells where the numbers come from.",
-    "settings": "[Settings](../settings.md) has the defaults, and says what they are for.",
+    "settings": "[Settings](../settings.md) says how they are given.",
     "batch": "[Many courses at once](../batches.md) explains batches by examples.",
     "log": "[Flight logs](../flown_logs.md) explains mappings by examples.",
 }
@@ -31,6 +36,8 @@ def language_page(language: str) -> str:
         language: one of `LANGUAGES`.
     """
     schema = json_schema(language)
+    if language == "settings":
+        _tell_defaults(schema)
     opening = (
         f"This page is generated from the schema by which the files are read. "
         f"`airrace schema {language}` prints it for editors. {GUIDES[language]}"
@@ -44,6 +51,26 @@ def language_pages() -> Iterator[tuple[str, str]]:
     """The name and the page of every language."""
     for language in LANGUAGES:
         yield language, language_page(language)
+
+
+def _tell_defaults(schema: Node) -> None:
+    """Write into the schema of the settings what holds where nothing is said, in the units of the keys."""
+    settings = Settings()
+    models: list[tuple[type[Schema], object]] = [
+        (SettingsEntry, settings),
+        (MeshEntry, settings.mesh),
+        (SolverEntry, settings.solver),
+        (CertificateEntry, settings.certificate),
+    ]
+    for entry, values in models:
+        node = schema["definitions"].get(entry.__name__, schema)
+        for name, field in entry.model_fields.items():
+            value = getattr(values, name, None)
+            value = value.value if isinstance(value, Enum) else value
+            if isinstance(value, int | float | str):
+                key = field.alias or name
+                in_degrees = key.endswith("_deg")
+                node["properties"][key]["default"] = f"{math.degrees(float(value)):g}" if in_degrees else value
 
 
 def _section(name: str, node: Node) -> str:

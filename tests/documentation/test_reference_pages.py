@@ -13,12 +13,11 @@ from airrace.checkpoint import store
 from airrace.checkpoint.log_layout import LOG_SCHEMA
 from airrace.checkpoint.run_layout import SCHEMA
 from airrace.inputs import load_inputs
-from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.inputs.json_schema import LANGUAGES
 from airrace.inputs.rules import PresetEntry
 
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")
-SETTINGS = (DOCS / "settings.md").read_text(encoding="utf-8")
 KINDS = {"f": "number", "i": "count", "S": "text"}
 COLUMN = re.compile(r"(?:^|; )`?(\w+)`?(?: \((text|count)\))?")
 SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
@@ -79,23 +78,6 @@ def test_the_shapes_of_the_checkpoint_are_as_documented(flown: Path) -> None:
                 path = path.replace("STAGE", "point-mass").replace("states/NAME", "states/x")
                 found = file[path.replace("NAME", "n_z_dot")]
                 assert found.shape == (sizes[shape.strip("`")],), path
-
-
-def test_the_settings_page_has_every_key_with_its_default() -> None:
-    table = [*rows(SETTINGS, "key", "default", "meaning"), *rows(SETTINGS, "key", "default", "its items")]
-    defaults = {key: default for key, default, *_ in table}
-    schema = json_schema("settings")
-    keys: set[str] = set()
-    for key, node in schema["properties"].items():
-        part = node.get("allOf", [{}])[0].get("$ref", "").rpartition("/")[2]
-        keys |= {f"{key}.{one}" for one in schema["definitions"][part]["properties"]} if part else {key}
-    assert defaults.keys() == keys - {"schema"}
-    silent = load_inputs(TRACK).settings
-    for key, default in defaults.items():
-        if default:
-            assert yaml.safe_load(default) is not None
-            assert load_inputs(TRACK, overrides=[f"settings.{key}={default}"]).settings == silent, key
-    assert load_inputs(TRACK, overrides=["settings.mesh.intervals_min=7"]).settings != silent
 
 
 def test_the_readme_has_at_most_150_lines() -> None:

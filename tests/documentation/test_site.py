@@ -16,6 +16,7 @@ from pages import DOCS, ROOT, build
 
 import airrace
 from airrace.cli.main import app
+from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 LOADING = {
@@ -187,6 +188,20 @@ def test_values_of_a_language_are_described_in_words(site: Path) -> None:
     assert "n_z_max number above 1 and at most 25" in text
     assert "A bare text stands for a mapping with this text as its gate." in text
     assert "each_lap list of: list of: passing reference, at most 10000, at most 100" in text
+
+
+def test_the_defaults_of_the_settings_are_those_that_hold_where_nothing_is_said(site: Path) -> None:
+    page = (site / "reference" / "settings.html").read_text(encoding="utf-8")
+    cell = r"<td>(?:<code>)?([^<]*)(?:</code>)?</td>\s*"
+    told = {key: default for key, default in re.findall(rf"{cell}<td>.*?</td>\s*{cell}", page) if default}
+    parts = json_schema("settings")["definitions"]
+    keys = {key: f"{name.removesuffix('Entry').lower()}.{key}" for name in parts for key in parts[name]["properties"]}
+    assert keys.keys() <= told.keys()
+    track = ROOT / "tracks" / "half_cuban_eight.yaml"
+    silent = load_inputs(track).settings
+    for key, default in told.items():
+        if key != "schema":
+            assert load_inputs(track, overrides=[f"settings.{keys.get(key, key)}={default}"]).settings == silent, key
 
 
 def test_notebooks_and_documents_of_the_root_are_pages(site: Path) -> None:
