@@ -319,13 +319,13 @@ def tracks() -> tuple[ShippedTrack, ...]:
 
 def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progress: bool | Progress) -> "Run":
     """Fly all stages of a plan."""
-    with _watched(plan, progress) as watcher:
+    with _progress_view(plan, progress) as watcher:
         steps = list(execute(plan, threads=threads or available_cores(), timeout=timeout, progress=watcher))
     return Run.of(steps[-1] if steps else plan.run)
 
 
 @contextmanager
-def _watched(plan: ExecutionPlan, progress: bool | Progress) -> Generator[Progress, None, None]:
+def _progress_view(plan: ExecutionPlan, progress: bool | Progress) -> Generator[Progress, None, None]:
     if isinstance(progress, Progress):
         yield progress
     elif progress:

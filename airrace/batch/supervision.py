@@ -161,17 +161,17 @@ ACCIDENTS = (FailureKind.CRASHED, FailureKind.KILLED, FailureKind.LOST)
 class Watcher:
     """An observer of a batch, which sees nothing; all calls come from the thread that supervises."""
 
-    def begun(self, plan: BatchPlan) -> None: ...
+    def on_begin(self, plan: BatchPlan) -> None: ...
 
-    def started(self, step: PlannedJob, attempt: int, where: str) -> None: ...
+    def on_start(self, step: PlannedJob, attempt: int, where: str) -> None: ...
 
-    def stage_started(self, step: PlannedJob, stage: str) -> None: ...
+    def on_stage_start(self, step: PlannedJob, stage: str) -> None: ...
 
-    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None: ...
+    def on_stage_end(self, step: PlannedJob, event: StageFinished) -> None: ...
 
-    def retried(self, step: PlannedJob, reason: str) -> None: ...
+    def on_retry(self, step: PlannedJob, reason: str) -> None: ...
 
-    def ended(self, step: PlannedJob, result: JobResult) -> None: ...
+    def on_end(self, step: PlannedJob, result: JobResult) -> None: ...
 
 
 @dataclass
@@ -208,7 +208,7 @@ def supervise(
 
     def end(attempts: _Attempts, ending: AttemptResult) -> None:
         results[attempts.job.name] = _store(plan.folder, attempts, ending)
-        watcher.ended(attempts.step, results[attempts.job.name])
+        watcher.on_end(attempts.step, results[attempts.job.name])
 
     def begin(attempts: _Attempts) -> None:
         job, path = attempts.job, checkpoint_path(plan.folder, attempts.job.name)
@@ -230,22 +230,22 @@ def supervise(
                 continue
             match event:
                 case Started(where=where):
-                    watcher.started(attempts.step, attempts.number, where)
+                    watcher.on_start(attempts.step, attempts.number, where)
                 case StageStarted(stage=stage):
-                    watcher.stage_started(attempts.step, stage)
+                    watcher.on_stage_start(attempts.step, stage)
                 case StageFinished():
-                    watcher.stage_finished(attempts.step, event)
+                    watcher.on_stage_end(attempts.step, event)
                 case Ended(ending=ending):
                     del running[event.name]
                     failed = ending.fault is FailureKind.NONE and ending.code == ExitCode.SYSTEM
                     if (failed or ending.fault in ACCIDENTS) and attempts.number <= retries:
                         attempts.reasons = (*attempts.reasons, ending.message)
-                        watcher.retried(attempts.step, ending.message)
+                        watcher.on_retry(attempts.step, ending.message)
                         waiting.appendleft(attempts)
                     else:
                         end(attempts, ending)
 
-    watcher.begun(plan)
+    watcher.on_begin(plan)
     while (waiting or running) and not stop_asked():
         while waiting and len(running) < executor.slots:
             begin(waiting.popleft())

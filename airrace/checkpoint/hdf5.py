@@ -188,7 +188,7 @@ class _Writer:
 
 def _text(text: str) -> NDArray[np.bytes_]:
     """Return a scalar string of just the length it needs (HDF5 has no strings of length 0: one NUL stands for that)."""
-    encoded = _encoded(text)
+    encoded = _encode_text(text)
     return np.array(encoded, h5py.string_dtype("utf-8", max(1, len(encoded))))
 
 
@@ -203,12 +203,12 @@ def _rows(table: StoredTable) -> NDArray[np.void]:
 def _column_array(column: Column) -> NDArray[Any]:  # Any: numbers or strings, as the column has them
     if not isinstance(column, tuple):
         return column
-    encoded = [_encoded(entry) for entry in column]
+    encoded = [_encode_text(entry) for entry in column]
     width = max((len(entry) for entry in encoded), default=0)
     return np.array(encoded, h5py.string_dtype("utf-8", max(1, width)))
 
 
-def _encoded(text: str) -> bytes:
+def _encode_text(text: str) -> bytes:
     if "\0" in text:
         raise CheckpointError(f"a text with a NUL character cannot be stored: {text[:40]!r}")
     # Paths that are not UTF-8 reach Python as lone surrogates.
@@ -318,7 +318,7 @@ class _ImageReader:
         values: NDArray[Any] = np.zeros(shape, dtype)  # Any: one of the types just checked
         dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values, kind)
         if shape == ():
-            return _decoded(values.item(), path)
+            return _decode_text(values.item(), path)
         if dtype.names is None:
             return Series(values, self._attributes(dataset, path))
         return StoredTable({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
@@ -345,7 +345,7 @@ class _ImageReader:
         stored = np.zeros((), dtype)
         attribute.read(stored, kind)
         value: Any = stored.item()  # Any: untyped, but of the dtype just checked
-        return _decoded(value, path) if isinstance(value, bytes) else value
+        return _decode_text(value, path) if isinstance(value, bytes) else value
 
     def _dtype(self, stored: Handle) -> tuple[np.dtype[Any], Handle]:  # Any: this is what is being found out
         """Return the type of a dataset or an attribute, as numpy and as HDF5 have it."""
@@ -370,10 +370,10 @@ def _is_row(dtype: np.dtype[Any]) -> bool:
 def _column(values: NDArray[Any], path: str) -> Column:
     if values.dtype.kind != "S":
         return np.ascontiguousarray(values)
-    return tuple(_decoded(entry, path) for entry in values.tolist())
+    return tuple(_decode_text(entry, path) for entry in values.tolist())
 
 
-def _decoded(text: bytes, path: str) -> str:
+def _decode_text(text: bytes, path: str) -> str:
     try:
         decoded = text.decode("utf-8", "surrogateescape" if NAMES_OF_FILES.fullmatch(path) else "strict")
     except UnicodeDecodeError:

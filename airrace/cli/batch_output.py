@@ -261,7 +261,7 @@ class BatchLines(Watcher):
         self._began = clock()
         self._done = self._total = 0
 
-    def begun(self, plan: BatchPlan) -> None:
+    def on_begin(self, plan: BatchPlan) -> None:
         self._total = sum(step.known is None for step in plan.steps)
         again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
         if len(again) > REASONS_MAX:
@@ -269,20 +269,20 @@ class BatchLines(Watcher):
         for line in (plan_line(plan), *again):
             self._line(line)
 
-    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
+    def on_start(self, step: PlannedJob, attempt: int, where: str) -> None:
         self._line(f"{step.name}: started{_circumstances(attempt, where)}")
 
-    def stage_started(self, step: PlannedJob, stage: str) -> None:
+    def on_stage_start(self, step: PlannedJob, stage: str) -> None:
         self._line(f"{step.name}: {stage} started")
 
-    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
+    def on_stage_end(self, step: PlannedJob, event: StageFinished) -> None:
         race_time = "" if event.race_time is None else f", race time {event.race_time:.3f} s"
         self._line(f"{step.name}: {event.stage} {event.status}{race_time}")
 
-    def retried(self, step: PlannedJob, reason: str) -> None:
+    def on_retry(self, step: PlannedJob, reason: str) -> None:
         self._line(f"{step.name}: tried again: {reason}")
 
-    def ended(self, step: PlannedJob, result: JobResult) -> None:
+    def on_end(self, step: PlannedJob, result: JobResult) -> None:
         self._done += 1
         self._line(f"{_ending_line(step, result)} ({self._done} of {self._total})")
 
@@ -321,23 +321,23 @@ class LiveTable(BatchLines):
             redirect_stdout=False,  # stdout is data
         )
 
-    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
+    def on_start(self, step: PlannedJob, attempt: int, where: str) -> None:
         self._jobs = {**self._jobs, step.name: _JobUnderWay(self._clock(), attempt, where)}
 
-    def stage_started(self, step: PlannedJob, stage: str) -> None:
+    def on_stage_start(self, step: PlannedJob, stage: str) -> None:
         if job := self._jobs.get(step.name):
             self._jobs = {**self._jobs, step.name: replace(job, stage=stage, state="flying")}
 
-    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
+    def on_stage_end(self, step: PlannedJob, event: StageFinished) -> None:
         if job := self._jobs.get(step.name):
             changed = replace(job, stage=event.stage, state=event.status, race_time=event.race_time)
             self._jobs = {**self._jobs, step.name: changed}
 
-    def retried(self, step: PlannedJob, reason: str) -> None:
+    def on_retry(self, step: PlannedJob, reason: str) -> None:
         self._forget(step)
-        super().retried(step, reason)
+        super().on_retry(step, reason)
 
-    def ended(self, step: PlannedJob, result: JobResult) -> None:
+    def on_end(self, step: PlannedJob, result: JobResult) -> None:
         self._forget(step)
         self._ended = self._ended + Counter([STATES.get(result.code, "failed")])
         self._line(_ending_line(step, result))

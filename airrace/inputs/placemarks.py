@@ -173,7 +173,7 @@ def read_placemarks(path: Path) -> list[Placemark]:
     if content is None:
         raise InputError(findings)
     if content.startswith(b"PK"):
-        content = _unpacked(name, content)
+        content = _unpack(name, content)
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
         root = xml_tree(name, content)
         try:
@@ -196,7 +196,7 @@ _DAMAGES = (
 """What `zipfile` raises for archives that it cannot unpack."""
 
 
-def _unpacked(path: str, content: bytes) -> bytes:
+def _unpack(path: str, content: bytes) -> bytes:
     """Return the document of a KMZ, the first of its KML files."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

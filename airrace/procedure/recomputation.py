@@ -113,8 +113,8 @@ def recompute(
                 yield result, result
                 continue
             ensure_matches_model(race, result)
-            alternatives = [_recomputed(race, settings, one, service) for one in result.alternatives]
-            yield result, replace(_recomputed(race, settings, result, service), alternatives=tuple(alternatives))
+            alternatives = [_recompute_one(race, settings, one, service) for one in result.alternatives]
+            yield result, replace(_recompute_one(race, settings, result, service), alternatives=tuple(alternatives))
 
 
 def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:
@@ -124,7 +124,7 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
     return again.certificate
 
 
-def _recomputed(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
+def _recompute_one(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
     if fidelity_of(result.stage).guess:
         flight = formulate(Stage.POINT_MASS, race, settings)
         trajectory = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))

@@ -164,7 +164,7 @@ def begin_course(
         sketched = sketch_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
         text, remarks = sketched.text, sketched.remarks
     else:
-        text = _copied(Path(like)) if like is not None else _begun(path)
+        text = _text_of(Path(like)) if like is not None else _begun(path)
     if EDITORS_LINE not in text and path != STANDARD:
         text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
     if not written:
@@ -196,7 +196,7 @@ def _quoted(title: str) -> str:
     return "'" + title.replace("'", "''") + "'"
 
 
-def _copied(like: Path) -> str:
+def _text_of(like: Path) -> str:
     findings: list[Finding] = []
     document = TRACKS.read(like, findings)
     if document is None:

@@ -54,7 +54,7 @@ def signer_of(path: Path) -> Signer:
     """
     keys, kinds = _package("serialization"), _package("asymmetric.ed25519")
     loaders = (keys.load_ssh_private_key, keys.load_pem_private_key)
-    key = _loaded(path, "private", [functools.partial(load, password=None) for load in loaders])
+    key = _load_key(path, "private", [functools.partial(load, password=None) for load in loaders])
     if not isinstance(key, kinds.Ed25519PrivateKey):
         raise UsageError(f"the key {path} is of another kind than Ed25519: make one with ssh-keygen -t ed25519")
     return Signer(key.public_key().public_bytes_raw(), key.sign)
@@ -76,7 +76,7 @@ def ensure_signed(run_file: Path, signature: Signature | None, trusted: Path) ->
         CheckpointError: there is no signature, it is another key's, or it does not belong to the content.
     """
     keys, kinds = _package("serialization"), _package("asymmetric.ed25519")
-    key = _loaded(trusted, "public", [keys.load_ssh_public_key, keys.load_pem_public_key])
+    key = _load_key(trusted, "public", [keys.load_ssh_public_key, keys.load_pem_public_key])
     if not isinstance(key, kinds.Ed25519PublicKey):
         raise UsageError(f"the key {trusted} is of another kind than Ed25519: make one with ssh-keygen -t ed25519")
     if signature is None:
@@ -123,7 +123,7 @@ def _package(name: str) -> Any:  # Any: without the package there are no types
     return extra(f"cryptography.hazmat.primitives.{name}", "a signature", "sign")
 
 
-def _loaded(path: Path, kind: str, loaders: Sequence[Callable[[bytes], Any]]) -> Any:  # Any: a key, of no known type
+def _load_key(path: Path, kind: str, loaders: Sequence[Callable[[bytes], Any]]) -> Any:  # Any: a key, of no known type
     """Return the key in a file, by the first loader that understands it.
 
     Raises:

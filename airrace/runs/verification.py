@@ -75,15 +75,15 @@ def in_one_sentence(clauses: Sequence[str]) -> str:
 
 def _flight(stored: StageResult, again: StageResult) -> Iterator[str]:
     mine, its = stored.trajectory, again.trajectory
-    yield from _declared("state", mine.states, its.states)
-    yield from _declared("control", mine.controls, its.controls)
+    yield from _declarations("state", mine.states, its.states)
+    yield from _declarations("control", mine.controls, its.controls)
     for name, called in zip(mine.phases, its.phases, strict=True):
         if name != called:
             yield f"a leg is called {name!r}, and the course calls it {called!r}"
     yield from _series("time", mine.time, its.time, ROUNDED * 1e-3 * its.race_time)
 
 
-def _declared(kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> Iterator[str]:
+def _declarations(kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> Iterator[str]:
     for mine, other in zip(stored, declared, strict=True):
         others = [one.name for one in fields(Quantity) if getattr(mine, one.name) != getattr(other, one.name)]
         if others:

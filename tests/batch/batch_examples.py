@@ -116,22 +116,22 @@ class Watched(Watcher):
 
     lines: list[str] = field(default_factory=list)
 
-    def begun(self, plan: BatchPlan) -> None:
+    def on_begin(self, plan: BatchPlan) -> None:
         self.lines.append(f"begun {len(plan.steps)}")
 
-    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
+    def on_start(self, step: PlannedJob, attempt: int, where: str) -> None:
         self.lines.append(f"{step.name} started {attempt}")
 
-    def stage_started(self, step: PlannedJob, stage: str) -> None:
+    def on_stage_start(self, step: PlannedJob, stage: str) -> None:
         self.lines.append(f"{step.name} {stage} started")
 
-    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
+    def on_stage_end(self, step: PlannedJob, event: StageFinished) -> None:
         self.lines.append(f"{step.name} {event.stage} {event.status}")
 
-    def retried(self, step: PlannedJob, reason: str) -> None:
+    def on_retry(self, step: PlannedJob, reason: str) -> None:
         self.lines.append(f"{step.name} again: {reason}")
 
-    def ended(self, step: PlannedJob, result: JobResult) -> None:
+    def on_end(self, step: PlannedJob, result: JobResult) -> None:
         self.lines.append(f"{step.name} ended {result.code}")
 
 

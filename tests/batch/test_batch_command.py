@@ -187,9 +187,9 @@ def test_the_live_table_shows_course_stage_race_time_state_and_elapsed_time() ->
     written, now = io.StringIO(), [0.0]
     console = Console(file=written, force_terminal=True, width=100, height=20, no_color=True)
     view = LiveTable(console, lambda: now[0])
-    view.begun(BatchPlan(Path(), (STEP,)))
-    view.started(STEP, 2, "worker-1")
-    view.stage_finished(STEP, StageFinished("oval", "point-mass", "solved", 55.25, True))
+    view.on_begin(BatchPlan(Path(), (STEP,)))
+    view.on_start(STEP, 2, "worker-1")
+    view.on_stage_end(STEP, StageFinished("oval", "point-mass", "solved", 55.25, True))
     now[0] = 7.0
     with console.capture() as captured:
         console.print(view.live.get_renderable())
@@ -198,7 +198,7 @@ def test_the_live_table_shows_course_stage_race_time_state_and_elapsed_time() ->
     assert "oval" in row
     assert all(word in row for word in ("point-mass", "55.250", "solved (attempt 2, on worker-1)", " 7"))
     assert "0 of 1 done, 1 under way, 7 s" in total
-    view.ended(STEP, JobResult(4, "cannot be reached", None, 7.0))
+    view.on_end(STEP, JobResult(4, "cannot be reached", None, 7.0))
     with console.capture() as captured:
         console.print(view.live.get_renderable())
     assert "1 of 1 done (1 infeasible), 0 under way" in captured.get()
@@ -209,9 +209,9 @@ def test_the_live_table_never_grows_beyond_the_terminal_and_may_be_drawn_while_j
     console = Console(file=io.StringIO(), force_terminal=True, width=80, height=10)
     view = LiveTable(console)
     steps = [PlannedJob(f"j{number}", "x", "x.yaml", None, (), None) for number in range(50)]
-    view.begun(BatchPlan(Path(), tuple(steps)))
+    view.on_begin(BatchPlan(Path(), tuple(steps)))
     for step in steps:
-        view.started(step, 1, "")
+        view.on_start(step, 1, "")
     with console.capture() as captured:
         console.print(view.live.get_renderable())
     assert len(captured.get().splitlines()) <= 10
@@ -229,8 +229,8 @@ def test_the_live_table_never_grows_beyond_the_terminal_and_may_be_drawn_while_j
     drawing.start()
     for number in range(2000):
         step = steps[number % 7]
-        view.started(step, 1, "")
-        view.retried(step, "crashed") if number % 3 else view.ended(step, JobResult(0))
+        view.on_start(step, 1, "")
+        view.on_retry(step, "crashed") if number % 3 else view.on_end(step, JobResult(0))
     done.set()
     drawing.join()
     assert failed == []
@@ -239,9 +239,9 @@ def test_the_live_table_never_grows_beyond_the_terminal_and_may_be_drawn_while_j
 def test_plain_lines_carry_time_and_count() -> None:
     written, now = io.StringIO(), [0.0]
     lines = BatchLines(written, lambda: now[0])
-    lines.begun(BatchPlan(Path(), (STEP,)))
+    lines.on_begin(BatchPlan(Path(), (STEP,)))
     now[0] = 12.34
-    lines.ended(STEP, JobResult(0, "", 55.25, 12.0))
+    lines.on_end(STEP, JobResult(0, "", 55.25, 12.0))
     assert written.getvalue().splitlines() == [
         "[    0.0 s] 1 job: 1 to fly",
         "[    0.0 s] oval: again (the track changed)",
