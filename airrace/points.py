@@ -1,4 +1,4 @@
-"""Functions at many points, evaluated by casadi's virtual machine on numpy's arrays.
+"""Functions at many points, evaluated by casadi on numpy's arrays.
 
 A call of casadi from Python turns every array into a matrix of casadi's, which takes several times as long as
 evaluating a flight model at all these points.

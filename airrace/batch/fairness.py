@@ -233,10 +233,10 @@ class _Solver:
 
     Args:
         until: the last stage.
-        folder: where runs are kept and found again; None for nowhere.
+        folder: where runs are stored and found again; None for nowhere.
         threads: that evaluate derivatives.
         cold: whether each is found from the course alone as well, and the faster one taken.
-        tell: is told of every optimum, in words.
+        tell: hears of every optimum, in words.
     """
 
     def __init__(
@@ -303,9 +303,9 @@ def fairness(
         until: the fidelity of the optima, e.g. `point-mass`; None for the last one there is.
         cold: whether every optimum is found from the course alone as well, and the faster one taken: slower, but no
             route is missed for the start.
-        output: a folder in which runs are kept, and taken up again by a second call; None for none.
+        output: a folder for runs, which a second call takes up by a second call; None for none.
         threads: threads that evaluate derivatives; None for all cores.
-        tell: is told of every optimum, in words.
+        tell: hears of every optimum, in words.
 
     Raises:
         InputError: the inputs are not valid; it carries all findings.
@@ -328,7 +328,7 @@ def fairness(
         own = load_inputs(track, settings=settings, overrides=set)
         read = {stem_of(Path(own.aircraft.path)): own}
     planned = {name: [_in_air(inputs, air) for air in airs] for name, inputs in read.items()}
-    flown = [_Flown.of(name) for name in flights]
+    recorded = [_FlightToNormalise.of(name) for name in flights]
     folder = None if output is None else Path(output)
     if folder is not None:
         make_folder(folder)
@@ -343,7 +343,7 @@ def fairness(
             solved += [(air, run)] if optimum.stage is not None else []
         columns.append(column)
     optima = tuple(zip(*columns, strict=True))
-    found = _normalised(flown, solver)
+    found = _normalise(recorded, solver)
     return Fairness(stem_of(Path(track)), stage, tuple(read), airs, optima, _favours(optima[0]), found)
 
 
@@ -382,7 +382,7 @@ def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
 
 
 @record
-class _Flown:
+class _FlightToNormalise:
     """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs in both airs."""
 
     flight: Flight
@@ -392,7 +392,7 @@ class _Flown:
     standard: Inputs
 
     @classmethod
-    def of(cls, text: str) -> "_Flown":
+    def of(cls, text: str) -> "_FlightToNormalise":
         """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
         name = FlightName.of(text)
         opened = open_file(name.path)
@@ -401,10 +401,10 @@ class _Flown:
         return cls(source_of(opened, name.stage).flight(), stem_of(name.path), start, *airs)
 
 
-def _normalised(flown: Sequence[_Flown], solver: _Solver) -> tuple[NormalisedFlight, ...]:
+def _normalise(flights: Sequence[_FlightToNormalise], solver: _Solver) -> tuple[NormalisedFlight, ...]:
     """Return flights and the optima of their aircraft, the fastest first."""
     found: list[NormalisedFlight] = []
-    for one in flown:
+    for one in flights:
         flight = one.flight
         there, run = solver.solve(one.there, one.stem, "as flown", one.start)
         standard, _ = solver.solve(one.standard, one.stem, "still standard air", run)

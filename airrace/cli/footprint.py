@@ -92,12 +92,12 @@ def _texts(found: "Footprint", flight: "Flight") -> Iterator[str]:
             *(Column("area", "m2", ".0f"), Column("glide", "s", ".1f"), Column("turn", "s", ".1f")),
         )
         yield render(Table("impacts and people", columns, people), columns=PAGE)
-        told = (
+        sentence = (
             "least: distance of the nearest impact, half the span taken off. hit: for how long a fall that begins "
             "meanwhile hits people; area: of theirs under the footprint. glide: for how long a glide straight on leads "
             "over them; turn: for how long they lie within reach of a glide behind a turn."
         )
-        yield textwrap.fill(told, PAGE)
+        yield textwrap.fill(sentence, PAGE)
     else:
         yield "the course names no people (key `crowd`): no distance from them was measured"
     shortest, longest = found.reach.distance.min(), found.reach.distance.max()

@@ -1,7 +1,7 @@
 """The quantities that a pilot's limits hold of: load factor, its onset and the roll rate, and those of a steady turn.
 
 In a steady turn the path keeps its climb angle: without side force the vertical part of the lift carries the weight,
-`n_z cos(mu) = cos(gamma)`. With `R_33 = cos(gamma) cos(mu)` the load factor of the turn flown at a bank is
+`n_z cos(mu) = cos(gamma)`. With `R_33 = cos(gamma) cos(mu)` the load factor of the turn at a bank is
 
     n_turn = cos(gamma) / cos(mu) = cos(gamma)^2 / R_33,        |n_z - n_turn| <= d  where R_33 > 0
 

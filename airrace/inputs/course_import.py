@@ -75,7 +75,7 @@ class ImportRemark:
 
 @record
 class SketchedCourse:
-    """The text of a track file, and what is to be told of the placemarks it was made of."""
+    """The text of a track file, and the remarks on the placemarks it was made of."""
 
     text: str
     remarks: tuple[ImportRemark, ...]
@@ -131,8 +131,8 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         "course": {"start": elements[0].name, "lap": lap},
     }
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-    told = "".join(f"# {one.text}\n" for one in sketch.remarks)
-    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + told, tuple(sketch.remarks))
+    listed = "".join(f"# {one.text}\n" for one in sketch.remarks)
+    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + listed, tuple(sketch.remarks))
 
 
 class _Sketch:
@@ -268,8 +268,8 @@ class _Sketch:
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
         found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
-        told = float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
-        height = min(max(told, OBSTACLE_HEIGHT_MIN), HEIGHT_MAX_M)
+        named = float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
+        height = min(max(named, OBSTACLE_HEIGHT_MIN), HEIGHT_MAX_M)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
@@ -287,9 +287,9 @@ class _Sketch:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not found:
             self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
-        elif height != told:
+        elif height != named:
             limits = f"the height of an obstacle is more than 0 and at most {HEIGHT_MAX_M:g} m"
-            self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {told:.4g} m are told")
+            self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {named:.4g} m are named")
         elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
             drawn = "a course knows masts, cylinders and boxes"
             self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else drawn)
@@ -305,7 +305,7 @@ class _Sketch:
             self._guess(mark, "the airspace", "all gates and pylons lie within it, and its name does not say")
 
     def _take_safety_line(self, mark: Placemark) -> None:
-        """Take a straight line, or every stretch of a bent one: kept on the side on which most elements stand."""
+        """Take a straight line, or every stretch of a bent one: on the side on which most elements stand."""
         points, places = self._points(mark.places), mark.places
         if all(abs(polygons.to_right(points[0], points[-1], one)) <= STRAIGHT for one in points[1:-1]):
             points, places = (points[0], points[-1]), (places[0], places[-1])
@@ -329,7 +329,7 @@ class _Sketch:
             elif len(points) > 2:
                 self._guess(mark, what, "a safety line of a course is straight, and this one is bent")
 
-    # What is told.
+    # Remarks.
 
     def _guess(self, mark: Placemark, taken_as: str, reason: str) -> None:
         self.remarks.append(ImportRemark(_printable(mark.name), _form(mark), taken_as, reason))

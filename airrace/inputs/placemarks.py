@@ -37,7 +37,7 @@ NOTES = ("note", "description", "desc")
 
 
 class Subject(Enum):
-    """What a placemark is on a course; `FLIGHT` is what was flown there."""
+    """What a placemark is on a course; `FLIGHT` is a recorded track."""
 
     ELEMENT = "gate or pylon"
     OBSTACLE = "obstacle"

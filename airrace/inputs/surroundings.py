@@ -1,7 +1,7 @@
 """The surroundings of a course in a track file: safety lines, crowds, obstacles and the airspace, and whether they
 leave room.
 
-A box is kept clear of by upright cylinders of one radius around the squares into which it is cut, of which those along
+A box is cleared by upright cylinders of one radius around the squares into which it is cut, of which those along
 its border will do. Up to a length of 1 km they reach less than 5 m beyond its sides.
 """
 

@@ -16,7 +16,7 @@ class Curvature(Enum):
     """The kind of a stationary point, by the least curvature along directions that keep the limits.
 
     `SINGULAR` is neither above the threshold nor below that of a saddle, or hangs on limits that are weakly active: as
-    far as can be told, there are directions that cost next to nothing, or gain it.
+    far as can be seen, there are directions that cost next to nothing, or gain it.
     """
 
     POSITIVE = "positive"
@@ -42,8 +42,8 @@ class SecondOrder:
         least: the curvature along a direction of little curvature, not always the very least; NaN where all is above
             the threshold.
         phase, quantity: the phase in which that direction begins, and what changes most, for people; empty without one.
-        active: number of limits that are kept as equalities, for their multipliers exceed their slacks.
-        weakly_active: number of limits of which multiplier and slack are within a factor of 100, kept or not.
+        active: number of limits that are active, as equalities, for their multipliers exceed their slacks.
+        weakly_active: number of limits of which multiplier and slack are within a factor of 100, active or not.
     """
 
     curvature: Curvature

@@ -8,7 +8,7 @@ the objective regularises is part of it.
 Curvature is `d' H d / d' W d` in scaled unknowns, with the share of the whole duration that each stage stands for on
 W's diagonal: what a change of one scale in the mean square costs, on every mesh alike. The least one exceeds a number s
 if and only if `H - s W` is positive definite on these directions, which a Riccati recursion tells, from the last stage
-to the first. At stage k, with z = (x, u), gaps `x_next = F z` and rows `C z = 0` that are kept, what follows costs
+to the first. At stage k, with z = (x, u), gaps `x_next = F z` and rows `C z = 0` of limits, what follows costs
 `x' P x` and exists where `A x = 0`:
 
     M = H - s W + F' P F,   D = (C; A F)
@@ -84,11 +84,11 @@ def judge(
 ) -> tuple[SecondOrder, Array] | None:
     """Judge a point that satisfies the conditions of first order.
 
-    A limit is kept as an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
+    A limit is an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
     a product of both that is the same everywhere; where the exact multiplier is zero it leaves a multiplier above the
     slack only if the curvature across the limit exceeds 1, so that nothing negative is hidden by keeping it. Where it
     left one that is smaller than the slack, the exact one may be above zero none the less: negative curvature tells a
-    saddle only where it is left with all weakly active limits kept.
+    saddle only where it is left with all weakly active limits as equalities.
 
     Args:
         functions: of the program.
@@ -230,7 +230,7 @@ def direction_below(form: StageQuadratic, shift: float) -> Array | None:
     return np.concatenate(direction)
 
 
-class _Beginning(NamedTuple):
+class _StartOfDirection(NamedTuple):
     """Where a direction begins: the stage, its unknowns there, and the gains that lead from x to z behind it."""
 
     stage: int
@@ -238,7 +238,9 @@ class _Beginning(NamedTuple):
     gains: list[Array]
 
 
-def _native_recursion(native: Any, form: StageQuadratic, shift: float) -> _Beginning | None:  # Any: made by ctypes
+def _native_recursion(
+    native: Any, form: StageQuadratic, shift: float
+) -> _StartOfDirection | None:  # Any: made by ctypes
     m, sizes = form.states, form.sizes.astype(np.int64)
     gains, costs, ahead = (np.empty(size) for size in (len(form.hessian), int(sizes.max()) ** 2, 2 * m * m))
     given = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.active, form.weights)
@@ -249,20 +251,20 @@ def _native_recursion(native: Any, form: StageQuadratic, shift: float) -> _Begin
     behind = [block[: size * m].reshape(size, m) for block, size in zip(blocks, sizes, strict=True)]
     if stage >= 0:
         basis = blocks[stage][: int(sizes[stage]) * n].reshape(-1, n)
-        return _Beginning(stage, basis @ _least_direction(costs[: n * n].reshape(n, n)), behind[stage + 1 :])
+        return _StartOfDirection(stage, basis @ _least_direction(costs[: n * n].reshape(n, n)), behind[stage + 1 :])
     return _first(costs[: m * m].reshape(m, m), ahead[: n * m].reshape(n, m), behind)
 
 
-def _first(costs: Array, bound: Array, gains: list[Array]) -> _Beginning | None:
+def _first(costs: Array, bound: Array, gains: list[Array]) -> _StartOfDirection | None:
     """Return where a direction begins at the first stage, whose states cost that much; None where none does."""
     free = _null_space(bound)
     reduced = free.T @ costs @ free
     if len(reduced) == 0 or _cholesky(reduced) is not None:
         return None
-    return _Beginning(0, gains[0] @ (free @ _least_direction(reduced)), gains[1:])
+    return _StartOfDirection(0, gains[0] @ (free @ _least_direction(reduced)), gains[1:])
 
 
-def _recursion(form: StageQuadratic, shift: float) -> _Beginning | None:
+def _recursion(form: StageQuadratic, shift: float) -> _StartOfDirection | None:
     """Do what `null_space.c` does."""
     m, sizes = form.states, form.sizes.astype(np.int64)
     counts = form.row_counts.astype(np.int64)
@@ -286,7 +288,7 @@ def _recursion(form: StageQuadratic, shift: float) -> _Beginning | None:
             continue
         root = _cholesky(free)
         if root is None:
-            return _Beginning(k, T[:, m:] @ _least_direction(free), gains[::-1])
+            return _StartOfDirection(k, T[:, m:] @ _least_direction(free), gains[::-1])
         half = np.linalg.solve(root, M[m:, :m])
         costs = costs - half.T @ half
         costs = 0.5 * (costs + costs.T)  # rounding that is not symmetric would grow from stage to stage

@@ -1,7 +1,7 @@
 """The distance of a wing from pylons and obstacles, in continuous time.
 
 The wing is the straight line from tip to tip, a pylon the vertical line from far below up to its top. An obstacle is
-such lines, too, kept away from by the radius of their cylinders more; above its top as well, where that is more than is
+such lines, too, cleared by the radius of their cylinders more; above its top as well, where that is more than is
 asked. With `d` the aircraft's centre relative to the pylon (north, east), `w` half of the wing, from the centre to the
 right tip, and `h - H` the centre's height above the top of the pylon, the squared distance of the point `s` of the
 wing, -1 <= s <= 1, is
@@ -123,7 +123,7 @@ class ClosestApproach:
 
     @property
     def shortfall(self) -> float:
-        """The length by which the required distance is missed, m; negative where it is kept."""
+        """The length by which the required distance is missed, m; negative where it is met."""
         return self.pylon.required - self.distance
 
 

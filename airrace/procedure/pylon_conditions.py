@@ -142,7 +142,7 @@ class MeasuredConditions:
 
 @record
 class PylonRooms:
-    """The rooms beside the pylons of a course that the wing is kept clear of, as a model sees them.
+    """The rooms beside the pylons of a course that the wing clears, as a model sees them.
 
     Attributes:
         room: the observation.

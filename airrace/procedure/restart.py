@@ -8,7 +8,7 @@ is looked for and no lower stage is solved. Where the certificate does not hold 
 always.
 
 Meanwhile a search around the stored flight, by the point mass, looks for a faster route. Its legs are refined by the
-point mass, flown along by the stage's model, and put into the stored flight.
+point mass, followed by the stage's model, and put into the stored flight.
 """
 
 import itertools

@@ -140,7 +140,7 @@ class SolverSession:
 
     `deadline` is the time, by `time.monotonic`, after which nothing is solved any more; `budget` is what a stage may
     solve without success, whatever the time. The search for routes is not counted: it has limits of its own.
-    `companions` are solver processes beside the session's own, started when there is work for them and kept until it is
+    `companions` are solver processes beside the session's own, started when there is work for them until it is
     closed.
     """
 

@@ -56,10 +56,10 @@ def clearance_item(
     """
     always = flight.course.rules.clearance is ClearanceRule.FLIGHT
     missed = [one for one in found if one.shortfall > 0.0]
-    kept = [one for one in missed if always or (one.pylon.is_obstacle and one.shortfall > limits.gate_length)]
-    limit = limits.gate_length if always or kept else math.inf
+    binding = [one for one in missed if always or (one.pylon.is_obstacle and one.shortfall > limits.gate_length)]
+    limit = limits.gate_length if always or binding else math.inf
     if not missed:
         return Item(CLEARANCE, 0.0, limit, "m", "")
-    worst = max(kept or missed, key=lambda one: one.shortfall)
+    worst = max(binding or missed, key=lambda one: one.shortfall)
     where = f"{problem.phases[worst.leg].name}, {worst.pylon.text}, {worst.time:.2f} s"
     return Item(CLEARANCE, worst.shortfall, limit, "m", where)

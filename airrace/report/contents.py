@@ -68,7 +68,7 @@ FORMAT = "airrace-report/1"
 INFLATED = 25.0
 """The usual height of an inflated pylon, m."""
 NEAR = 50.0
-"""The distance up to which those of the wing are drawn, m; else the near ones could not be told from zero."""
+"""The distance up to which those of the wing are drawn, m; else the near ones would look like zero."""
 DEGREE = math.pi / 180.0
 
 

@@ -116,7 +116,7 @@ def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions:
 
 
 def _violations_table(violations: Sequence[Violation], notes: Sequence[str]) -> Table:
-    """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
+    """Return a table of the rules that would be broken; `+-` is the standard deviation of the measurement."""
     columns = (
         Column("at"),
         Column("rule"),

@@ -38,17 +38,17 @@ class CueSettings:
         roll_rate, roll_rate_end: about the velocity, at which a roll begins and ends, rad/s: aircraft of races roll by
             200 to 420 deg/s between gates and change their bank by at most 60 deg/s within a turn.
         roll_pause: for which a roll may be slower in between, s: those that set in slowly halt for a moment.
-        roll_angle: of the smallest roll that is told, rad: to and from gates aircraft roll by 50 to 180 degrees, and
+        roll_angle: of the smallest roll that counts, rad: to and from gates aircraft roll by 50 to 180 degrees, and
             what is less is a correction within a turn.
         load_change: between a maximum and the minima beside it, g: half of what the flattest turns of a race take.
         pull: the least load factor of a pull, g.
         push: the largest load factor of a push, g.
-        load_duration: of the shortest pull or push that is told, s: what is shorter is no act of the pilot's own.
+        load_duration: of the shortest pull or push that counts, s: what is shorter is no act of the pilot's own.
         height_change: of an apex, m: more than level turns rise and fall.
         turn: about the vertical from which on a pull has a side, rad.
         vertical: climb angle beyond which a bank says nothing, rad.
-        together: time within which a roll and a pull begin at once, s; the roll is told first.
-        pause: time between two actions that are told as one cue, at most, s.
+        together: time within which a roll and a pull begin at once, s; the roll comes first.
+        pause: time between two actions that make one cue, at most, s.
     """
 
     step: float = 0.02
@@ -78,10 +78,10 @@ class RollAction:
     """A roll about the velocity.
 
     Attributes:
-        time: of its beginning, s after the start.
+        time: of its start, s after the start.
         duration: s.
         bank_from, bank_to: the bank at both ends, right wing down, rad.
-        angle: rolled, positive to the right, rad; more than a half turn where that is what is flown.
+        angle: rolled, positive to the right, rad; more than a half turn where the aircraft rolls so far.
         climb: climb angle in its middle, rad; in vertical flight the bank says nothing.
     """
 
@@ -99,7 +99,7 @@ class RollAction:
 
     @property
     def vertical(self) -> bool:
-        """Whether it is flown on a vertical line."""
+        """Whether it is on a vertical line."""
         return abs(self.climb) > SETTINGS.vertical
 
     @property
@@ -123,7 +123,7 @@ class Pull:
     """A pull, or a push.
 
     Attributes:
-        time: of its beginning, s after the start.
+        time: of its start, s after the start.
         duration: s.
         n_z: the greatest load factor of a pull, the least one of a push, g.
         turn: about the vertical, positive to the right, rad.
@@ -151,7 +151,7 @@ class Pull:
 
 @record
 class Apex:
-    """The highest point between two lower stretches, flown without a pull: time, s after the start, and height, m."""
+    """The highest point between two lower stretches, without a pull: time, s after the start, and height, m."""
 
     time: float
     height: float
@@ -371,7 +371,7 @@ def _beyond(known: _SmoothPath, row: int, peak: float, kind: int, end: int) -> b
 
 
 def _in_order(actions: Sequence[Action]) -> list[Action]:
-    """Return actions by the time of their beginning; a roll before a pull that begins at once with it."""
+    """Return actions by the time of their start; a roll before a pull that begins at once with it."""
     ordered = sorted(actions, key=lambda one: one.time)
     for number in range(1, len(ordered)):
         before, one = ordered[number - 1], ordered[number]

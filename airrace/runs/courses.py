@@ -104,7 +104,7 @@ EDITORS_LINE = "# yaml-language-server: $schema="
 
 @record
 class CourseFile:
-    """A track file that was written, and what is to be told of the placemarks from which it was sketched."""
+    """A track file that was written, and the remarks on the placemarks from which it was sketched."""
 
     path: Path
     remarks: tuple[ImportRemark, ...] = ()
@@ -149,7 +149,7 @@ def init(
 def begin_course(
     name: str | Path, *, like: str | Path | None = None, from_: str | Path | None = None, force: bool = False
 ) -> CourseFile:
-    """Write a track file as `init` does; return it with what is to be told of it."""
+    """Write a track file as `init` does; return it with the remarks on it."""
     path = Path(name)
     path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:

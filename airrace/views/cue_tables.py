@@ -8,7 +8,7 @@ from airrace.views.tables import Cell, Column, Table, Value
 from airrace.views.units import RACE, Units
 
 ONCE_ROUND = math.radians(270.0)
-"""The angle from which on a roll is told by what is rolled, rad: both banks would not say it."""
+"""The angle from which on a roll is described by the angle rolled, rad: both banks would not say it."""
 
 
 def place_text(cue: Cue, units: Units = RACE) -> str:

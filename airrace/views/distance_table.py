@@ -22,7 +22,7 @@ def distance_table(flight: Flight, title: str, *, begin: float = 0.0, notes: Seq
     Args:
         flight: of which it is.
         title: stands above it.
-        begin: the time from which on times are told, s.
+        begin: the time that times count from, s.
         notes: sentences that belong to it.
     """
     rows = [

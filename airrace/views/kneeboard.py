@@ -1,6 +1,6 @@
 """The kneeboard: one page for the pilot's hand with map, table of the gates, and cues.
 
-The map is turned so that the line flown fills its place; arrows tell north and the wind. What the table and the cues
+The map is turned so that the flight fills its place; arrows tell north and the wind. What the table and the cues
 leave of the page is the map's.
 """
 
@@ -43,10 +43,10 @@ class PageStyle:
         cue_sizes: of the letters of the cues, the largest that fits is taken; a pilot reads 6 points on the knee.
         cue_pitch: of their lines, as a multiple of the size.
         letter_width: on average, as a multiple of the size, measured on cues in the figure's font.
-        map_share: of the page's height that is kept for the map.
+        map_share: of the page's height for the map.
         turn: step between the angles to which the map is turned, deg.
-        worth_turning: gain of scale for which the map is turned away from north at all: north up is easier to read.
-        pad: around the line flown, as a share of the map's place.
+        turning_gain: gain of scale for which the map is turned away from north at all: north up is easier to read.
+        pad: around the flight, as a share of the map's place.
     """
 
     margin: float = 14.0
@@ -60,7 +60,7 @@ class PageStyle:
     letter_width: float = 0.53
     map_share: float = 0.28
     turn: int = 3
-    worth_turning: float = 1.08
+    turning_gain: float = 1.08
     pad: float = 0.05
 
 
@@ -89,10 +89,10 @@ def table_columns(units: Units) -> tuple[tuple[float, Column], ...]:
 def kneeboard_figure(flight: Flight, units: Units = RACE) -> Figure:
     """Return a page, A5, upright, with the map, what to fly at every gate, and the cues on the way to it.
 
-    Gates are numbered as they are flown; the map's labels are these numbers.
+    Gates are numbered in the order of their passing; the map's labels are these numbers.
 
     Args:
-        flight: what is flown.
+        flight: the flight.
         units: of speeds, heights and distances.
     """
     width, height = POINTS * PAGE_WIDTH, POINTS * PAGE_HEIGHT
@@ -180,7 +180,7 @@ def _lines(cue: Cue, units: Units, letters: int) -> list[tuple[str, str]]:
 
 
 def _draw_plan(figure: Figure, axes: Axes, flight: Flight, units: Units) -> None:
-    """Draw the map with the line flown in the colours of the load factor, turned to fill its place."""
+    """Draw the map with the flight in the colours of the load factor, turned to fill its place."""
     from matplotlib.transforms import Affine2D
 
     map_ = map_model(flight.race).with_track(np.stack([flight["x"], flight["y"]], axis=1))
@@ -231,7 +231,7 @@ def fitting_turn(points: Array, shape: float) -> float:
 
     angles = [math.radians(angle) for angle in range(-90, 91, STYLE.turn)]
     best = min(angles, key=lambda angle: (round(height(angle), 6), abs(angle)))
-    return best if height(0.0) > STYLE.worth_turning * height(best) else 0.0
+    return best if height(0.0) > STYLE.turning_gain * height(best) else 0.0
 
 
 def _turned_frame(points: Array, turn: float, shape: float) -> Box:

@@ -119,7 +119,7 @@ def _optimum(certificate: Certificate | None) -> str:
 
 
 def _touches(certificate: Certificate | None) -> str:
-    """Return what is told of a clearance from pylons that is missed and does not decide; empty where there is none."""
+    """Return the sentence on a clearance from pylons that is missed and does not decide; empty where there is none."""
     items = () if certificate is None else certificate.items
     missed = next((one.value for one in items if one.name == CLEARANCE and math.isinf(one.limit)), 0.0)
     text = f"; beside its crossings the wing misses its clearance from a pylon by {missed:.2f} m"

@@ -105,7 +105,7 @@ class MoveGenerator:
                 yield from self._other_shapes(segment, shape)
 
     def rolls(self, changed: Set[int]) -> Iterator[Move]:
-        """Yield each roll from side to side flown the other way, in windows that hold a phase that has changed."""
+        """Yield each roll from side to side the other way, in windows that hold a phase that has changed."""
         base, nodes = self.base, self.base.problem.first_node
         flight, steps = (
             dataclasses.replace(base.flight, plan=self._plan),

@@ -1,4 +1,4 @@
-"""The rolls of a flight from one side to the other, and how each is flown the other way.
+"""The rolls of a flight from one side to the other, and each of them the other way.
 
 A roll leads through level or through inverted flight, a full turn about the velocity apart. Where an aircraft pulls
 down, banked beyond the vertical, it can do so on either side. Each choice is a local optimum of its own.
@@ -69,7 +69,7 @@ class Reversal:
 
 @record
 class Reroll:
-    """A flight on which one roll is flown the other way; `first` and `last` are the nodes between which it differs."""
+    """A flight with one roll the other way; `first` and `last` are the nodes between which it differs."""
 
     first: int
     last: int

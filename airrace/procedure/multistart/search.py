@@ -67,7 +67,7 @@ class SearchBudget:
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
         local: whether the flight is near an optimum, so that windows are. Then a place that several laps pass by the
             same route is tried in the first of them, windows that keep the route are not solved jointly, and other
-            shapes are left out: on Rovinj and Chiba all windows with them led back to the shape that was flown.
+            shapes are left out: on Rovinj and Chiba all windows with them led back to the same shape.
     """
 
     radii: tuple[Radius, ...]

@@ -1,4 +1,4 @@
-"""Creeping: fatrop's short steps at nearly feasible points, told by the lines that it prints.
+"""Creeping: fatrop's short steps at nearly feasible points, seen in the lines that it prints.
 
 From some guesses on, fatrop's factorisation claims negative curvature in every iteration where a sparse one finds none.
 What it then adds to the Hessian, 1 to 50, leaves steps of 1e-4, and hundreds of iterations lead nowhere. Another

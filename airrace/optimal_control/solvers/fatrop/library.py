@@ -110,7 +110,7 @@ class Output:
     """The stream that fatrop prints to; fatrop has one per process, so it lives as long as the process.
 
     What Python raises while printing cannot pass through fatrop; it waits in `error`. While `muted`, nothing is
-    printed; fatrop's own option for that would hold for all solves that follow. A `listener` is told what is printed.
+    printed; fatrop's own option for that would hold for all solves that follow. A `listener` receives what is printed.
     """
 
     def __init__(self) -> None:
