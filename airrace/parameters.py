@@ -10,13 +10,12 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Generic, TypeVar, cast
 
-from airrace.quantities import KNOT, Interval
+from airrace.quantities import DEGREE, KNOT, Interval
 from airrace.records import record
 
 Model = TypeVar("Model")
 Whole = TypeVar("Whole")
 
-DEGREE = math.pi / 180.0
 FACTORS = {"deg": DEGREE, "deg/s": DEGREE, "kt": KNOT, "kW": 1000.0}
 """The SI value of the units that are not SI."""
 OWN_STEPS = {

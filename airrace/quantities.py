@@ -23,6 +23,10 @@ T = TypeVar("T")
 
 KNOT = 1852.0 / 3600.0
 """One knot in m/s."""
+DEGREE = math.pi / 180.0
+"""One degree in rad."""
+FOOT = 0.3048
+"""One foot in m."""
 
 
 @record

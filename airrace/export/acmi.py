@@ -15,12 +15,11 @@ from airrace.results import Flight
 
 FIRST_AIRCRAFT, FIRST_FEATURE = 0x100, 0x1000
 COLOURS = ("Red", "Blue", "Green", "Orange", "Violet", "Cyan")
-DEGREE = 180.0 / math.pi
 PROPERTIES: tuple[tuple[str, str, float, int], ...] = (
     ("IAS", "V_I", 1.0, 2),
     ("TAS", "V_A", 1.0, 2),
-    ("AOA", "alpha_A", DEGREE, 2),
-    ("AOS", "beta_A", DEGREE, 2),
+    ("AOA", "alpha_A", math.degrees(1.0), 2),
+    ("AOS", "beta_A", math.degrees(1.0), 2),
     ("Throttle", "delta_T", 1.0, 3),
     ("VerticalGForce", "n_z", 1.0, 3),
     ("LateralGForce", "n_y", 1.0, 3),

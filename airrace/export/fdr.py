@@ -12,11 +12,9 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.export.globe import compass, printable, stamp
-from airrace.quantities import KNOT
+from airrace.quantities import DEGREE, FOOT, KNOT
 from airrace.results import Flight
 
-FOOT = 0.3048
-DEGREE = math.pi / 180.0
 AIRCRAFT = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf"
 """X-Plane shows the flight with this aircraft, which every installation has; another path may be put in its place."""
 COLUMNS: tuple[tuple[str, str, float, int], ...] = (

@@ -1,6 +1,5 @@
 """Flights as tables: samples of a trajectory, columns with their units, data frames."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from airrace.errors import UsageError
 from airrace.extras import extra
-from airrace.quantities import KNOT, Quantity
+from airrace.quantities import DEGREE, KNOT, Quantity
 from airrace.records import record
 from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes
 from airrace.results.flight import PATH_ATTITUDE
@@ -29,7 +28,6 @@ ROWS_MAX = 10_000_000
 """The largest number of rows that are sampled at a fixed rate."""
 ROWS_AT_ONCE = 10_000
 """The largest number of rows of a piece of a table."""
-DEGREE = math.pi / 180.0  # rad
 SPEEDS = ("V_K", "V_A", "V_I")
 PATH_ANGLES = ("chi", "gamma", "mu")
 

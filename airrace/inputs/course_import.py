@@ -1,6 +1,6 @@
 """A course from placemarks of other programs: a track file that can be checked, and gone on with.
 
-A line between two places, no longer than `GATE_WIDTH_MAX`, is a gate between its two pylons, and so are two points that
+A line between two places, no longer than 60 m, is a gate between its two pylons, and so are two points that
 are called alike but for a side; any other point is a single pylon. People, obstacles, safety lines and the airspace are
 what is called so (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the airspace, the
 rest are people. Elements follow one another as in the file: gates in the direction of the way, pylons on the outside of
@@ -20,24 +20,38 @@ from airrace.inputs.nodes import LIMITS
 from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
 from airrace.inputs.surroundings import BOX_MAX_M, HEIGHT_MAX_M
 from airrace.logs.recording import refuse
+from airrace.quantities import FOOT
 from airrace.records import record
 from airrace.track import polygons
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
-GATE_WIDTH_MAX = 60.0
-"""The length beyond which a line is no gate, m."""
-STRAIGHT = 1.0
-"""The distance of its corners from the line through its ends up to which a line is a straight one, m."""
-CROWD_DISTANCE = 100.0
-"""The distance from people until the file says better, m."""
+
+@record
+class ImportAssumptions:
+    """What is taken for granted of placemarks.
+
+    Attributes:
+        gate_width_max: the length beyond which a line is no gate, m.
+        straight: the distance of its corners from the line through its ends up to which a line is a straight
+            one, m.
+        crowd_distance: the distance from people until the file says better, m.
+        obstacle_height: the height of an obstacle until the file says better, m.
+        obstacle_height_min: the least height of an obstacle, m; one of 0 m is none.
+    """
+
+    gate_width_max: float = 60.0
+    straight: float = 1.0
+    crowd_distance: float = 100.0
+    obstacle_height: float = 50.0
+    obstacle_height_min: float = 0.1
+
+
+ASSUMED = ImportAssumptions()
+
+
 HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNORECASE)
-FOOT = 0.3048
-OBSTACLE_HEIGHT = 50.0
-"""The height of an obstacle until the file says better, m."""
-OBSTACLE_HEIGHT_MIN = 0.1
-"""The least height of an obstacle, m; one of 0 m is none."""
 SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
 # Sketched from {path}. Look at it with `airrace check`, and put right what no placemark says:
@@ -182,7 +196,7 @@ class _Sketch:
         left, right = (one, other) if _side(one) == "l" else (other, one)
         places = (*left.places, *right.places)
         width = _width(self._points(places))
-        if 0.0 < width <= GATE_WIDTH_MAX:
+        if 0.0 < width <= ASSUMED.gate_width_max:
             self._add(SIDE.sub("", parted(one.name)), places, sided=True)
             return
         for mark in (one, other):
@@ -193,8 +207,8 @@ class _Sketch:
         width = _width(self._points(mark.places))
         if len(mark.places) > 2:
             self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
-        elif not 0.0 < width <= GATE_WIDTH_MAX:
-            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
+        elif not 0.0 < width <= ASSUMED.gate_width_max:
+            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {ASSUMED.gate_width_max:.0f} m")
         else:
             self._add(mark.name, mark.places)
             if mark.name and mark.subject is not Subject.ELEMENT:
@@ -261,15 +275,19 @@ class _Sketch:
         shape = {PlacemarkShape.POINT: "point", PlacemarkShape.LINE: "line", PlacemarkShape.AREA: "polygon"}[mark.shape]
         places = _degrees(mark.places)
         where: object = places[0] if shape == "point" else places
-        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": CROWD_DISTANCE}
+        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": ASSUMED.crowd_distance}
         if mark.named is not Subject.CROWD:
             self._guess(mark, "people", "its name does not say")
 
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
         found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
-        named = float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
-        height = min(max(named, OBSTACLE_HEIGHT_MIN), HEIGHT_MAX_M)
+        named = (
+            float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0)
+            if found
+            else ASSUMED.obstacle_height
+        )
+        height = min(max(named, ASSUMED.obstacle_height_min), HEIGHT_MAX_M)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
@@ -307,7 +325,7 @@ class _Sketch:
     def _take_safety_line(self, mark: Placemark) -> None:
         """Take a straight line, or every stretch of a bent one: on the side on which most elements stand."""
         points, places = self._points(mark.places), mark.places
-        if all(abs(polygons.to_right(points[0], points[-1], one)) <= STRAIGHT for one in points[1:-1]):
+        if all(abs(polygons.to_right(points[0], points[-1], one)) <= ASSUMED.straight for one in points[1:-1]):
             points, places = (points[0], points[-1]), (places[0], places[-1])
         if not self._has_room(mark, self.lines, len(points) - 1, LIMITS.safety_lines, "safety lines"):
             return

@@ -1,7 +1,6 @@
 """The base of all schemas, and the validation of documents: errors name file, line, key and what would be right."""
 
 import difflib
-import math
 import re
 from collections.abc import Iterator
 from types import NoneType, UnionType
@@ -16,12 +15,11 @@ from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.quantities import KNOT
+from airrace.quantities import DEGREE, KNOT
 
 # Any: annotations of arbitrary type, inspected at run time.
 Annotation = Any
 
-DEGREE = math.radians(1.0)
 SI = {"_deg": DEGREE, "_deg_s": DEGREE, "_kt": KNOT, "_kW": 1000.0, "_hPa": 100.0}
 """The SI value of units, by the ending of the key; all other units are SI."""
 DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")

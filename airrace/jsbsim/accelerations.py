@@ -6,7 +6,6 @@ rest, 2.7e-6, is in the digits of the gas constant.
 """
 
 import dataclasses
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -20,6 +19,7 @@ from airrace.environment.atmosphere import AtmosphereParameters, g0
 from airrace.environment.wind import Weather, WindField
 from airrace.frames import rotation
 from airrace.jsbsim.simulation import Accelerations, SimulatedAircraft
+from airrace.quantities import DEGREE
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -37,7 +37,6 @@ def at_geopotential_height(state: SixDofState[float], air: AtmosphereParameters[
     return dataclasses.replace(state, z=air.elevation - geopotential_height(air.elevation - state.z))
 
 
-DEGREE = math.pi / 180.0
 RANGES = {
     "V_K": (45.0, 130.0),
     "alpha_K": (-10.0 * DEGREE, 20.0 * DEGREE),

@@ -28,10 +28,9 @@ from xml.etree.ElementTree import Element, ElementTree, indent
 from airrace.dynamics.aerodynamics import STALL_BLEND
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.quantities import FOOT
 from airrace.records import record
 
-FOOT = 0.3048
-"""The foot, m, exactly."""
 POUND = 0.45359237
 """The pound of mass, kg, exactly."""
 SLUG = 32.174049 * POUND

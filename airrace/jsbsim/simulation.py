@@ -28,7 +28,6 @@ from airrace.errors import UsageError
 from airrace.frames import angles, rotation
 from airrace.jsbsim.aircraft_xml import (
     DENSITY,
-    FOOT,
     MOVED,
     NAME,
     POUND_FORCE,
@@ -38,6 +37,7 @@ from airrace.jsbsim.aircraft_xml import (
     Planet,
     write_model,
 )
+from airrace.quantities import FOOT
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 

@@ -43,26 +43,37 @@ from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
-THRESHOLD = 1e-4
-"""The curvature that counts as zero, in the objective's unit for a change of one scale in the mean square.
 
-It is relaxed with the size of the multipliers, as the KKT error is. A change that large then costs less than 5e-5 s, a
-hundredth of the 5 ms to which race times are certified.
-"""
+@record
+class CurvatureTolerances:
+    """The numbers by which curvature is judged, for scaled unknowns.
+
+    Attributes:
+        zero: the curvature that counts as zero, in the objective's unit for a change of one scale in the mean
+            square. It is relaxed with the size of the multipliers, as the KKT error is. A change that large
+            then costs less than 5e-5 s, a hundredth of the 5 ms to which race times are certified.
+        rank: the size of what is left of a row of length 1 below which it depends on others, or no u can keep
+            it (1).
+        stiff: the cost of a change of the states by 1 from which on they are held, in the objective's unit. Of
+            costs from 1e9 on, rounding alone exceeds what a change at a single stage costs; and to hold what
+            costs 1e6 changes the curvature of nothing else by more than a millionth of the square of its slope.
+        weakly_active_ratio: the ratio of multiplier and slack, or of slack and multiplier, below which a limit
+            is weakly active (1).
+        resolution: the size of multipliers and slacks, scaled, below which nothing is known of them: as solvers
+            leave them (1).
+    """
+
+    zero: float = 1e-4
+    rank: float = 1e-6
+    stiff: float = 1e6
+    weakly_active_ratio: float = 100.0
+    resolution: float = 1e-8
+
+
+TOLERANCES = CurvatureTolerances()
+
+
 Number = TypeVar("Number", np.float64, np.bool_)
-
-RANK = 1e-6
-"""The size of what is left of a row of length 1 below which it depends on others, or no u can keep it (1)."""
-STIFF = 1e6
-"""The cost of a change of the states by 1 from which on they are held, in the objective's unit.
-
-Of costs from 1e9 on, rounding alone exceeds what a change at a single stage costs; and to hold what costs 1e6 changes
-the curvature of nothing else by more than a millionth of the square of its slope.
-"""
-LIKELY = 100.0
-"""The ratio of multiplier and slack, or of slack and multiplier, below which a limit is weakly active (1)."""
-RESOLUTION = 1e-8
-"""The size of multipliers and slacks, scaled, below which nothing is known of them: as solvers leave them (1)."""
 
 
 def second_order(problem: Problem, iterate: Iterate, constraint_multipliers: Array) -> tuple[SecondOrder, Array] | None:
@@ -116,11 +127,15 @@ def judge(
     slack = np.maximum(np.where(pressure > 0.0, upper - values, values - lower), 0.0)
     size, equal = np.abs(pressure), lower == upper
     active = ~equal & (size > slack)
-    vague = size + RESOLUTION, slack + RESOLUTION
-    weak = ~equal & (vague[0] < LIKELY * vague[1]) & (vague[1] < LIKELY * vague[0])
+    vague = size + TOLERANCES.resolution, slack + TOLERANCES.resolution
+    weak = (
+        ~equal
+        & (vague[0] < TOLERANCES.weakly_active_ratio * vague[1])
+        & (vague[1] < TOLERANCES.weakly_active_ratio * vague[0])
+    )
     form = StageQuadratic.of(matrices, equal | active, _shares(layout, w))
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
-    threshold = THRESHOLD * largest / MULTIPLIER_SCALE
+    threshold = TOLERANCES.zero * largest / MULTIPLIER_SCALE
     saddle = SADDLE * threshold
     found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if found is not None:
@@ -324,7 +339,7 @@ def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Arr
         return T, bound
     D = _row_space(np.concatenate([rows[:, :m] * ~held[:m], rows[:, free]], axis=1))
     U, S, Vt = np.linalg.svd(D[:, m:], full_matrices=True)
-    rank = int((S > RANK).sum())
+    rank = int((TOLERANCES.rank < S).sum())
     on_states = U.T @ D[:, :m]  # its rows are orthogonal, so the solved ones leave what others bind alone
     T[free, :m] = -Vt[:rank].T @ (on_states[:rank] / S[:rank, None])
     T[free, m : m + len(free) - rank] = Vt[rank:].T
@@ -332,11 +347,11 @@ def _eliminate(rows: Array, held: NDArray[np.bool_], m: int) -> tuple[Array, Arr
 
 
 def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
-    """Take the squares of changes of the states off the costs as long as one costs more than `STIFF`, and let these
-    changes be zero, as rows that are handed on."""
+    """Take the squares of changes of the states off the costs as long as one is stiff, and let these changes
+    be zero, as rows that are handed on."""
     for _ in costs:
         most = int(costs.diagonal().argmax())
-        if not costs[most, most] > STIFF:
+        if not costs[most, most] > TOLERANCES.stiff:
             break
         change = costs[most] / np.sqrt(costs[most, most])
         costs = costs - np.outer(change, change)
@@ -345,20 +360,20 @@ def _hold_stiff(costs: Array, ahead: Array) -> tuple[Array, Array]:
 
 
 def _row_space(rows: Array) -> Array:
-    """Return orthonormal rows that span the same; what is left of a row below `RANK` of it is left out."""
+    """Return orthonormal rows that span the same; what is left of a row below `TOLERANCES.rank` of it is left out."""
     lengths = np.sqrt((rows * rows).sum(axis=1))
-    independent = lengths > RANK
+    independent = lengths > TOLERANCES.rank
     rows = rows[independent] / lengths[independent, None]
     if len(rows) < 2:
         return rows
     _, S, Vt = np.linalg.svd(rows, full_matrices=False)
-    return Vt[: int((S > RANK).sum())]
+    return Vt[: int((TOLERANCES.rank < S).sum())]
 
 
 def _null_space(rows: Array) -> Array:
     """Return an orthonormal basis of the null space of rows of length 1, as columns."""
     _, S, Vt = np.linalg.svd(rows, full_matrices=True)
-    return Vt[int((S > RANK).sum()) :].T
+    return Vt[int((TOLERANCES.rank < S).sum()) :].T
 
 
 def _cholesky(matrix: Array) -> Array | None:

@@ -16,7 +16,7 @@ from airrace.dynamics import handling
 from airrace.environment.atmosphere import g0
 from airrace.frames import angle_between
 from airrace.planning.plan import ONE_PLACE, plan
-from airrace.planning.planning_model import AIR_DENSITY, PlanningModel, top_speed
+from airrace.planning.planning_model import ASSUMED, PlanningModel, top_speed
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.quantities import KNOT
@@ -306,7 +306,7 @@ def tightest(race: Race) -> PlanningModel:
     """
     aircraft, rules = race.aircraft, race.course.rules
     V = min(top_speed(aircraft) or race.pace.V, aircraft.envelope.V.upper)
-    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    lift = 0.5 * ASSUMED.air_density * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
     return PlanningModel(V, max(n, SETTINGS.load_factor_min), 0.5 * min(aircraft.point_mass.p, rules.p))
 
@@ -374,7 +374,7 @@ def climb_rate(aircraft: Aircraft) -> float:
     """Return the best rate of climb at full power, m/s (ISA, sea level); 0 for an aircraft that cannot fly level."""
     propulsion, drag, m, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.m, aircraft.airframe.S
     V = np.linspace(max(aircraft.envelope.V.lower, 1.0), aircraft.envelope.V.upper, 50)
-    pressure = 0.5 * AIR_DENSITY * V**2
+    pressure = 0.5 * ASSUMED.air_density * V**2
     C_D = drag.C_D0 + drag.k * (m * g0 / (pressure * S) - drag.C_L_minD) ** 2
     spare = propulsion.eta_p * propulsion.P_max - pressure * S * C_D * V
     return max(0.0, float(spare.max()) / (m * g0))

@@ -7,16 +7,28 @@ from airrace.environment.atmosphere import g0
 from airrace.records import record
 from airrace.track.course import Rules
 
-AIR_DENSITY = 1.225
-"""The density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day."""
-SHARE_OF_TOP_SPEED = 0.76
-"""The planning speed as a share of the top speed of level flight."""
-LOAD_FACTOR = 6.0
-"""The load factor of planned turns, g, where limits and lift allow it."""
-SHARE_OF_LIMIT = 0.6
-"""The load factor of planned turns as a share of the allowed one, at most."""
-LEAST_LOAD_FACTOR = 2.5
-"""The least load factor of planned turns, g; below it they become so wide that the plan misses the point."""
+
+@record
+class PlanningAssumptions:
+    """The numbers by which speed and turns are planned.
+
+    Attributes:
+        air_density: the density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day.
+        share_of_top_speed: the planning speed as a share of the top speed of level flight.
+        load_factor: the load factor of planned turns, g, where limits and lift allow it.
+        share_of_limit: the load factor of planned turns as a share of the allowed one, at most.
+        least_load_factor: the least load factor of planned turns, g; below it they become so wide that the plan
+            misses the point.
+    """
+
+    air_density: float = 1.225
+    share_of_top_speed: float = 0.76
+    load_factor: float = 6.0
+    share_of_limit: float = 0.6
+    least_load_factor: float = 2.5
+
+
+ASSUMED = PlanningAssumptions()
 
 
 @record
@@ -36,11 +48,11 @@ class PlanningModel:
 def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
     """Return three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
     envelope = aircraft.envelope.V
-    V = min(max(SHARE_OF_TOP_SPEED * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
-    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    V = min(max(ASSUMED.share_of_top_speed * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
+    lift = 0.5 * ASSUMED.air_density * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n_lift = lift / (aircraft.airframe.m * g0)
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
-    n = max(min(LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), LEAST_LOAD_FACTOR)
+    n = max(min(ASSUMED.load_factor, ASSUMED.share_of_limit * n_limit, 0.8 * n_lift), ASSUMED.least_load_factor)
     return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
 
 
@@ -51,11 +63,11 @@ def top_speed(aircraft: Aircraft) -> float:
     """
     propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
     P = propulsion.eta_p * propulsion.P_max
-    speed = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
+    speed = (2.0 * P / (ASSUMED.air_density * S * drag.C_D0)) ** (1 / 3)
     for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
         if speed < 1.0:  # ever slower: what it takes to carry the weight is more than the power
             return 0.0
-        C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * speed**2 * S)
+        C_L = aircraft.airframe.m * g0 / (0.5 * ASSUMED.air_density * speed**2 * S)
         C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2
-        speed = (2.0 * P / (AIR_DENSITY * S * C_D)) ** (1 / 3)
+        speed = (2.0 * P / (ASSUMED.air_density * S * C_D)) ** (1 / 3)
     return speed

@@ -28,17 +28,31 @@ from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
-UNASKED = 0.5
-"""The clearance of pylons whose element asks for no more, m: that of the rules of 2014 to 2019."""
-NEAR = 10.0
-"""The distance, m, beyond clearance and wing, at which a pylon counts as near."""
-PARTS = 48
-"""The number of parts into which a step is divided to find the least distance, and again the part with the least."""
-ABEAM_MAX = 0.1
-"""The longest time, s, between the moment abeam and that of the least distance; on a leg that ends before, or where the
-wing hits, it could be longer."""
-LEVEL = 1e-9
-"""The extent of a wing, m, below which it has none in a direction; other points of it are the nearest then."""
+
+@record
+class ClearanceSearch:
+    """The numbers by which the least distances are searched for.
+
+    Attributes:
+        least_clearance: the clearance of pylons whose element asks for no more, m: that of the rules of 2014 to
+            2019.
+        near: the distance, m, beyond clearance and wing, at which a pylon counts as near.
+        parts: the number of parts into which a step is divided to find the least distance, and again the part
+            with the least.
+        abeam_max: the longest time, s, between the moment abeam and that of the least distance; on a leg that
+            ends before, or where the wing hits, it could be longer.
+        level: the extent of a wing, m, below which it has none in a direction; other points of it are the
+            nearest then.
+    """
+
+    least_clearance: float = 0.5
+    near: float = 10.0
+    parts: int = 48
+    abeam_max: float = 0.1
+    level: float = 1e-9
+
+
+SEARCH = ClearanceSearch()
 
 
 Place = tuple[float, float]
@@ -131,7 +145,7 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     """Return all pylons of a course, in the order of the first passings of their elements, and those of obstacles."""
     found: dict[Place, PylonPost] = {}
     for element in {one.element.name: one.element for one in course.passages}.values():
-        drawing, required = element.drawing(), UNASKED
+        drawing, required = element.drawing(), SEARCH.least_clearance
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
         for number, post in enumerate(drawing.posts):
@@ -165,9 +179,9 @@ def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:
     d = centre - np.array([pylon.north, pylon.east, pylon.height]).reshape(3, *(1,) * (centre.ndim - 1))
     level, whole = (np.sum(half[:rows] ** 2, axis=0) for rows in (2, 3))
     vertices = (
-        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > LEVEL**2, level, 1.0),
-        -np.sum(d * half, axis=0) / np.where(whole > LEVEL**2, whole, 1.0),
-        -d[2] / np.where(np.abs(half[2]) > LEVEL, half[2], np.inf),
+        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > SEARCH.level**2, level, 1.0),
+        -np.sum(d * half, axis=0) / np.where(whole > SEARCH.level**2, whole, 1.0),
+        -d[2] / np.where(np.abs(half[2]) > SEARCH.level, half[2], np.inf),
     )
     least = np.full(level.shape, np.inf)
     for vertex in vertices:
@@ -186,15 +200,15 @@ def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
     later = away[1:] < away[:-1]
     distance, time = np.where(later, away[1:], away[:-1]), np.where(later, wing.time[1:], wing.time[:-1])
     moved = np.linalg.norm(np.diff(wing.centre, axis=1), axis=0)
-    near = np.flatnonzero(distance < pylon.required + NEAR + 2.0 * moved)
+    near = np.flatnonzero(distance < pylon.required + SEARCH.near + 2.0 * moved)
     if len(near):
-        shares = np.broadcast_to(np.linspace(0.0, 1.0, PARTS + 1), (len(near), PARTS + 1))
-        for part in (0.5 / PARTS, 0.0):
+        shares = np.broadcast_to(np.linspace(0.0, 1.0, SEARCH.parts + 1), (len(near), SEARCH.parts + 1))
+        for part in (0.5 / SEARCH.parts, 0.0):
             values = wing_distance(pylon, *_between(wing, near, shares))
             best = np.argmin(values, axis=1)[:, None]
             share = np.take_along_axis(shares, best, axis=1)
             if part:
-                shares = np.clip(share + 2.0 * part * np.linspace(-1.0, 1.0, PARTS + 1), 0.0, 1.0)
+                shares = np.clip(share + 2.0 * part * np.linspace(-1.0, 1.0, SEARCH.parts + 1), 0.0, 1.0)
         distance[near] = np.take_along_axis(values, best, axis=1)[:, 0]
         time[near] = wing.time[near] + share[:, 0] * np.diff(wing.time)[near]
     return distance, time
@@ -224,7 +238,7 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
         d = centre[:2] - np.array([[pylon.north], [pylon.east]])
         along = np.sum(velocity * d, axis=0) / speed
         beside = (velocity[0] * d[1] - velocity[1] * d[0]) / speed
-        abeam = time[steps] - np.clip(along / speed, -ABEAM_MAX, ABEAM_MAX)
+        abeam = time[steps] - np.clip(along / speed, -SEARCH.abeam_max, SEARCH.abeam_max)
         columns = (distance[steps], time[steps], abeam, along, beside)
         for leg, numbers in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
             yield ClosestApproach(pylon, leg, *numbers)

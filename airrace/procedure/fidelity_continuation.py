@@ -47,33 +47,43 @@ from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.procedure.warm_start import map_controls, track, trimmed_start
+from airrace.records import record
 
 logger = logging.getLogger(__name__)
 
-NEAR_TIE = 4.0
-"""The multiple of the limit of the certificate's `race_time_change` (1) that settles which of two flights is faster.
 
-The meshes of flights that were solved on one mesh each, and whose race times differ by less, are checked before the
-faster one is chosen. Each mesh may err by about that limit.
-"""
-MAX_LOSS = 0.1
-"""The time by which an optimum may be slower than the rough one that it started from, s.
+@record
+class ChoiceThresholds:
+    """The numbers by which one of several flights is chosen.
 
-On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
-another route was certified than the one that was found.
-"""
+    Attributes:
+        near_tie: the multiple of the limit of the certificate's `race_time_change` (1) that settles which of
+            two flights is faster. The meshes of flights that were solved on one mesh each, and whose race times
+            differ by less, are checked before the faster one is chosen. Each mesh may err by about that limit.
+        loss_max: the time by which an optimum may be slower than the rough one that it started from, s. On its
+            finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego.
+            More means that another route was certified than the one that was found.
+        other_sides_max: how often at most the pylons beside the fastest flight are passed on their other sides,
+            one at a time.
+        same_flight: the difference of race times below which two optima from different starts are one, s.
+    """
+
+    near_tie: float = 4.0
+    loss_max: float = 0.1
+    other_sides_max: int = 3
+    same_flight: float = 2e-4
+
+
+CHOICE = ChoiceThresholds()
+
 
 CARRIED_MAX, CARRIED_LAG = 2, 0.05
 """How many routes go through all stages where the settings do not say, and their largest lag, s.
 
 The order of routes at six-dof is another one than at the point mass on two of four courses, where rolls differ.
 """
-OTHER_SIDES_MAX = 3
-"""How often at most the pylons beside the fastest flight are passed on their other sides, one at a time."""
 Side = tuple[str, int, int, PylonSide]
 """Element and number of a pylon, the leg, and where it stands as the pilot passes it there."""
-SAME_FLIGHT = 2e-4
-"""The difference of race times below which two optima from different starts are one, s."""
 
 
 def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
@@ -224,7 +234,7 @@ class FidelityContinuation:
         Of those, only optima whose check succeeds still hold, unless none does.
         """
         times = [one.trajectory.race_time if one.holds else math.inf for one in results]
-        closest = min(times) + NEAR_TIE * self._settings.certificate.race_time_of(min(times))
+        closest = min(times) + CHOICE.near_tie * self._settings.certificate.race_time_of(min(times))
         close = [time <= closest < math.inf for time in times]
         if sum(close) <= (self._settings.alternatives or CARRIED_MAX):  # all of them are carried on
             return results
@@ -247,7 +257,7 @@ class FidelityContinuation:
         others, longest = list[StageResult](), math.inf if wanted else fastest.trajectory.race_time + CARRIED_LAG
         for one in sorted(results, key=lambda one: one.trajectory.race_time):
             known = [each.trajectory.race_time for each in (fastest, *others)]
-            differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
+            differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > CHOICE.same_flight
             if one.holds and one is not fastest and differs and one.trajectory.race_time <= longest:
                 others.append(one)
         return dataclasses.replace(fastest, alternatives=tuple(others[: (wanted or CARRIED_MAX) - 1]))
@@ -318,11 +328,11 @@ class FidelityContinuation:
         What is tried takes nothing from the budget.
         """
         found, tried, spent = list(results), set[frozenset[Side]](), session.budget.spent
-        for _ in range(OTHER_SIDES_MAX):
+        for _ in range(CHOICE.other_sides_max):
             fastest = found[_winner(found)]
             tried.add(_sides(fastest.pylon_conditions))
             solved = session.side_by_side(self._on_other_sides(fastest, tried))
-            least = fastest.trajectory.race_time - SAME_FLIGHT
+            least = fastest.trajectory.race_time - CHOICE.same_flight
             faster = [one for one in solved if isinstance(one, StageResult) and one.trajectory.race_time < least]
             faster = [one for one in faster if one.certified or (one.holds and not fastest.certified)]
             if not faster:
@@ -485,7 +495,7 @@ def _confirms(result: StageResult, report: SearchReport) -> bool:
     """Tell whether a flight holds and is about as fast as the best route was when it was solved coarsely."""
     if not result.holds or not report.routes:
         return result.holds
-    return result.trajectory.race_time <= report.routes[0].race_time + MAX_LOSS
+    return result.trajectory.race_time <= report.routes[0].race_time + CHOICE.loss_max
 
 
 def _sides(conditions: Sequence[PylonCondition]) -> frozenset[Side]:

@@ -19,28 +19,36 @@ from airrace.planning.rotation_time import roll_time, rotation_time, turn_by
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.phase_segments import align_quaternions
 from airrace.procedure.settings import MeshSettings
+from airrace.records import record
 from airrace.trajectory import Array
 
-SMOOTHING = 0.25
-"""The time of flight to either side over which the curvature is averaged, s."""
-LONG_RACE = 300.0
-"""The planned duration up to which a first mesh has intervals of the length that the settings name, s.
 
-A long race is limited by memory, and its race time may change by more, see `CertificateLimits.race_time_of`.
-"""
-STRETCHED = 1.4
-"""The largest factor (1) by which the first intervals of a longer race are longer.
+@record
+class FirstMesh:
+    """The numbers of a first mesh.
 
-16 laps of the sixteen phases (529 s) were proved on 7,859 intervals with 1, on 6,677 with 1.4 and on 5,970 with 1.8;
-summed over all meshes, iterations times intervals were 380, 289 and 368 thousand.
-"""
-SHORTEST_LEG = 0.3
-"""The shortest planned duration of a leg without a planned path, s."""
-COUNT_STEP = 4
-"""The step in which numbers of intervals rise.
+    Attributes:
+        smoothing: the time of flight to either side over which the curvature is averaged, s.
+        long_race: the planned duration up to which a first mesh has intervals of the length that the settings
+            name, s. A long race is limited by memory, and its race time may change by more, see
+            `CertificateLimits.race_time_of`.
+        stretch_max: the largest factor (1) by which the first intervals of a longer race are longer. 16 laps of
+            the sixteen phases (529 s) were proved on 7,859 intervals with 1, on 6,677 with 1.4 and on 5,970
+            with 1.8; summed over all meshes, iterations times intervals were 380, 289 and 368 thousand.
+        shortest_leg: the shortest planned duration of a leg without a planned path, s.
+        count_step: the step in which numbers of intervals rise. Phases of like length share their number, and
+            so a solver made ready for it.
+    """
 
-Phases of like length share their number, and so a solver made ready for it.
-"""
+    smoothing: float = 0.25
+    long_race: float = 300.0
+    stretch_max: float = 1.4
+    shortest_leg: float = 0.3
+    count_step: int = 4
+
+
+FIRST_MESH = FirstMesh()
+
 
 Fractions = tuple[float, ...]
 History = PointMassState[Array]
@@ -61,16 +69,16 @@ def _leg_seconds(leg: PlannedLeg, a: Waypoint, b: Waypoint, pace: PlanningModel)
         return math.hypot(leg.path.length, b.position[2] - a.position[2]) / pace.V
     roll = b.passage.roll
     turning = rotation_time(a.q, b.q, pace) if roll is None else roll_time(a.q, b.q, roll, pace)[0]
-    return max(turning, SHORTEST_LEG)
+    return max(turning, FIRST_MESH.shortest_leg)
 
 
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
     """Return a mesh of equal intervals in each phase, about `settings.interval` seconds long.
 
-    In races of more than `LONG_RACE` they grow with the race, up to `STRETCHED` times as long.
+    In races of more than `FIRST_MESH.long_race` they grow with the race, up to `FIRST_MESH.stretch_max` times as long.
     """
     seconds = leg_seconds(plan)
-    stretched = min(max(1.0, sum(seconds) / LONG_RACE), STRETCHED)
+    stretched = min(max(1.0, sum(seconds) / FIRST_MESH.long_race), FIRST_MESH.stretch_max)
     return [(1.0 / count,) * count for count in counts_of(seconds, settings, stretched)]
 
 
@@ -79,7 +87,7 @@ def counts_of(seconds: Sequence[float], settings: MeshSettings, stretched: float
     interval = stretched * settings.interval
     counts = [max(settings.intervals_min, math.ceil(s / interval)) for s in seconds]
     # Where that is too coarse, the mesh is refined.
-    return [min(COUNT_STEP * math.ceil(count / COUNT_STEP), 120) for count in counts]
+    return [min(FIRST_MESH.count_step * math.ceil(count / FIRST_MESH.count_step), 120) for count in counts]
 
 
 def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
@@ -157,8 +165,8 @@ def _level_history(plan: Plan, index: int, share: Array) -> History:
 
 
 def _smoothed_curvature(plan: Plan, index: int, s: Array) -> Array:
-    """Return the curvature (1/m) averaged over `SMOOTHING` to either side, across neighbouring level legs, too."""
-    reach = SMOOTHING * plan.cruise.V
+    """Return the curvature (1/m) averaged to either side, across neighbouring level legs, too."""
+    reach = FIRST_MESH.smoothing * plan.cruise.V
     at = s[:, None] + np.linspace(-reach, reach, 21)
     path = plan.legs[index].path
     assert path is not None

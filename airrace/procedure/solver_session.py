@@ -28,24 +28,36 @@ from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.start import InitialBarrier
+from airrace.records import record
 
-PER_INTERVAL = 5000
-"""The failed work that a stage may take per interval of its race's first mesh: so many iterations on that mesh.
 
-In the runs of the shipped courses one stage of 48 takes any of it, 11; of 54 point masses on generated courses, 24
-of them under tight limits, 47 take none and the others 60 to 540. It is spent in 1.1 to 1.4 times the planned race
-time.
-"""
-FEWEST_INTERVALS = 100
-"""The number of intervals that a race is taken to have at least: small ones have time to spare."""
-KNOWN_ITERATIONS_MAX = 200
-"""The largest number of iterations of a solve that begins with known multipliers.
+@record
+class SessionLimits:
+    """The work that solves may take.
 
-They took it from 25 to 17 iterations on Rovinj in 5 kt of wind; where they mislead all methods that are asked in turn,
-it is solved without them.
-"""
-POLISH = 1e-2
-"""The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
+    Attributes:
+        work_per_interval: the failed work that a stage may take per interval of its race's first mesh: so many
+            iterations on that mesh. In the runs of the shipped courses one stage of 48 takes any of it, 11; of
+            54 point masses on generated courses, 24 of them under tight limits, 47 take none and the others 60
+            to 540. It is spent in 1.1 to 1.4 times the planned race time.
+        fewest_intervals: the number of intervals that a race is taken to have at least: small ones have time to
+            spare.
+        known_iterations_max: the largest number of iterations of a solve that begins with known multipliers.
+            They took it from 25 to 17 iterations on Rovinj in 5 kt of wind; where they mislead all methods that
+            are asked in turn, it is solved without them.
+        polish: the factor on the solver's tolerance (1) where its solution is not good enough for the
+            certificate.
+    """
+
+    work_per_interval: int = 5000
+    fewest_intervals: int = 100
+    known_iterations_max: int = 200
+    polish: float = 1e-2
+
+
+LIMITS = SessionLimits()
+
+
 MEASURED = "its errors are measured to be within the certificate's limit"
 """The words added to the status of a solution that its solver does not claim but that is an optimum."""
 
@@ -65,7 +77,7 @@ class Budget:
     def of(cls, plan: Plan, settings: MeshSettings) -> Self:
         """Return the budget of every stage of a race, from its plan."""
         intervals = sum(len(fractions) for fractions in first_mesh(plan, settings))
-        return cls(PER_INTERVAL * max(intervals, FEWEST_INTERVALS))
+        return cls(LIMITS.work_per_interval * max(intervals, LIMITS.fewest_intervals))
 
     def for_an_explanation(self) -> "Budget":
         """Return what is left for finding out why nothing was found: a third at least."""
@@ -289,7 +301,7 @@ class SolverSession:
         limit = self.settings.certificate.kkt_error
         if rough or passing or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
-        tolerance = POLISH * chosen.tolerance
+        tolerance = LIMITS.polish * chosen.tolerance
         options = SolverOptions(tolerance, chosen.iterations_max, tolerance, exact=True, curvature=True)
         closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
         better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
@@ -359,7 +371,7 @@ def _tries(
     solvers: Sequence[str], options: SolverOptions, multipliers: Multipliers | None
 ) -> Iterator[tuple[str, Multipliers | None, SolverOptions]]:
     """Yield what is tried in turn: each solver with the multipliers, if it begins with any, then without them."""
-    sooner = replace(options, iterations_max=min(options.iterations_max, KNOWN_ITERATIONS_MAX))
+    sooner = replace(options, iterations_max=min(options.iterations_max, LIMITS.known_iterations_max))
     for solver in solvers:
         if multipliers is not None and SOLVERS[solver].begins_with_multipliers:
             yield solver, multipliers, sooner

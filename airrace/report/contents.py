@@ -52,7 +52,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from airrace.quantities import KNOT
+from airrace.quantities import DEGREE, KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
@@ -69,7 +69,6 @@ INFLATED = 25.0
 """The usual height of an inflated pylon, m."""
 NEAR = 50.0
 """The distance up to which those of the wing are drawn, m; else the near ones would look like zero."""
-DEGREE = math.pi / 180.0
 
 
 @record

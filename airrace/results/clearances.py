@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
-from airrace.planning.wing_clearance import UNASKED, PylonPost, Wing, closest_in_steps, pylons_of, wing_distance
+from airrace.planning.wing_clearance import SEARCH, PylonPost, Wing, closest_in_steps, pylons_of, wing_distance
 from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import BODY_ATTITUDE, Flight, TimedCrossing
@@ -255,7 +255,7 @@ def near_misses(flight: Flight) -> tuple[NearMiss, ...]:
 
 def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
     """Yield the least distance of every stretch on which it is less than the passing asks for."""
-    asked = replace(one, required=max(one.required, UNASKED))
+    asked = replace(one, required=max(one.required, SEARCH.least_clearance))
     start, finish = flight.crossings[0].time, flight.crossings[-1].time
     racing = (flight.time >= start) & (flight.time <= finish)
     below = racing & (one.values < asked.required - NEAR_MISS)  # NaN is not below

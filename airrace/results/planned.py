@@ -21,7 +21,7 @@ from airrace.planning.clearances import crowd_overflown, ground_distance
 from airrace.planning.lint import Remark, RemarkKind
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX, place
-from airrace.procedure.guess import SHORTEST_LEG, guess, leg_seconds
+from airrace.procedure.guess import FIRST_MESH, guess, leg_seconds
 from airrace.quantities import Quantity
 from airrace.results.clearances import (
     Clearance,
@@ -110,7 +110,10 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
     """Return what `_planned_legs` does for a course of which only the places of its elements are known."""
     places = [(math.nan, math.nan) if (at := place(one)) is None else at[:2] for one in race.course.passages]
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
-    seconds = [max(way / race.pace.V, SHORTEST_LEG) if math.isfinite(way) else SHORTEST_LEG for way in ways]
+    seconds = [
+        max(way / race.pace.V, FIRST_MESH.shortest_leg) if math.isfinite(way) else FIRST_MESH.shortest_leg
+        for way in ways
+    ]
     legs: list[Array] = []
     # In 0.2 s an aircraft flies twenty metres of a straight line.
     for count, (start, end) in zip(_counts(seconds, 0.2), itertools.pairwise(places), strict=True):

@@ -25,27 +25,42 @@ from airrace.runs.json_objects import certificate_object
 from airrace.runs.run import RunState, current_versions
 from airrace.trajectory import Array
 
-ROUNDED = 1e-6
-"""The largest difference between two evaluations of one formula, as a fraction of the value, or of 1 where that is
-less. Meshes are stored as times, so the fractions of their phases come back rounded; measured: 3e-8."""
-INTEGRATED = 1e-3
-"""The largest difference between two measurements of one flight, as a fraction of the value. An integrator may choose
-another step on another computer; on one computer the largest difference was 3e-8."""
-NOTHING = 1e-6
-"""The share of an item's limit below which a value is nothing but rounding."""
-SOLVED_AGAIN = 2e-2
-"""The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 1e-4 s.
 
-Optima that are found from different starts, all within the solver's tolerance, differ by what an interior point method
-leaves of its barrier. Measured: 7e-7 s on a course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
-"""
-COUNTED = 1e-2
-"""The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as a
-fraction of the one that counts as zero."""
-BORDERLINE = 0.2
-"""The distance from a curvature at which kinds differ, as a fraction of it, within which nothing is decided."""
-CLAUSES_MAX = 4
-"""The number of discrepancies that a sentence tells one by one."""
+@record
+class VerificationTolerances:
+    """The differences that are no discrepancy between what is stored and what is measured again.
+
+    Attributes:
+        rounded: the largest difference between two evaluations of one formula, as a fraction of the value, or
+            of 1 where that is less. Meshes are stored as times, so the fractions of their phases come back
+            rounded; measured: 3e-8.
+        integrated: the largest difference between two measurements of one flight, as a fraction of the value.
+            An integrator may choose another step on another computer; on one computer the largest difference
+            was 3e-8.
+        nothing: the share of an item's limit below which a value is nothing but rounding.
+        solved_again: the share of its limit for the race time on a coarser mesh, which is solved for anew from
+            another start: 1e-4 s. Optima that are found from different starts, all within the solver's
+            tolerance, differ by what an interior point method leaves of its barrier. Measured: 7e-7 s on a
+            course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
+        counted: the largest difference between two numbers of active limits, as a fraction of these, and one of
+            two curvatures, as a fraction of the one that counts as zero.
+        borderline: the distance from a curvature at which kinds differ, as a fraction of it, within which
+            nothing is decided.
+        clauses_max: the number of discrepancies that a sentence tells one by one.
+        sum_rounded: the largest difference between two sums of the same numbers, as a fraction.
+    """
+
+    rounded: float = 1e-6
+    integrated: float = 1e-3
+    nothing: float = 1e-6
+    solved_again: float = 2e-2
+    counted: float = 1e-2
+    borderline: float = 0.2
+    clauses_max: int = 4
+    sum_rounded: float = 1e-9
+
+
+TOLERANCES = VerificationTolerances()
 
 
 def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
@@ -69,7 +84,7 @@ def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
 
 def in_one_sentence(clauses: Sequence[str]) -> str:
     """Return clauses as one; of many only the first are listed."""
-    first, more = "; ".join(clauses[:CLAUSES_MAX]), len(clauses) - CLAUSES_MAX
+    first, more = "; ".join(clauses[: TOLERANCES.clauses_max]), len(clauses) - TOLERANCES.clauses_max
     return f"{first}; and {more} more" if more > 0 else first
 
 
@@ -80,7 +95,7 @@ def _flight(stored: StageResult, again: StageResult) -> Iterator[str]:
     for name, called in zip(mine.phases, its.phases, strict=True):
         if name != called:
             yield f"a leg is called {name!r}, and the course calls it {called!r}"
-    yield from _series("time", mine.time, its.time, ROUNDED * 1e-3 * its.race_time)
+    yield from _series("time", mine.time, its.time, TOLERANCES.rounded * 1e-3 * its.race_time)
 
 
 def _declarations(kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> Iterator[str]:
@@ -102,20 +117,22 @@ def _splits(stored: Sequence[GateSplit], again: Sequence[GateSplit]) -> Iterator
             apart = value - measured
             if name in ("bank", "heading"):
                 apart = math.remainder(apart, 2.0 * math.pi) if math.isfinite(apart) else apart
-            if not abs(apart) <= ROUNDED * max(1.0, abs(measured)):
+            if not abs(apart) <= TOLERANCES.rounded * max(1.0, abs(measured)):
                 yield _two(f"gate split {its.name}, {name}", value, measured)
 
 
 def _numbers(stored: StageResult, again: StageResult) -> Iterator[str]:
     mine, its = stored.provenance.regularisation, again.provenance.regularisation
-    if not abs(mine - its) <= ROUNDED:
+    if not abs(mine - its) <= TOLERANCES.rounded:
         yield _two("regularisation", mine, its)
     pressure, measured = stored.bound_multipliers, again.bound_multipliers
     largest = float(np.abs(measured).max(initial=1.0))
-    yield from _series("simple bounds, multiplier", pressure, measured, ROUNDED * largest)
+    yield from _series("simple bounds, multiplier", pressure, measured, TOLERANCES.rounded * largest)
     for name in ("defect", "drift"):
         before, found = getattr(stored.mesh, name), getattr(again.mesh, name)
-        yield from _series(f"mesh, {name}", before, found, INTEGRATED * float(np.abs(found).max(initial=0.0)))
+        yield from _series(
+            f"mesh, {name}", before, found, TOLERANCES.integrated * float(np.abs(found).max(initial=0.0))
+        )
 
 
 def _series(what: str, stored: Array, again: Array, tolerance: float) -> Iterator[str]:
@@ -144,11 +161,11 @@ def _certificate(stored: Certificate, again: Certificate) -> Iterator[str]:
 
 
 def _item(mine: Item, its: Item) -> Iterator[str]:
-    share = SOLVED_AGAIN if its.name == RACE_TIME_CHANGE else NOTHING
+    share = TOLERANCES.solved_again if its.name == RACE_TIME_CHANGE else TOLERANCES.nothing
     nothing = share * (its.limit if math.isfinite(its.limit) else 1.0)
-    if not abs(mine.value - its.value) <= nothing + INTEGRATED * abs(its.value):
+    if not abs(mine.value - its.value) <= nothing + TOLERANCES.integrated * abs(its.value):
         yield _two(f"certificate, {its.name}", mine.value, its.value)
-    if not math.isclose(mine.limit, its.limit, rel_tol=ROUNDED):
+    if not math.isclose(mine.limit, its.limit, rel_tol=TOLERANCES.rounded):
         yield _two(f"certificate, limit of {its.name}", mine.limit, its.limit)
     elsewhere = mine.where != its.where and (its.value > nothing or its.limit == 0.0)
     if mine.unit != its.unit or elsewhere:
@@ -165,31 +182,29 @@ def _second_order(mine: SecondOrder, its: SecondOrder) -> Iterator[str]:
     zero = its.threshold
 
     def borders(one: SecondOrder, edge: float) -> bool:
-        return abs(abs(one.least) - edge) < BORDERLINE * edge
+        return abs(abs(one.least) - edge) < TOLERANCES.borderline * edge
 
-    near = any(borders(its, edge) and not abs(mine.least) > (1.0 + BORDERLINE) * edge for edge in (zero, its.saddle))
+    near = any(
+        borders(its, edge) and not abs(mine.least) > (1.0 + TOLERANCES.borderline) * edge for edge in (zero, its.saddle)
+    )
     near = near or (its.curvature is Curvature.POSITIVE and borders(mine, zero))
     before, found = ((one.curvature.value, one.where) for one in (mine, its))
     saddle = Curvature.INDEFINITE in (mine.curvature, its.curvature)
     if before != found and (saddle or not near):
         yield f"curvature: {' '.join(before).strip()} is stored, {' '.join(found).strip()} was measured"
-    if not math.isclose(mine.threshold, zero, rel_tol=ROUNDED):
+    if not math.isclose(mine.threshold, zero, rel_tol=TOLERANCES.rounded):
         yield _two("curvature that counts as zero", mine.threshold, zero)
-    same = abs(mine.least - its.least) <= COUNTED * zero + INTEGRATED * abs(its.least)
+    same = abs(mine.least - its.least) <= TOLERANCES.counted * zero + TOLERANCES.integrated * abs(its.least)
     if not (near or same or (math.isnan(mine.least) and math.isnan(its.least))):
         yield _two("least curvature", mine.least, its.least)
     for name in ("active", "weakly_active"):
         number, measured = getattr(mine, name), getattr(its, name)
-        if not abs(number - measured) <= COUNTED * max(its.active, 1.0 / COUNTED):
+        if not abs(number - measured) <= TOLERANCES.counted * max(its.active, 1.0 / TOLERANCES.counted):
             yield _two(f"number of limits, {name}", number, measured)
 
 
 def _two(name: str, stored: float, measured: float) -> str:
     return f"{name}: {stored:.6g} is stored, {measured:.6g} was measured"
-
-
-SUM_ROUNDED = 1e-9
-"""The largest difference between two sums of the same numbers, as a fraction."""
 
 
 def missing_stages(settings: Settings, results: Sequence[StageResult]) -> str:
@@ -266,7 +281,7 @@ def _seconds(result: StageResult) -> Iterator[str]:
     numbers = (timings.solve, timings.derivatives, timings.wall, *(attempt.seconds for attempt in attempts))
     if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
         yield "its timings are not possible"
-    elif abs(timings.solve - spent) > SUM_ROUNDED * max(1.0, spent):
+    elif abs(timings.solve - spent) > TOLERANCES.sum_rounded * max(1.0, spent):
         yield f"solving took {timings.solve:.6g} s, and its attempts {spent:.6g} s"
     if any(attempt.iterations < 0 for attempt in attempts) or not attempts:
         yield "its attempts are not possible"
@@ -280,7 +295,7 @@ def _routes(explored: SearchReport) -> Iterator[str]:
         return
     best = explored.routes[0].race_time
     differences = [route.race_time - route.difference - best for route in explored.routes]
-    if not all(abs(one) <= SUM_ROUNDED * max(1.0, best) for one in differences):
+    if not all(abs(one) <= TOLERANCES.sum_rounded * max(1.0, best) for one in differences):
         yield "the routes that were tried differ from the best by other times than are stored"
     later = [route.difference for route in explored.routes[1:]]
     if any(after < before for before, after in itertools.pairwise(later)):

@@ -16,8 +16,6 @@ from airrace.views.plain_text import escape_html
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Column, Table
 
-DEGREE = math.degrees(1.0)
-
 
 @record
 class CourseRow:
@@ -86,7 +84,7 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
             "roll_rate_deg_s": _degrees(min(rules.p, race.aircraft.point_mass.p)),
             "sideslip_deg": _degrees(rules.beta_A),
             "lift_coefficient": _bounds(rules.C_L),
-            "angle_of_attack_deg": _bounds(rules.alpha_A, DEGREE),
+            "angle_of_attack_deg": _bounds(rules.alpha_A, math.degrees(1.0)),
         },
         "pilot": {
             "low_load_factor_min_g": _finite(rules.pilot.n_z_low),
@@ -154,7 +152,7 @@ def _passage(row: CourseRow) -> dict[str, object]:
         "roll": roll
         and {
             "angle_deg": _degrees(roll.angle),
-            "climb_deg": _bounds(roll.climb, DEGREE),
+            "climb_deg": _bounds(roll.climb, math.degrees(1.0)),
             "gain_m": roll.gain,
             "turning": roll.turning.value,
         },

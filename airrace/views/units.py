@@ -1,10 +1,9 @@
 """Units of speed and length in which people want to read a flight; files and objects always have SI units."""
 
 from airrace.errors import UsageError
-from airrace.quantities import KNOT
+from airrace.quantities import FOOT, KNOT
 from airrace.records import record
 
-FOOT = 0.3048
 """The international foot, m."""
 
 

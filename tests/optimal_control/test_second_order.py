@@ -17,7 +17,7 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
-from airrace.optimal_control.second_order import THRESHOLD, StageQuadratic, direction_below, second_order
+from airrace.optimal_control.second_order import TOLERANCES, StageQuadratic, direction_below, second_order
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import SolverOptions
@@ -260,7 +260,7 @@ def test_a_saddle_at_which_a_solver_claims_success_is_indefinite(solver: str) ->
     assert np.abs(solution.iterate.state[0]).max() < 1e-6  # it stayed
     verdict, direction = judged(problem, solution)
     assert verdict.curvature is Curvature.INDEFINITE
-    assert verdict.least < -THRESHOLD
+    assert verdict.least < -TOLERANCES.zero
     assert verdict.phase == "swing"
     y = direction[Layout(problem).state_index[:, 0]]
     assert y[[0, -1]] == pytest.approx(0.0, abs=1e-9)  # it keeps the ends
@@ -299,7 +299,7 @@ def test_a_shift_that_costs_nothing_is_singular() -> None:
     problem = replace(free, start=start, phases=(replace(free.phases[0], end=Boundary("end")),))
     verdict, direction = judged(problem, solved(problem, "ipopt", 0.0))
     assert verdict.curvature is Curvature.SINGULAR
-    assert abs(verdict.least) < THRESHOLD
+    assert abs(verdict.least) < TOLERANCES.zero
     y = direction[Layout(problem).state_index[:, 0]]
     assert y == pytest.approx(np.ones(len(y)), abs=1e-2)
 
@@ -345,7 +345,7 @@ def test_verdict_is_told_with_its_threshold(factor: float) -> None:
     problem = swing(MINIMUM)
     weighed = replace(problem, objective=replace(problem.objective, terminal={"cost": 1e3 * factor}))
     verdict, _ = judged(weighed, solved(weighed, "ipopt", 0.0))
-    assert verdict.threshold >= THRESHOLD
+    assert verdict.threshold >= TOLERANCES.zero
     assert str(verdict) == f"positive, above {verdict.threshold:.1e} s"
 
 

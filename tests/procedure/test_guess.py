@@ -17,7 +17,7 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import fidelity_continuation as module
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.guess import COUNT_STEP, LONG_RACE, STRETCHED, counts_of, first_mesh, guess, leg_seconds
+from airrace.procedure.guess import FIRST_MESH, counts_of, first_mesh, guess, leg_seconds
 from airrace.procedure.phase_segments import QUATERNION, SHORTEST_SHARE, concatenate, phase_piece, shift
 from airrace.procedure.settings import GuessKind, MeshSettings
 from airrace.procedure.stage import Stage
@@ -47,20 +47,20 @@ def test_mesh_divides_every_phase_into_enough_equal_intervals(name: str) -> None
         assert len(set(fractions)) == 1
         assert len(fractions) >= MESH.intervals_min
         assert seconds / len(fractions) <= MESH.interval
-        assert len(fractions) % COUNT_STEP == 0
+        assert len(fractions) % FIRST_MESH.count_step == 0
 
 
 def test_first_intervals_are_longer_in_long_races_alone() -> None:
     plan = planned(SIXTEEN)
     seconds = leg_seconds(plan)
-    times = math.ceil(STRETCHED * LONG_RACE / sum(seconds))
+    times = math.ceil(FIRST_MESH.stretch_max * FIRST_MESH.long_race / sum(seconds))
     waypoints = (*plan.waypoints[:-1] * times, plan.waypoints[-1])
     longer = dataclasses.replace(plan, legs=plan.legs * times, waypoints=waypoints)
     lap = [len(fractions) for fractions in first_mesh(plan, MESH)]
     stretched = [len(fractions) for fractions in first_mesh(longer, MESH)]
-    assert stretched == counts_of(seconds, MESH, STRETCHED) * times
-    assert STRETCHED * sum(stretched) < 1.2 * sum(lap) * times  # counts are rounded up
-    assert max(np.array(seconds * times) / np.array(stretched)) <= STRETCHED * MESH.interval
+    assert stretched == counts_of(seconds, MESH, FIRST_MESH.stretch_max) * times
+    assert FIRST_MESH.stretch_max * sum(stretched) < 1.2 * sum(lap) * times  # counts are rounded up
+    assert max(np.array(seconds * times) / np.array(stretched)) <= FIRST_MESH.stretch_max * MESH.interval
 
 
 @every_race

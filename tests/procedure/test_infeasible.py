@@ -25,7 +25,7 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
 from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS, Repair, conflict_location
-from airrace.procedure.infeasibility.diagnose import WORK_MAX, TrialFlight, validate
+from airrace.procedure.infeasibility.diagnose import TRIAL, TrialFlight, validate
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
 from airrace.procedure.progress import Silent
@@ -365,7 +365,7 @@ def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
 def test_hard_trials_are_not_repeated_without_end_but_the_first_is() -> None:
     tried = options(*AIRCRAFT[:2], *RULE_KEYS[:3])
     ends = {key.rpartition(".")[2]: [HARD] * len(SETTINGS.margins) for key in KNOWN}
-    assert len(tried) > WORK_MAX
+    assert len(tried) > TRIAL.conflict_work_max
     told_, asked = told(tried, **ends)
     assert [key for key, _ in told_] == [*RULE_KEYS[:3], *AIRCRAFT[:2]]
     assert asked == {RULE_KEYS[0]: len(SETTINGS.margins), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}

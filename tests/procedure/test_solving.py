@@ -24,15 +24,7 @@ from airrace.procedure.result import Stage, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
-from airrace.procedure.solver_session import (
-    FEWEST_INTERVALS,
-    KNOWN_ITERATIONS_MAX,
-    MEASURED,
-    PER_INTERVAL,
-    Budget,
-    SolverPool,
-    SolverSession,
-)
+from airrace.procedure.solver_session import LIMITS, MEASURED, Budget, SolverPool, SolverSession
 from airrace.procedure.start import InitialBarrier, Start
 
 STALLED = "stalled"
@@ -162,7 +154,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert solution.success
     assert isinstance(used.service, Canned)
     assert used.service.known == [known, None]
-    assert [options.iterations_max for _, options, _ in asked(used)] == [KNOWN_ITERATIONS_MAX, 500]
+    assert [options.iterations_max for _, options, _ in asked(used)] == [LIMITS.known_iterations_max, 500]
     assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]  # before the fallback is asked
     failing = session("infeasible")
     failing.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
@@ -280,9 +272,12 @@ def limited(work: float, *verdicts: str) -> SolverSession:
 def test_a_race_may_take_more_the_longer_it_is_and_the_finer_its_mesh() -> None:
     plan, mesh = planned(SIXTEEN), MeshSettings()
     intervals = sum(len(phase) for phase in first_mesh(plan, mesh))
-    assert intervals > FEWEST_INTERVALS
-    assert Budget.of(plan, mesh).work == PER_INTERVAL * intervals
-    assert Budget.of(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work == PER_INTERVAL * FEWEST_INTERVALS
+    assert intervals > LIMITS.fewest_intervals
+    assert Budget.of(plan, mesh).work == LIMITS.work_per_interval * intervals
+    assert (
+        Budget.of(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
+        == LIMITS.work_per_interval * LIMITS.fewest_intervals
+    )
     assert Budget.of(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.of(plan, mesh).work
 
 
@@ -331,7 +326,7 @@ def flown(threads: int) -> StageResult:
 
 
 def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_session, "PER_INTERVAL", 5)
+    monkeypatch.setattr(solver_session, "LIMITS", dataclasses.replace(LIMITS, work_per_interval=5))
     one, two = flown(1), flown(2)
     assert one.outcome is Status.NOT_CONVERGED
     assert Ending.BUDGET_EXHAUSTED.value in one.message
@@ -342,6 +337,7 @@ def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monk
 
 def test_a_sound_run_is_the_same_with_a_hundredth_of_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = flown(1)
-    monkeypatch.setattr(solver_session, "PER_INTERVAL", PER_INTERVAL // 100)
+    fewer = dataclasses.replace(LIMITS, work_per_interval=LIMITS.work_per_interval // 100)
+    monkeypatch.setattr(solver_session, "LIMITS", fewer)
     assert (flown(1).trajectory.state == whole.trajectory.state).all()
     assert whole.certified

@@ -18,24 +18,32 @@ from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
-from airrace.procedure.solver_session import FEWEST_INTERVALS, Budget, SolverSession
+from airrace.procedure.solver_session import LIMITS, Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 
-TRIAL_ITERATIONS_MAX = 150
-"""The iterations of a trial's solve; the flights of trials that were certified took 4 to 105 on each mesh."""
-TRIAL_WORK = 300
-"""The work of a trial: so many iterations on its first mesh.
 
-Certifying whatever flies took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
-"""
-WORK_MAX = 4.0
-"""The work of a conflict's trials, in that of one trial, after which none is repeated with a larger margin.
+@record
+class TrialLimits:
+    """The work that trials of suggested changes may take.
 
-Without a certified flight the first one is repeated all the same.
-"""
+    Attributes:
+        iterations_max: the iterations of a trial's solve; the flights of trials that were certified took 4 to
+            105 on each mesh.
+        work: the work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes
+            on courses in a narrow corridor: 1646 intervals on the fourth mesh.
+        conflict_work_max: the work of a conflict's trials, in that of one trial, after which none is repeated
+            with a larger margin. Without a certified flight the first one is repeated all the same.
+    """
+
+    iterations_max: int = 150
+    work: int = 300
+    conflict_work_max: float = 4.0
+
+
+TRIAL = TrialLimits()
 
 
 def diagnose_infeasibility(
@@ -149,9 +157,9 @@ class _Trials:
 
     def _fly(self, start: Start) -> TrialFlight:
         settings = self.session.settings
-        limit = min(settings.solver.iterations_max, TRIAL_ITERATIONS_MAX)
+        limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        budget = Budget(TRIAL_WORK * float(max(start.problem.intervals, FEWEST_INTERVALS)), failed_only=False)
+        budget = Budget(TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals)), failed_only=False)
         session = dataclasses.replace(self.session, settings=settings, budget=budget)
         found = solve_certified(session, start, settings.solver.primary)
         work = budget.spent / budget.work
@@ -221,7 +229,7 @@ def validate(
     for one in trials:
         last = one
         for margin in range(1, len(SETTINGS.margins)):
-            if last.flight.certified or (work > WORK_MAX and (certified or one is not trials[0])):
+            if last.flight.certified or (work > TRIAL.conflict_work_max and (certified or one is not trials[0])):
                 break
             milder = attempt(one.repair, margin)
             work += milder.flight.work
