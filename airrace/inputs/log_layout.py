@@ -13,7 +13,7 @@ from pydantic import Field
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
 from airrace.inputs.schema import Schema, optional, read_entry
-from airrace.logs.csv_log import FIELDS, ColumnLayout, parse_unit, split_unit
+from airrace.logs.csv_log import FIELDS, ColumnLayout, is_foreign_unit, split_unit
 
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|"}
@@ -58,9 +58,8 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
             reporter.value(("columns", name), problem)
     if reporter.findings:
         raise InputError(reporter.findings)
-    columns = {name: _header(name, text) for name, text in entry.columns.items()}
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
-    return ColumnLayout(columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
+    return ColumnLayout(entry.columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
 
 
 def with_columns(layout: ColumnLayout, texts: Sequence[str]) -> ColumnLayout:
@@ -75,7 +74,7 @@ def with_columns(layout: ColumnLayout, texts: Sequence[str]) -> ColumnLayout:
         problem = _problem(name, header) if equals and header else "expected NAME=HEADER [UNIT]"
         if problem:
             raise UsageError(f"--column {text}: {problem}")
-        columns[name] = _header(name, header)
+        columns[name] = header
     return ColumnLayout(columns, layout.zone, layout.delimiter, layout.decimal_comma)
 
 
@@ -98,15 +97,9 @@ def _problem(name: str, text: str) -> str:
     header, unit = split_unit(text)
     if not header:
         return "names no header"
-    if unit and parse_unit(FIELDS[name], unit) is None and len(unit) <= 10:  # longer brackets belong to the header
+    if text.endswith("]") and is_foreign_unit(FIELDS[name], unit):  # other brackets belong to the header
         return f"`{unit}` is no unit of {name}; known are {', '.join(FIELDS[name].units)}"
     return ""
-
-
-def _header(name: str, text: str) -> tuple[str, str]:
-    """Return header and unit; brackets that hold no unit belong to the header."""
-    header, unit = split_unit(text)
-    return (header, unit) if unit and parse_unit(FIELDS[name], unit) else (text.strip(), "")
 
 
 def _zone(text: str) -> tzinfo | None:

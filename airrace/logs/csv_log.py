@@ -1,22 +1,32 @@
-"""Logs as comma-separated values: their quantities, units and clocks, from a mapping or from recognised headers."""
+"""Logs as comma-separated values: their quantities, units and clocks, from a mapping or from recognised headers.
+
+The headers stand in the first line that holds those of the mapping, or time and place in words that are recognised;
+what comes before is a preamble. A row of units above or below them is understood, a second row of headers passed over.
+"""
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from datetime import datetime, tzinfo
 
+import numpy as np
+
 from airrace.environment.atmosphere import g0
-from airrace.logs.recording import Recording, SampleTable, enumerate_words, instant, iso_seconds, refuse, unwrap_days
+from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, parse_time, unwrap_days
+from airrace.logs.recording import LIMITS, Recording, SampleTable, enumerate_words, refuse
 from airrace.quantities import KNOT
 from airrace.records import record
+from airrace.trajectory import Array
 
 _ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
 _LENGTH = {"m": 1.0, "ft": 0.3048, "km": 1000.0}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
-_CLOCKS: dict[str, float] = dict.fromkeys(("auto", "s", "ms", "iso", "clock", "unix", "unix ms"), 1.0)
-"""How a time may be written: seconds or milliseconds of any clock, ISO 8601, `hh:mm:ss.s`, since 1970."""
+_TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "unix", "unix ms"), 1.0)}
+"""How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
+_NUMBERS = {"unix": "s", "unix ms": "ms", **{one: one for one in TICKS}}
 
 
 @record
@@ -39,7 +49,7 @@ class Field:
 FIELDS = {
     one.name: one
     for one in (
-        Field("time", "", _CLOCKS, ("time", "t", "timestamp", "utc", "gps time")),
+        Field("time", "", _TIMES, ("time", "t", "timestamp", "utc", "gps time")),
         Field("latitude", "latitude", _ANGLE, ("latitude", "lat")),
         Field("longitude", "longitude", _ANGLE, ("longitude", "lon", "lng", "long")),
         Field("north", "x", _LENGTH, ("north", "x", "n")),
@@ -59,18 +69,32 @@ FIELDS = {
 
 _UNIT_ALIASES = {
     "deg": ("°", "degrees", "degree"),
-    "rad": ("radians",),
-    "ft": ("feet",),
-    "m": ("metres", "meters"),
-    "kt": ("kts", "knots"),
+    "rad": ("radians", "radian"),
+    "ft": ("feet", "foot", "ft msl", "ft amsl", "ft baro", "ft wgs"),
+    "m": ("metres", "meters", "metre", "meter", "m msl"),
+    "kt": ("kts", "knots", "knot"),
     "km/h": ("kmh", "kph"),
-    "m/s": ("mps",),
-    "s": ("sec", "seconds"),
+    "m/s": ("mps", "m s"),
+    "m/s2": ("m/s^2", "m/s²"),
+    "s": ("sec", "secs", "second", "seconds"),
+    "ms": ("msec", "milliseconds", "millis"),
+    "us": ("µs", "μs", "usec", "microseconds", "micros"),
+    "ns": ("nsec", "nanoseconds", "nanos"),
+    "clock": ("hh:mm:ss", "h:m:s", "hhmmss"),
+    "g": ("gs",),
 }
 _UNITS = {alias: unit for unit, aliases in _UNIT_ALIASES.items() for alias in aliases}
+_FOREIGN = frozenset(("kg", "lb", "lbs", "%", "v", "a", "hz", "rpm", "c", "f", "pa", "hpa", "inhg", "l", "gal", "w"))
+"""Units of nothing that is read: whoever names one means no header."""
 _BRACKETED = re.compile(r"^(?P<header>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
-_SUFFIXED = re.compile(r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|g)$", re.IGNORECASE)
-_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?")
+_SUFFIXED = re.compile(
+    r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|us|usec|ns|g)$", re.IGNORECASE
+)
+_DELIMITERS = (",", ";", "\t", "|")
+_EARTH = 6.371e6  # radius, m
+_PREAMBLE = 200
+"""Lines that may come before the headers."""
+_ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
 @record
@@ -78,14 +102,14 @@ class ColumnLayout:
     """The meaning of a log where it does not say so itself.
 
     Attributes:
-        columns: the header and the unit (empty for the usual one) of every quantity, by its name in `FIELDS`; empty
-            where headers are to be recognised.
+        columns: the header of every quantity as a person gives it, `HEADER` or `HEADER [UNIT]`, by its name in
+            `FIELDS`; empty where headers are to be recognised.
         zone: the time zone of times that name none; None for UTC.
         delimiter: between the columns of a CSV file; empty where it is to be found out.
         decimal_comma: whether numbers are written as `1,5`.
     """
 
-    columns: Mapping[str, tuple[str, str]] = field(default_factory=dict[str, tuple[str, str]])
+    columns: Mapping[str, str] = field(default_factory=dict[str, str])
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
@@ -93,7 +117,7 @@ class ColumnLayout:
 
 @record
 class CsvColumn:
-    """A column of the file: where it stands, what it records, and its unit."""
+    """A column of the file: where it stands, what it records, and its unit; that is empty where none is said."""
 
     index: int
     header: str
@@ -103,9 +127,12 @@ class CsvColumn:
 
 def parse_unit(field: Field, text: str) -> str | None:
     """Return the unit of a field that a text means; None if it has no such unit."""
-    plain = " ".join(text.lower().replace("_", "/").split())
-    plain = _UNITS.get(plain, plain)
-    return plain if plain in field.units else None
+    plain = " ".join(text.lower().split())
+    for one in (plain, plain.replace("_", "/")):
+        one = _UNITS.get(one, one)
+        if one in field.units:
+            return one
+    return None
 
 
 def split_unit(text: str) -> tuple[str, str]:
@@ -114,10 +141,18 @@ def split_unit(text: str) -> tuple[str, str]:
     return (found["header"].strip(), found["unit"].strip()) if found else (text.strip(), "")
 
 
+def is_foreign_unit(field: Field, text: str) -> bool:
+    """Return whether a text in brackets is a unit, but none of a field."""
+    plain = " ".join(text.lower().split())
+    known = any(parse_unit(one, plain) is not None for one in FIELDS.values())
+    return parse_unit(field, plain) is None and (known or plain in _FOREIGN)
+
+
 def recognise(header: str) -> tuple[Field, str] | None:
     """Return the field and the unit that a header without a mapping names; None if it is not known.
 
-    A unit may follow in brackets or behind an underscore: `alt [ft]`, `height_m`, `Ground speed (kt)`.
+    A unit may follow in brackets or behind an underscore: `alt [ft]`, `height_m`, `Ground speed (kt)`; it is empty
+    where there is none.
     """
     base, unit = split_unit(header)
     readings = [(base, unit)] if unit else [(header, "")]
@@ -126,7 +161,7 @@ def recognise(header: str) -> tuple[Field, str] | None:
     for base, unit in readings:
         plain = " ".join(base.lower().replace("_", " ").split())
         for one in FIELDS.values():
-            known = parse_unit(one, unit) if unit else next(iter(one.units))
+            known = parse_unit(one, unit) if unit else ""
             if known is not None and plain in one.aliases:
                 return one, known
     return None
@@ -135,8 +170,8 @@ def recognise(header: str) -> tuple[Field, str] | None:
 def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording:
     """Return what a CSV file records.
 
-    Lines that begin with `#` and empty ones are passed over; the first other one holds the headers. An empty cell is a
-    value that is not known.
+    Lines that begin with `#` and empty ones are passed over. An empty cell is a value that is not known; a cell that
+    cannot be read is counted, and a row without a time is left out.
 
     Args:
         path: of the file, for messages.
@@ -144,116 +179,192 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         layout: the mapping of its columns; headers are recognised where that is empty.
 
     Raises:
-        InputError: a column is missing or unknown, a cell holds no number or no time, or time runs backwards.
+        InputError: a column is missing or unknown, most cells of the time or of a place cannot be read, or the unit of
+            the time cannot be true.
     """
-    numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
-    at, header = next(numbered, (0, ""))
-    delimiter = layout.delimiter or max((",", ";", "\t", "|"), key=header.count)
-    headers = [one.strip().lstrip("\ufeff") for one in next(csv.reader([header], delimiter=delimiter), list[str]())]
-    columns = _columns(path, at, headers, layout)
+    numbered = enumerate(lines, 1)
+    delimiter, columns, rest = _find_headers(path, numbered, layout)
     timed = next(one for one in columns if one.field.name == "time")
     others = [one for one in columns if one is not timed]
-    samples, clock, zoned = SampleTable(path, 1 + len(others)), "", True
-
-    def texts() -> Iterator[str]:
-        nonlocal at
-        for at, line in numbered:  # noqa: B007  # `at` is the line of the row that the reader yields
-            yield line
-
-    try:
-        for row in csv.reader(texts(), delimiter=delimiter):
-            when, *cells = [row[one.index].strip() if one.index < len(row) else "" for one in (timed, *others)]
-            if layout.decimal_comma:
-                when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
-            clock = clock or (_guess_clock(when) if timed.unit == "auto" else timed.unit)
-            try:
-                seconds = _seconds(clock, when, layout.zone)
-            except (ValueError, OverflowError):
-                example = "12.35, 14:03:07.25 or 2016-03-12T14:03:07.25Z"
-                refuse(path, at, f"`{when[:40]}` is no time; expected one such as {example}", timed.header)
-            if not samples.lines and clock == "iso":
-                zoned = datetime.fromisoformat(when).tzinfo is not None
-            samples.append(at, seconds, *(_value(samples, at, *each) for each in zip(others, cells, strict=True)))
-    except csv.Error as error:
-        refuse(path, at, f"is no row of a table: {error}")
+    samples, notation, zoned = SampleTable(path, 1 + len(others)), "", True
+    if timed.unit in ("iso", "clock"):
+        notation = timed.unit
+    elif timed.unit in _NUMBERS:
+        notation = "number"
+    indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
+    for at, line in _rows(samples, itertools.chain(rest, numbered)):
+        row = _cells(line, delimiter)
+        if len(row) <= max(indices) and not line.endswith("\n"):
+            row = row[:-1]  # the file was cut in this cell
+        when, *cells = [row[index].strip() if index < len(row) else "" for index in indices]
+        if commas or (delimiter != "," and not any("." in cell for cell in cells) and any("," in one for one in cells)):
+            when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
+        if not notation and when:
+            notation = guess_notation(when)
+        try:
+            seconds = parse_time(notation or "number", when, layout.zone)
+        except (ValueError, OverflowError):
+            example = "12.35, 14:03:07.25 or 2016-03-12T14:03:07.25Z"
+            samples.leave_out(at, f"`{when[:40]}` is no time; expected one such as {example}", timed.header)
+            notation = notation if samples.lines else ""
+            continue
+        if not samples.lines and notation == "iso":
+            zoned = datetime.fromisoformat(when).tzinfo is not None
+        values = [
+            samples.number(at, cell, one.header) if cell else math.nan for one, cell in zip(others, cells, strict=True)
+        ]
+        samples.append(at, seconds, *values)
+    if len(samples.lines) < 2 or len(samples.lines) <= _unread(samples, timed.header):
+        samples.refuse_first_fault()
     numbers, (time, *values) = samples.arrays(
         "holds no samples; expected one row for every instant, below a row of headers"
     )
-    time = unwrap_days(time) if clock == "clock" else time
-    samples.ensure_rising(
-        time,
-        "time runs backwards: {after} after the first sample comes behind {before} of line {line}; "
-        "a log must be in the order of its time",
-        timed.header,
-    )
-    histories = dict(zip((one.field.history for one in others), values, strict=True))
-    remarks = () if zoned or layout.zone is not None else ("times name no zone and are taken as UTC",)
-    begins = instant(float(time[0])) if clock in ("iso", "unix", "unix ms") else None
-    return Recording(path, "csv", time - time[0], histories, numbers, begins, remarks)
+    for one in others:
+        if one.field.name in _ESSENTIAL and 2 * _unread(samples, one.header) >= len(time):
+            samples.refuse_first_fault(one.header)
+    histories = {
+        one.field.history: cells * one.field.units[one.unit or next(iter(one.field.units))]
+        for one, cells in zip(others, values, strict=True)
+    }
+    remarks = [*samples.remarks]
+    if notation == "number":
+        tick, more = find_tick(
+            path, time, _ground(histories), _NUMBERS.get(timed.unit, ""), split_unit(timed.header)[0]
+        )
+        time = time * tick
+        remarks += more
+    if not zoned and layout.zone is None:
+        remarks.append("times name no zone and are taken as UTC")
+    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > CLOCKS.since_1970)
+    time = unwrap_days(time) if notation == "clock" else time
+    guessed = tuple(one.field.history for one in others if not one.unit)
+    begins = instant(float(time[0])) if dated else None
+    return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), unsaid=guessed)
 
 
-def _guess_clock(text: str) -> str:
-    """Return how times are written, by the first one: numbers beyond March 1973 count from 1970, in s or ms."""
-    if re.match(r"\d{4}-\d{2}-\d{2}", text):
-        return "iso"
-    if ":" in text:
-        return "clock"
+def _unread(samples: SampleTable, key: str) -> int:
+    return samples.faults[key].count if key in samples.faults else 0
+
+
+def _ground(histories: Mapping[str, Array]) -> Array:
+    """Return north and east, m, near enough for a speed, shape (2, n)."""
+    if "x" in histories and "y" in histories:
+        return np.stack([histories["x"], histories["y"]])
+    north, east = histories["latitude"], histories["longitude"]
+    return _EARTH * np.stack([north, east * np.cos(north)])
+
+
+def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Yield the lines that hold something, refusing a file that goes on and on without."""
+    for at, line in numbered:
+        if line.strip() and not line.startswith("#"):
+            yield at, line
+        if at - len(samples.lines) > LIMITS.idle:
+            refuse(samples.path, at, f"has more than {LIMITS.idle} lines without a sample; cut the log to the flight")
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line; quotes that do not end belong to their cell."""
+    if delimiter == " ":
+        return line.split()
+    if '"' not in line:
+        return line.rstrip("\n").split(delimiter)
     try:
-        value = abs(float(text))
-    except ValueError:
-        return "s"
-    return "unix ms" if value > 1e11 else "unix" if value > 1e8 else "s"
+        return next(csv.reader([line.rstrip("\n")], delimiter=delimiter))
+    except csv.Error:
+        return line.rstrip("\n").replace('"', "").split(delimiter)
 
 
-def _seconds(clock: str, text: str, zone: tzinfo | None) -> float:
-    """Return seconds of the clock; raise a ValueError where the text is no such time."""
-    if clock == "iso":
-        return iso_seconds(text, zone)
-    if clock != "clock":
-        value = float(text) / (1000.0 if clock.endswith("ms") else 1.0)
-        if math.isfinite(value):
-            return value
-    elif found := _CLOCK.fullmatch(text):
-        hours, minutes, seconds = int(found[1]), int(found[2]), float((found[3] or "0").replace(",", "."))
-        if hours <= 24 and minutes <= 59 and seconds < 61.0:
-            return 3600.0 * hours + 60.0 * minutes + seconds
-    raise ValueError(text)
+def _find_headers(
+    path: str, numbered: Iterator[tuple[int, str]], layout: ColumnLayout
+) -> tuple[str, list[CsvColumn], list[tuple[int, str]]]:
+    """Return the delimiter, the columns that are read, and lines below the headers that were looked at already."""
+    best = (-1, 0, list[str]())
+    above: tuple[str, list[str]] = ("", [])
+    for at, line in itertools.islice(numbered, _PREAMBLE):
+        plain = line.strip().lstrip("\ufeff#%").strip()
+        if not plain:
+            continue
+        delimiter, headers = _split_headers(plain, layout)
+        columns = _match(headers, layout)
+        lacking = _lacking(columns, layout)
+        if not lacking[0]:
+            following = next(numbered, None)
+            rest = [] if following is None else [following]
+            below = "" if following is None else following[1]
+            units = above[1] if above[0].startswith("#") else []
+            cells = _cells(below, delimiter)
+            if below.strip() and not any(_is_number(cells, one.index) for one in columns):
+                rest, units = [], cells  # it names units, or headers once more
+            return delimiter, [_with_unit(one, units) for one in columns], rest
+        if not line.startswith("#") and len(columns) > best[0]:
+            best = len(columns), at, headers
+        above = line, headers
+    _, at, headers = best
+    there = {one.field.name for one in _match(headers, layout)}
+    words = enumerate_words(headers)
+    if missing := next((name for name in layout.columns if name not in there), None):
+        refuse(path, at, f"has no column `{layout.columns[missing][:60]}` for {missing}; its columns are {words}")
+    lacks, advice = _lacking(_match(headers, layout), layout)
+    return refuse(path, at, f"has no {lacks} columns are {words}; name it with --column {advice} or in a mapping")
 
 
-def _value(samples: SampleTable, line: int, column: CsvColumn, text: str) -> float:
-    """Return what a cell says in SI units; NaN where it says nothing."""
-    if not text:
-        return math.nan
-    hint = "; say `decimal: comma` in the mapping" if "," in text else ""
-    value = samples.number(line, text, column.header, finite=False, hint=hint)
-    return value * column.field.units[column.unit] if math.isfinite(value) else math.nan
+def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
+    delimiter = layout.delimiter or max(_DELIMITERS, key=line.count)
+    if not layout.delimiter and delimiter not in line:
+        delimiter = " "
+    return delimiter, [one.strip() for one in _cells(line, delimiter)]
 
 
-def _columns(path: str, line: int, headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
-    """Return the columns that are read, refusing a log without those of the mapping, or without time and position."""
+def _is_number(cells: Sequence[str], index: int) -> bool:
+    text = cells[index].strip().replace(",", ".") if index < len(cells) else ""
+    try:
+        parse_time(guess_notation(text), text, None)
+    except (ValueError, OverflowError):
+        return not text  # an empty cell is one of a sample
+    return True
+
+
+def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
+    """Return a column with the unit of a row of units, where its header names none."""
+    text = units[column.index] if column.index < len(units) else ""
+    unit = column.unit or parse_unit(column.field, text.strip()) or ""
+    return CsvColumn(column.index, column.header, column.field, unit)
+
+
+def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
+    """Return the columns that the mapping names, or that are recognised where there is none."""
     found: dict[str, CsvColumn] = {}
-    for name, (header, unit) in layout.columns.items():
-        if header not in headers:
-            refuse(path, line, f"has no column `{header[:60]}` for {name}; its columns are {enumerate_words(headers)}")
-        known, own = FIELDS[name], recognise(header)
-        if not unit and own is not None and own[0] is known:
-            unit = own[1]
-        unit = parse_unit(known, unit) or next(iter(known.units))
-        found[name] = CsvColumn(headers.index(header), header, known, unit)
     if not layout.columns:
         for index, header in enumerate(headers):
             if (own := recognise(header)) is not None:
                 found.setdefault(own[0].name, CsvColumn(index, header, *own))
-    for there, lacks, advice in (
-        ("time" in found, "column of time; its", "'time=TIME'"),
-        (
-            {"latitude", "longitude"} <= set(found) or {"north", "east"} <= set(found),
-            "position: expected latitude and longitude, or north and east; its",
-            "'latitude=LAT'",
-        ),
-        ("altitude" in found or "height" in found, "height; its", "'altitude=ALT [m]'"),
-    ):
-        if not there:
-            words = enumerate_words(headers)
-            refuse(path, line, f"has no {lacks} columns are {words}; name it with --column {advice} or in a mapping")
+        return list(found.values())
+    plain = [" ".join(one.split()) for one in headers]
+    bases = [split_unit(one)[0] for one in plain]
+    for name, text in layout.columns.items():
+        known, (base, unit) = FIELDS[name], split_unit(text)
+        whole = " ".join(text.split())
+        header = whole if whole in plain else base
+        if header not in plain:
+            if base not in bases:
+                continue
+            header = plain[bases.index(base)]
+        said = "" if header == whole and base != whole and parse_unit(known, unit) is None else unit
+        own = recognise(header)
+        if not said and own is not None and own[0] is known:
+            said = own[1]
+        found[name] = CsvColumn(plain.index(header), header, known, parse_unit(known, said) or "")
     return list(found.values())
+
+
+def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:
+    """Return what columns lack for a log, and how one would name it; both empty where nothing is lacking."""
+    found = {one.field.name for one in columns}
+    if "time" not in found:
+        return "column of time; its", "'time=TIME'"
+    if not ({"latitude", "longitude"} <= found or {"north", "east"} <= found):
+        return "position: expected latitude and longitude, or north and east; its", "'latitude=LAT'"
+    if "altitude" not in found and "height" not in found:
+        return "height; its", "'altitude=ALT [m]'"
+    return ("columns", "'time=TIME'") if layout.columns.keys() - found else ("", "")

@@ -1,8 +1,11 @@
 """The histories of a recorded flight: what was measured, and what follows from the smoothed path."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.logs.passings import MEASURED
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
 from airrace.planning.race import Race
@@ -26,8 +29,12 @@ DECLARATIONS = {
     **{name: Quantity(name, "1", text="attitude of the flight path") for name in PATH_ATTITUDE},
 }
 """Declarations of all histories of a recorded flight, by name."""
-MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
-"""The histories that stay as they were recorded, where they were."""
+HOLE = 0.5
+"""Between two samples of a history, s, beyond which nothing is known between them."""
+STEEP = np.radians(60.0)
+"""The climb angle beyond which a roll alone tells no bank, rad."""
+ALPHA_MAX = 0.35
+"""The largest angle of attack that is believed, rad."""
 _DOWN = np.array([[1.0], [1.0], [-1.0]])  # turns up into down
 
 
@@ -42,17 +49,16 @@ def log_histories(race: Race, recording: Recording, path: Path, time: Array) -> 
     """
     position, velocity, acceleration = path.at(time)
     derived = path_histories(race, position, velocity, acceleration)
-    measured = {name: values for name in MEASURED if (values := _interpolate(recording, name, time)) is not None}
-    if {"phi", "theta", "psi"} <= set(measured):
-        R_OB = _euler_axes(measured["psi"], measured["theta"], measured["phi"])
-        x = velocity * _DOWN
-        x = x / np.maximum(np.linalg.norm(x, axis=0), SLOWEST)
-        y = R_OB[:, 1] - np.sum(R_OB[:, 1] * x, axis=0) * x  # the right wing, as far as it lies across the path
-        y = y / np.maximum(np.linalg.norm(y, axis=0), 1e-9)
-        z = np.asarray(np.cross(x, y, axis=0), np.float64)
-        q = attitude.quaternions(np.stack([x, y, z], axis=1))
-        derived |= zip((*PATH_ATTITUDE, *BODY_ATTITUDE), (*q, *attitude.quaternions(R_OB)), strict=True)
-        derived["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
+    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    fillings = {**derived, "V_G": np.hypot(*velocity[:2]), "phi": mu, "theta": gamma, "psi": chi}
+    measured: dict[str, Array] = {}
+    for name in MEASURED:
+        values = _interpolate(recording, name, time)
+        known = np.isfinite(values)
+        if name == "phi" and known.any():
+            derived |= _recorded_attitude(race, derived, velocity, recording, time)
+        if known.all() or (known.mean() > 0.5 and name in fillings):
+            measured[name] = np.where(known, values, fillings.get(name, values))
     bases = {**dict.fromkeys(derived, Basis.DERIVED), **dict.fromkeys(measured, Basis.MEASURED)}
     values = {**derived, **measured}
     given = {name: History(DECLARATIONS[name], values[name], basis) for name, basis in bases.items()}
@@ -92,18 +98,54 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
     return values | {"V_A": V_A, "C_L": C_L, "beta_A": np.zeros_like(C_L)}
 
 
-def _interpolate(recording: Recording, name: str, time: Array) -> Array | None:
-    """Return a recorded history at other times, angles along the shorter way; None where it is silent throughout."""
-    values = recording.columns.get(name, np.empty(0))
-    known = np.isfinite(values)
-    if known.sum() < 2:
-        return None
-    found = np.interp(time, recording.time[known], _unwrap(name, values[known]))
+def _recorded_attitude(
+    race: Race, derived: Mapping[str, Array], velocity: Array, recording: Recording, time: Array
+) -> dict[str, Array]:
+    """Return the attitude of path and body, and the roll rate, by the recorded angles as far as they are there.
+
+    Where roll, pitch and heading are recorded the wings are those of the body, as far as they lie across the path.
+    A roll without the others is one about a body that flies along the path at its angle of attack, without sideslip:
+
+        tan(phi) = cos(gamma) sin(mu) / (cos(alpha) cos(gamma) cos(mu) - sin(alpha) sin(gamma))
+    """
+    psi, theta, phi = (_interpolate(recording, name, time) for name in ("psi", "theta", "phi"))
+    axes = attitude.path_axes([derived[name] for name in PATH_ATTITUDE])
+    _, gamma, mu = attitude.euler_angles(axes)
+    full, roll = np.isfinite(psi + theta + phi), np.isfinite(phi)
+    alpha = np.clip(attitude.angle_of_attack(derived["C_L"], race.aircraft.lift), -ALPHA_MAX, ALPHA_MAX)
+    a, b = np.cos(gamma) * np.cos(phi), np.sin(phi) * np.cos(alpha) * np.cos(gamma)
+    c = np.sin(phi) * np.sin(alpha) * np.sin(gamma)
+    turned = np.arctan2(b, a) - np.arcsin(np.clip(c / np.maximum(np.hypot(a, b), 1e-9), -1.0, 1.0)) - mu
+    turned = np.where(roll & ~full & (np.abs(gamma) < STEEP), turned, 0.0)
+    x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
+    y, z = np.cos(turned) * y + np.sin(turned) * z, np.cos(turned) * z - np.sin(turned) * y
+    R_OB = _euler_axes(*(np.where(full, one, 0.0) for one in (psi, theta, phi)))
+    wing = R_OB[:, 1] - np.sum(R_OB[:, 1] * x, axis=0) * x
+    wing = wing / np.maximum(np.linalg.norm(wing, axis=0), 1e-9)
+    y = np.where(full, wing, y)
+    z = np.where(full, np.cross(x, wing, axis=0), z)
+    q = attitude.quaternions(np.stack([x, y, z], axis=1))
+    found: dict[str, Array] = {}
+    found.update(zip(PATH_ATTITUDE, q, strict=True))
+    if full.all():
+        found.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
+    if roll.all():
+        found["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
+    return found
+
+
+def _interpolate(recording: Recording, name: str, time: Array) -> Array:
+    """Return a recorded history at other times, angles along the shorter way; NaN where it is silent."""
+    if np.isfinite(recording.columns.get(name, np.empty(0))).sum() < 2:
+        return np.full_like(time, np.nan)
+    at, values = samples_of(recording, name)
+    found = np.interp(time, at, values)
+    behind = np.searchsorted(at, time, side="right")
+    inside = (behind > 0) & (behind < len(at))
+    gap = np.where(inside, at[np.clip(behind, 0, len(at) - 1)] - at[np.clip(behind - 1, 0, len(at) - 1)], np.inf)
+    edge = np.minimum(np.abs(time - at[0]), np.abs(time - at[-1]))
+    found = np.where((gap <= HOLE) | (edge <= 0.1), found, np.nan)
     return np.remainder(found + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else found
-
-
-def _unwrap(name: str, values: Array) -> Array:
-    return np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
 
 
 def between_samples(recording: Recording, name: str, times: Array) -> Array:
@@ -118,15 +160,20 @@ def between_samples(recording: Recording, name: str, times: Array) -> Array:
         name: of the history.
         times: on the clock of the recording, s, shape (m,).
     """
-    known = np.isfinite(recording.columns[name])
-    t, v = recording.time[known], recording.columns[name][known]
+    t, v = samples_of(recording, name)
     if len(t) < 3:
         return np.full(len(times), np.nan)
-    v = _unwrap(name, v)
     share = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
     lost = np.pad(0.25 * np.abs(v[1:-1] - (1.0 - share) * v[:-2] - share * v[2:]), 1)
     around = np.clip(np.searchsorted(t, times)[:, None] + np.arange(-2, 2), 0, len(t) - 1)
     return lost[around].max(axis=1)
+
+
+def samples_of(recording: Recording, name: str) -> tuple[Array, Array]:
+    """Return times and values of a recorded history where it is known, angles without jumps, each of shape (m,)."""
+    known = np.isfinite(recording.columns[name])
+    values = recording.columns[name][known]
+    return recording.time[known], np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
 
 
 def _roll_rate(R: Array, time: Array) -> Array:

@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.environment.atmosphere import g0
-from airrace.logs.histories import between_samples, log_histories
+from airrace.errors import InputError
+from airrace.logs.deviations import deviations_of, is_measured, place_roundings
+from airrace.logs.histories import log_histories
 from airrace.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
+from airrace.logs.plausibility import height_doubt, in_feet_if_so, plausible
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.logs.smoothing import SMOOTHING, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Flight, Source, TimedCrossing
-from airrace.results.flight import Basis
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
@@ -43,36 +44,7 @@ class ImportSettings:
     gaps_max: int = 5
 
 
-@record
-class ErrorModel:
-    """How well passings are known, measured on optima of Rovinj 2014 with 0.02 to 1.5 m of noise at 5 to 20 Hz.
-
-    Attributes:
-        inflation: the factor by which positions at passings are less certain than the smoother's own equations say:
-            they were off by 1.4 to 3.5 times that standard deviation, for aircraft turn hardest beside gates.
-        bank: root mean square of the error of an estimated bank with 1 m of noise or more, rad; with less it falls as
-            the power 0.4 of the noise: 6 to 9 degrees with 0.02 m, 13 to 21 with 0.1 m, 38 to 40 with 1.5 m. Wings are
-            level at a gate for a few tenths of a second, at a load factor that hardly bends the path.
-        load_factor: likewise of the load factor, g; as the power 0.25: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m.
-        slope_time: by which the velocity across the path is less certain than the position, s.
-        turning_time: of turning, by whose turn the direction of the path is uncertain, s: smoothing rounds the
-            start of a pull. Root mean squares were 0.017 to 0.023 s with up to 0.02 m of noise.
-        speed: error of the speed where the position is off by 1 m, m/s. A smoother that takes the jerk for white noise
-            looks at positions within a time `tau`; its positions are then off as `tau^2.5`, its velocities as
-            `tau^1.5`, so the speed as the power 0.6 of the position. With Abu Dhabi 2016, too, and up to 200 Hz, the
-            root mean square was 0.7 to 0.9 of that.
-    """
-
-    inflation: float = 2.5
-    bank: float = math.radians(40.0)
-    load_factor: float = 1.7
-    slope_time: float = 0.15
-    turning_time: float = 0.02
-    speed: float = 1.0
-
-
 IMPORT = ImportSettings()
-ERRORS = ErrorModel()
 
 
 @record
@@ -118,25 +90,57 @@ def flight_from_log(
     Raises:
         InputError: the recording does not pass the course, or has no such run.
     """
-    framed = in_frame(in_order(recording), race)
-    chosen, remarks = _choose_run(framed, race, run)
+    framed, chosen, remarks = _choose_flight(recording, race, run)
     if (duration := chosen.end - chosen.begin) > SMOOTHING.duration_max:
         most = f"at most {SMOOTHING.duration_max:g} s are read"
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
+    framed = in_feet_if_so(framed, race, chosen)
     within = (framed.time >= chosen.begin - IMPORT.margin) & (framed.time <= chosen.end + IMPORT.margin)
     part = framed.select(within, *remarks)
-    path = smooth(part.time, np.stack([part.columns[name] for name in ("x", "y", "height")]), noise)
+    placed = part.select(np.isfinite(part.columns["x"]))
+    places, least = np.stack([placed.columns[name] for name in ("x", "y", "height")]), place_roundings(placed)
+    if np.isfinite(places[2]).sum() < 2:
+        refuse(framed.path, 0, "tells no heights on the course")
+    path = smooth(placed.time, places, noise, least)
     fine = path.time[0] + IMPORT.sampling * np.arange(int((path.time[-1] - path.time[0]) / IMPORT.sampling) + 1)
     (x, y, _), _, _ = path.at(fine)
     again = find_runs(race, fine, x, y)
     if not again:
         refuse(framed.path, 0, "its positions scatter too widely for a passing to be seen")
     final = max(again, key=lambda one: len(one.made))
+    part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
-    known = _deviations(part, path, final, flight)
     axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
-    remarks = (*part.remarks, *_remarks(part, path, flight))
-    return LogFlight(flight, violations(flight, axes, known, penalties), known, part, final.begin, remarks)
+    doubt, doubts = height_doubt(flight, axes)
+    deviations = deviations_of(part, path, least, flight, final.begin, doubt)
+    known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
+    remarks = (*part.remarks, *doubts, *_remarks(placed, path, flight, known))
+    return LogFlight(flight, violations(flight, axes, deviations, penalties), known, part, final.begin, remarks)
+
+
+def _choose_flight(
+    recording: Recording, race: Race, wanted: int | None
+) -> tuple[Recording, CourseRun, tuple[str, ...]]:
+    """Return the aircraft or track that passes the course best, in the track's frame, its run, and remarks.
+
+    Raises:
+        InputError: none of them passes the course; the error is that of the first one.
+    """
+    found: list[tuple[Recording, CourseRun, tuple[str, ...]]] = []
+    first: InputError | None = None
+    for one in (recording, *recording.others):
+        try:
+            framed = in_frame(in_order(one), race)
+            found.append((framed, *_choose_run(framed, race, wanted)))
+        except InputError as error:
+            first = first or error
+    if not found:
+        assert first is not None  # there is one recording at least
+        raise first
+    framed, chosen, remarks = max(found, key=lambda one: len(one[1].made))
+    if recording.others:
+        remarks = (f"{framed.label} is taken, which passes the course", *remarks)
+    return framed, chosen, remarks
 
 
 def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[CourseRun, tuple[str, ...]]:
@@ -165,14 +169,20 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
 
 def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
     """Return time, north and east on a coarse path, which goes straight on where the log ends."""
+    placed = framed.select(np.isfinite(framed.columns["x"]) & np.isfinite(framed.columns["y"]))
     step, edge = IMPORT.coarse, SMOOTHING.edge
-    inside = np.arange(framed.time[0], framed.time[-1] + 0.5 * step, step)
+    rows = np.flatnonzero(np.diff(np.floor(placed.time / step), prepend=-np.inf) > 0.0)
+    rows = np.unique([*rows.tolist(), len(placed.time) - 1])
+    inside = placed.time[rows]
     time = np.concatenate([[inside[0] - edge], inside, [inside[-1] + edge]])
+    near = np.minimum(len(rows) - 1, 3)
     places: list[Array] = []
     for name in ("x", "y"):
-        values = np.interp(inside, framed.time, framed.columns[name])
-        slopes = (np.diff(values[:3]).mean(), np.diff(values[-3:]).mean()) if len(inside) > 2 else (0.0, 0.0)
-        ahead, behind = values[0] - slopes[0] / step * edge, values[-1] + slopes[1] / step * edge
+        values = placed.columns[name][rows]
+        ahead, behind = values[0], values[-1]
+        if near > 0:
+            ahead = ahead - (values[near] - values[0]) / (inside[near] - inside[0]) * edge
+            behind = behind + (values[-1] - values[-1 - near]) / (inside[-1] - inside[-1 - near]) * edge
         places.append(np.concatenate([[ahead], values, [behind]]))
     return time, places[0], places[1]
 
@@ -224,32 +234,7 @@ def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) 
     return times
 
 
-def _deviations(part: Recording, path: Path, run: CourseRun, flight: Flight) -> Mapping[str, StandardDeviations]:
-    """Return how well every passing is known, by the names of the passages.
-
-    A bank that was recorded is known as well as the lines between its samples tell it.
-    """
-    times = np.array([one.time for one in run.made])
-    noise = min(float(path.noise.max()), 1.0)
-    estimated = np.full(len(times), ERRORS.bank * noise**0.4)
-    banks = between_samples(part, "phi", times) if _is_measured(flight, "phi") else estimated
-    load = math.nan if _is_measured(flight, "n_z") else ERRORS.load_factor * noise**0.25
-    made = [crossing for one, crossing in zip(run.passings, flight.crossings, strict=True) if one is not None]
-    places = (ERRORS.inflation * path.deviations(times)).T.tolist()
-    found: dict[str, StandardDeviations] = {}
-    for crossing, (north, east, up), bank in zip(made, places, banks.tolist(), strict=True):
-        across = max(north, east)
-        worst = max(across, up)
-        V_K = crossing.value("V_K")
-        turn = ERRORS.turning_time * crossing.value("n_z") * g0 / V_K
-        path_angle = math.hypot(math.atan2(worst / ERRORS.slope_time, V_K), turn)
-        tip = 0.0 if math.isnan(bank) else 0.5 * flight.aircraft.airframe.b * math.sin(min(bank, 0.5 * math.pi))
-        speed = ERRORS.speed * worst**0.6
-        found[crossing.name] = StandardDeviations(across, math.hypot(across, tip), up, bank, path_angle, speed, load)
-    return found
-
-
-def _remarks(part: Recording, path: Path, flight: Flight) -> list[str]:
+def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, StandardDeviations]) -> list[str]:
     """Return sentences on rate, noise, outliers and gaps; times are those of the flight's clock."""
     steps = np.diff(part.time)
     usual = float(np.median(steps))
@@ -269,11 +254,11 @@ def _remarks(part: Recording, path: Path, flight: Flight) -> list[str]:
     missing = [one.name for one in flight.crossings if not one.found]
     if missing:
         remarks.append(f"not passed: {', '.join(missing)}")
-    estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not _is_measured(flight, name)]
+    estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not is_measured(flight, name)]
     if estimated:
         remarks.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
+    times = [one.time for one in known.values()]
+    if times:
+        usual, worst = (1e3 * float(one) for one in (np.median(times), max(times)))
+        remarks.append(f"times of passings are known to {usual:.2g} ms, the worst one to {worst:.2g} ms")
     return remarks
-
-
-def _is_measured(flight: Flight, name: str) -> bool:
-    return name in flight and flight.basis(name) is Basis.MEASURED

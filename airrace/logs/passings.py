@@ -12,6 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.logs.clocks import spread_repeated, true_times
+from airrace.logs.freshness import held
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.planning.race import Race
 from airrace.records import record
@@ -29,10 +31,14 @@ class PassingSettings:
         fastest: the speed of sound, m/s: a sample that could only be reached and left faster is an outlier.
         scatter: between two samples, which their noise may explain and no speed has to, m. White noise of 2 m puts two
             of a million samples so far apart; what is nearer is left to the smoother, which knows the noise.
+        no_height: from zero that the heights around it must be for a height of zero to be none, m.
         nearest_in_time: below which two samples are one, s.
         aside: from the centre of an element, beyond which, or beyond its reach, nothing is a passing, m.
+        silence: between two samples, beyond which nobody knows what was passed between them, s.
         scale: from the centre, at which a passing costs 1, m.
         skipped: cost of an element that is not passed at all.
+        unreached: cost of one that comes before the first passing or behind the last one: a log that begins late or
+            ends early has a part of a run, and no passing in its middle is the start or the finish.
         worst: cost of the worst passing.
         pace: cost of a second, so that a run is not mixed with another one.
     """
@@ -40,45 +46,113 @@ class PassingSettings:
     far: float = 10_000.0
     fastest: float = 340.0
     scatter: float = 20.0
+    no_height: float = 10.0
     nearest_in_time: float = 1e-4
     aside: float = 60.0
+    silence: float = 10.0
     scale: float = 10.0
     skipped: float = 40.0
+    unreached: float = 36.5
     worst: float = 36.0
     pace: float = 0.05
 
 
 PASSINGS = PassingSettings()
+PLACES = ("latitude", "longitude", "x", "y")
+HEIGHTS = ("height", "altitude")
+MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
+"""The histories that stay as they were recorded, where they were."""
 
 
 def in_order(recording: Recording) -> Recording:
-    """Return the recording without samples that lack a position, and without those that repeat a time."""
+    """Return the recording with times that run forwards, and without what is no measurement.
+
+    Left out are times that cannot be true, samples that say nothing, positions that repeat a time, and numbers that
+    only repeat an earlier measurement; these are NaN then.
+
+    Raises:
+        InputError: too little is left.
+    """
+    forwards, remarks = true_times(recording.path, recording.time, recording.lines)
+    recording = recording.select(forwards, *remarks)
+    time, remarks = spread_repeated(recording.time)
+    recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
-    heights = [columns[name] for name in ("height", "altitude") if name in columns]
-    known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(heights), axis=0)
-    for name in ("latitude", "longitude", "x", "y"):
-        if name in columns:
-            known &= np.isfinite(columns[name])
-    remarks: list[str] = []
-    if not known.all():
-        remarks.append(f"{count_of(int((~known).sum()), 'sample')} without a position and left out")
-    time = recording.time[known]
-    apart, last = np.ones(len(time), bool), 0.0
+    known = _placed(recording)
+    recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
+    tells: NDArray[np.bool_] = np.logical_or.reduce([known, *recorded])
+    remarks = ()
+    if silent := int((~tells).sum()):
+        remarks += (f"{count_of(silent, 'sample')} without a position and left out",)
+    time, apart, last = recording.time[known], np.ones(int(known.sum()), bool), 0.0
     for row in (np.flatnonzero(np.diff(time) < PASSINGS.nearest_in_time) + 1).tolist():
         if apart[row - 1]:
             last = float(time[row - 1])
         apart[row] = time[row] - last >= PASSINGS.nearest_in_time
     if repeated := int((~apart).sum()):
         nearest = f"{1e3 * PASSINGS.nearest_in_time:g} ms"
-        remarks.append(f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another")
-    if apart.sum() < 2:
+        remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
+    tells[np.flatnonzero(known)] = apart
+    fresh = _with_fresh_columns(recording.select(tells, *remarks))
+    heights = [np.isfinite(fresh.columns[name][_placed(fresh)]) for name in HEIGHTS if name in columns]
+    if _placed(fresh).sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
-    known[np.flatnonzero(known)] = apart
-    return recording.select(known, *remarks)
+    if np.logical_or.reduce(heights).sum() < 2:
+        refuse(recording.path, 0, "tells no heights; a flight over a course needs them")
+    return fresh
+
+
+def _placed(recording: Recording) -> NDArray[np.bool_]:
+    """Return which samples tell where they are over ground."""
+    columns = recording.columns
+    return np.asarray(np.logical_and.reduce([np.isfinite(columns[one]) for one in PLACES if one in columns]), np.bool_)
+
+
+def _with_fresh_columns(recording: Recording) -> Recording:
+    """Return the recording with NaN in the place of what is repeated, and of heights that are none."""
+    columns, remarks = dict(recording.columns), list[str]()
+    places = [name for name in PLACES if name in columns]
+    known = np.flatnonzero(_placed(recording))
+    stale = np.zeros(len(recording.time), bool)
+    stale[known] = held(np.stack([columns[name][known] for name in places]))
+    if stale.any():
+        rows = len(known) / max(len(known) - int(stale.sum()), 1)
+        remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
+        for name in places:
+            columns[name] = np.where(stale, np.nan, columns[name])
+    for name in (*HEIGHTS, *MEASURED):
+        if name not in columns:
+            continue
+        values = columns[name]
+        known = np.flatnonzero(np.isfinite(values))
+        repeated = np.zeros(len(values), bool)
+        repeated[known] = held(values[None, known])
+        if name in HEIGHTS:
+            repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
+            missing = _missing_heights(values)
+            if missing.any():
+                first = int(recording.lines[missing][0])
+                remarks.append(
+                    f"{count_of(int(missing.sum()), 'height')} missing (zero), the first one in line {first}"
+                )
+            repeated |= missing
+        columns[name] = np.where(repeated, np.nan, values)
+    return replace(recording, columns=columns).select(np.ones(len(stale), bool), *remarks)
+
+
+def _missing_heights(values: Array) -> NDArray[np.bool_]:
+    """Return which heights are zero although those around them are far from it."""
+    zero, place = values == 0.0, np.arange(len(values))
+    others = np.isfinite(values) & ~zero
+    if not zero.any() or others.sum() < 2:
+        return np.zeros(len(values), bool)
+    return zero & (np.abs(np.interp(place, place[others], values[others])) > PASSINGS.no_height)
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:
     """Return the recording with `x`, `y` and `height` in the track's frame, near the course and without outliers.
+
+    Samples without a position stay.
 
     Raises:
         InputError: it tells latitude and longitude and the course has no origin, or it is nowhere near the course.
@@ -92,13 +166,18 @@ def in_frame(recording: Recording, race: Race) -> Recording:
                 f"tells latitude and longitude, but the course {course.name} has no origin; give it one with "
                 "--set origin.latitude_deg=... and --set origin.longitude_deg=...",
             )
-        columns["x"], columns["y"], _ = metres(columns["latitude"], columns["longitude"], course.origin)
+        latitude, longitude = columns["latitude"], columns["longitude"]
+        on_globe = (np.abs(latitude) <= 0.5 * np.pi) & (np.abs(longitude) <= 2.0 * np.pi)
+        columns["x"], columns["y"], _ = metres(
+            np.where(on_globe, latitude, np.nan), np.where(on_globe, longitude, np.nan), course.origin
+        )
     height = columns.get("height", np.full_like(recording.time, np.nan))
     if "altitude" in columns:
         height = np.where(np.isfinite(height), height, columns["altitude"] - course.origin.elevation)
     columns["height"] = height
+    placed = np.isfinite(columns["x"]) & np.isfinite(columns["y"])
     places = [one.element.place for one in course.passages if one.element.place is not None]
-    near = np.abs(height) < PASSINGS.far
+    near = placed & ~(np.abs(height) > PASSINGS.far)
     for name, values in zip(("x", "y"), np.array(places or [(0.0, 0.0)]).T, strict=True):
         near &= (columns[name] > values.min() - PASSINGS.far) & (columns[name] < values.max() + PASSINGS.far)
     if near.sum() < 2:
@@ -108,12 +187,14 @@ def in_frame(recording: Recording, race: Race) -> Recording:
             f"is nowhere within {PASSINGS.far / 1000.0:g} km of the course {course.name}; is it another course, or are "
             "latitude and longitude mixed up?",
         )
-    outliers = _leaps(recording.time, np.stack([columns[name] for name in ("x", "y", "height")])) & near
+    leaps = np.zeros(len(placed), bool)
+    leaps[placed] = _leaps(recording.time[placed], np.stack([columns[name][placed] for name in ("x", "y", "height")]))
+    outliers = leaps & near
     remarks: list[str] = []
     if outliers.any():
         where = f"the first one in line {int(recording.lines[outliers][0])}"
         remarks.append(f"{count_of(int(outliers.sum()), 'outlier')} left out: leaps faster than sound, {where}")
-    return replace(recording, columns=columns).select(near & ~outliers, *remarks)
+    return replace(recording, columns=columns).select((near & ~outliers) | ~placed, *remarks)
 
 
 def _leaps(time: Array, places: Array) -> NDArray[np.bool_]:
@@ -121,7 +202,7 @@ def _leaps(time: Array, places: Array) -> NDArray[np.bool_]:
     leap = np.zeros(len(time), bool)
     if len(time) > 2:
         fast, around = (
-            np.linalg.norm(places[:, k:] - places[:, :-k], axis=0)
+            np.linalg.norm(np.nan_to_num(places[:, k:] - places[:, :-k]), axis=0)
             > PASSINGS.fastest * (time[k:] - time[:-k]) + PASSINGS.scatter
             for k in (1, 2)
         )
@@ -185,7 +266,7 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         share = along[rows] / (along[rows] - along[rows + 1])
         aside = right[rows] + share * (right[rows + 1] - right[rows])
         when = time[rows] + share * (time[rows + 1] - time[rows])
-        near = np.abs(aside) <= PASSINGS.aside + reach
+        near = (np.abs(aside) <= PASSINGS.aside + reach) & (time[rows + 1] - time[rows] <= PASSINGS.silence)
         found += [LineCrossing(float(t), axis, float(a)) for t, a in zip(when[near], aside[near], strict=True)]
     return sorted(found, key=lambda one: one.time)
 
@@ -220,19 +301,30 @@ def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing
         return CourseRun(())
     later = np.zeros(len(times) + 1)  # at the end of the path, too
     choices: list[Array] = []
+    remaining, starts = 0, list[tuple[float, int]]()  # the cost of what comes behind a passage, and where it begins
     for passage, row in zip(reversed(passages), reversed(known), strict=True):
         choice = np.full(len(times) + 1, -1)
         if stands(passage):
             later, choice = _with_passage(times, later, row)
+            remaining += 1
+            ended = later >= PASSINGS.unreached * remaining  # nothing more is passed
+            later[ended], choice[ended] = PASSINGS.unreached * remaining, -2
         choices.append(choice)
-    place = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
-    passings: list[LineCrossing | None] = []
-    for choice, row in zip(reversed(choices), known, strict=True):
+        place = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
+        starts.append((float(later[place]), place))
+    standing = np.cumsum([stands(one) for one in passages]) - [stands(one) for one in passages]
+    costs = [cost + PASSINGS.unreached * int(n) for (cost, _), n in zip(reversed(starts), standing, strict=True)]
+    begin = int(np.argmin(costs))
+    place = starts[::-1][begin][1]
+    passings: list[LineCrossing | None] = [None] * begin
+    for choice, row in list(zip(reversed(choices), known, strict=True))[begin:]:
         number = int(choice[place])
+        if number == -2:
+            break
         passings.append(row[number] if number >= 0 else None)
         if number >= 0:
             place = int(np.searchsorted(times, row[number].time)) + 1
-    return CourseRun(tuple(passings))
+    return CourseRun((*passings, *[None] * (len(passages) - len(passings))))
 
 
 def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tuple[Array, Array]:

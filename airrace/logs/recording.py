@@ -4,8 +4,8 @@ import contextlib
 import math
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from datetime import UTC, datetime, tzinfo
+from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Never
 
 import numpy as np
@@ -25,15 +25,23 @@ class LogLimits:
         gpx_size: bytes of a GPX file, which is held in memory.
         line: bytes of a line.
         samples: their number; 83 hours at 20 Hz.
+        idle: lines that hold no sample.
+        objects: of an ACMI recording.
+        text: letters of what an ACMI recording tells of an object.
     """
 
     size: int = 1024**3
     gpx_size: int = 256 * 1024**2
     line: int = 1_000_000
     samples: int = 6_000_000
+    idle: int = 1_000_000
+    objects: int = 10_000
+    text: int = 200
 
 
 LIMITS = LogLimits()
+LARGEST = 1e18
+"""Beyond all numbers that a log records."""
 
 
 @record
@@ -48,6 +56,10 @@ class Recording:
         lines: of the file, shape (n,); they count from 1.
         begins: when the first sample was taken; None where the log knows no date.
         remarks: what whoever uses the recording should know, as sentences.
+        others: further aircraft or tracks of the same file, one of which may pass the course.
+        unsaid: columns whose units the log does not say.
+        barometric: whether its heights are those of a barometer.
+        label: of the aircraft or track, where there are others.
     """
 
     path: str
@@ -57,12 +69,20 @@ class Recording:
     lines: NDArray[np.int64]
     begins: datetime | None = None
     remarks: tuple[str, ...] = ()
+    others: tuple["Recording", ...] = ()
+    unsaid: tuple[str, ...] = ()
+    barometric: bool = False
+    label: str = ""
 
     def select(self, rows: NDArray[np.bool_], *remarks: str) -> "Recording":
         """Return the recording with some of its samples only, and further remarks."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         remarks = (*self.remarks, *remarks)
         return replace(self, time=self.time[rows], columns=columns, lines=self.lines[rows], remarks=remarks)
+
+    def with_others(self, others: Sequence["Recording"]) -> "Recording":
+        """Return the recording with further ones of the same file."""
+        return replace(self, others=tuple(others))
 
 
 def refuse(path: str, line: int, message: str, key: str = "") -> Never:
@@ -82,7 +102,8 @@ def refuse(path: str, line: int, message: str, key: str = "") -> Never:
 
 def count_of(number: int, what: str) -> str:
     """Return a number of things with their verb, `1 outlier is` or `3 outliers are`."""
-    return f"1 {what} is" if number == 1 else f"{number} {what}s are"
+    several = f"{what}es" if what.endswith("x") else f"{what}s"
+    return f"1 {what} is" if number == 1 else f"{number} {several} are"
 
 
 def enumerate_words(words: Sequence[str], most: int = 12) -> str:
@@ -93,66 +114,88 @@ def enumerate_words(words: Sequence[str], most: int = 12) -> str:
 class SampleTable:
     """Samples of a log as they are read: the line of each, and the values of its columns.
 
+    What cannot be read is left out, counted, and told with the first place where it happened.
+
     Args:
         path: of the file, for messages.
         columns: their number.
         what: the word for samples in messages.
     """
 
-    def __init__(self, path: str, columns: int, what: str = "samples") -> None:
+    def __init__(self, path: str, columns: int, what: str = "sample") -> None:
         self.path, self._what = path, what
         self.lines = array("q")
         self.columns = [array("d") for _ in range(columns)]
+        self.faults: dict[str, LogFault] = {}
 
     def append(self, line: int, *values: float) -> None:
         """Add a sample; refuse it where there are too many."""
         if len(self.lines) >= LIMITS.samples:
-            refuse(self.path, line, f"holds more than {LIMITS.samples} {self._what}; cut the log to the flight")
+            refuse(self.path, line, f"holds more than {LIMITS.samples} {self._what}s; cut the log to the flight")
         self.lines.append(line)
         for column, value in zip(self.columns, values, strict=True):
             column.append(value)
 
-    def number(self, line: int, text: str, key: str, *, finite: bool = True, hint: str = "") -> float:
-        """Return the number that a text holds; refuse the log where it holds none."""
+    def leave_out(self, line: int, message: str, key: str = "", *, whole: bool = True) -> None:
+        """Count something that cannot be read: a whole sample, or only its value of a column."""
+        if key not in self.faults:
+            self.faults[key] = LogFault(key, line, message, whole)
+        self.faults[key].count += 1
+
+    def number(self, line: int, text: str, key: str) -> float:
+        """Return the number that a text holds; NaN where it holds none, which is counted."""
         with contextlib.suppress(ValueError):
             value = float(text)
-            if math.isfinite(value) or not finite:
+            if not abs(value) >= LARGEST:
                 return value
-        refuse(self.path, line, f"`{text[:40]}` is no number{hint}", key)
+        hint = "; say `decimal: comma` in the mapping" if "," in text else ""
+        self.leave_out(line, f"`{text[:40]}` is no number{hint}", key, whole=False)
+        return math.nan
 
     def arrays(self, missing: str) -> tuple[NDArray[np.int64], list[Array]]:
-        """Return the lines and the columns; refuse the log with the words `missing` where there are not two samples."""
+        """Return the lines and the columns.
+
+        Raises:
+            InputError: there are not two samples; it names the first fault, or says `missing` where there is none.
+        """
         if len(self.lines) < 2:
+            self.refuse_first_fault()
             refuse(self.path, 0, missing)
         return np.array(self.lines, np.int64), [np.array(one, np.float64) for one in self.columns]
 
-    def ensure_rising(self, time: Array, message: str, key: str = "") -> None:
-        """Refuse the log where time runs backwards; `{before}`, `{after}` and `{line}` in the message tell where."""
-        rows = np.flatnonzero(np.diff(time) < 0.0)
-        if len(rows):
-            row = int(rows[0])
-            before, after = (f"{one:.3f} s" for one in (time[row : row + 2] - time[0]).tolist())
-            message = message.format(before=before, after=after, line=self.lines[row])
-            refuse(self.path, self.lines[row + 1], message, key)
+    def refuse_first_fault(self, *keys: str) -> None:
+        """Refuse the log for the first thing that could not be read, if there is any; of some columns where named."""
+        faults = [one for one in self.faults.values() if not keys or one.key in keys]
+        if faults:
+            first = min(faults, key=lambda one: one.line)
+            refuse(self.path, first.line, first.message, first.key)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what was left out."""
+        return tuple(one.sentence(self._what) for one in self.faults.values())
 
 
-def unwrap_days(seconds: Array) -> Array:
-    """Return times of a clock that begins again at midnight, s, without these jumps."""
-    day = 86400.0
-    return seconds + day * np.concatenate(([0.0], np.cumsum(np.diff(seconds) < -0.5 * day)))
+@dataclass
+class LogFault:
+    """What could not be read: how often, and where and why for the first time.
 
-
-def iso_seconds(text: str, zone: tzinfo | None) -> float:
-    """Return the seconds since 1970 of an ISO 8601 time; where it names no zone, in the given one or UTC.
-
-    Raises:
-        ValueError: it is no such time.
+    Attributes:
+        key: the column, if it is one's.
+        line, message: of the first time.
+        whole: whether the whole sample is left out, or only the value.
+        count: how often.
     """
-    when = datetime.fromisoformat(text)
-    return (when if when.tzinfo is not None else when.replace(tzinfo=zone or UTC)).timestamp()
 
+    key: str
+    line: int
+    message: str
+    whole: bool
+    count: int = 0
 
-def instant(seconds: float) -> datetime | None:
-    """Return the instant so many seconds after 1970; None where no calendar reaches."""
-    with contextlib.suppress(OverflowError, OSError, ValueError):
-        return datetime.fromtimestamp(seconds, UTC)
+    def sentence(self, what: str) -> str:
+        """Return what is told of it; `what` is the word for a sample."""
+        thing = what if self.whole else "value"
+        column = f" of `{self.key[:60]}`" if self.key and not self.whole else ""
+        counted = f"1 {thing}{column} is" if self.count == 1 else f"{self.count} {thing}s{column} are"
+        return f"{counted} left out, the first one in line {self.line}: {self.message.partition(';')[0]}"

@@ -94,43 +94,56 @@ class Path:
         return position, velocity, (1.0 - u) * self.acceleration[:, k] + u * self.acceleration[:, k + 1]
 
     def deviations(self, times: Array) -> Array:
-        """Return the standard deviation of the position at the nodes next to some times, m, shape (3, m)."""
+        """Return standard deviations of position, velocity and acceleration at the nodes next to some times.
+
+        By the equations alone, as if the weights of the jerk were known; m, m/s, m/s^2, shape (3, 3, m), by quantity
+        and axis.
+        """
         k = np.clip(np.rint((times - self.time[0]) / SMOOTHING.step).astype(np.int64), 0, len(self.time) - 1)
         column = np.arange(len(times))
-        unit = np.zeros((3 * len(self.time), len(times)))
-        unit[3 * k, column] = 1.0
-        return np.stack([np.sqrt(_solve(factor, unit)[3 * k, column]) for factor in self.factors])
+        found = np.zeros((3, 3, len(times)))
+        for quantity in range(3):
+            unit = np.zeros((3 * len(self.time), len(times)))
+            unit[3 * k + quantity, column] = 1.0
+            for axis, factor in enumerate(self.factors):
+                found[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
+        return found
 
 
-def smooth(time: Array, places: Array, noise: float | None = None) -> Path:
+def smooth(time: Array, places: Array, noise: float | None = None, least: Array | float = 0.0) -> Path:
     """Return the path of positions.
 
     Args:
         time: s, rising, shape (m,), no longer than `SMOOTHING.duration_max`.
-        places: north, east and up, m, shape (3, m).
+        places: north, east and up, m, shape (3, m); NaN where an axis is not known.
         noise: standard deviation of the positions, m; None to estimate it.
+        least: the least that it may be, by axis, m: numbers that are written coarsely have the noise of their rounding.
     """
     settings = SMOOTHING
+    known: NDArray[np.bool_] = np.isfinite(places)
     sigma = np.full(3, max(noise, settings.noise_min)) if noise is not None else _estimate_noise(time, places)
+    sigma = np.maximum(sigma, np.asarray(least, np.float64))
+    places = np.where(known, places, 0.0)
     count = int(np.ceil((time[-1] - time[0] + 2.0 * settings.edge) / settings.step)) + 1
     nodes = time[0] - settings.edge + settings.step * np.arange(count)
     equations = _NormalEquations(nodes, time)
-    weights, near = np.ones(count - 1), np.ones(len(time), bool)
+    weights, near = np.ones(count - 1), np.ones(len(time), np.bool_)
     states, factors, off = np.zeros((3, count, 3)), list[Array](), np.zeros_like(places)
     for _ in range(settings.iterations):
         factors = list[Array]()
         for axis, density in enumerate(settings.density):
-            states[axis], factor = equations.solve(places[axis], near / sigma[axis] ** 2, weights / density)
+            certainty = (near & known[axis]) / sigma[axis] ** 2
+            states[axis], factor = equations.solve(places[axis], certainty, weights / density)
             factors.append(factor)
         surprise = np.sum(
             [equations.surprise(one) / q for one, q in zip(states, settings.density, strict=True)], axis=0
         )
         weights = (settings.freedom + 9.0) / (settings.freedom + surprise)  # of the nine numbers of a step
-        off = places - equations.positions(states)
+        off = np.where(known, places - equations.positions(states), 0.0)
         near = np.logical_and.reduce(np.abs(off) < settings.outlying * sigma[:, None], axis=0)
         if near.mean() <= settings.mostly:
             near = np.ones_like(near)
-    scatter = np.sqrt(np.mean(off[:, near] ** 2, axis=1))
+    scatter = np.sqrt(np.sum(off**2 * (near & known), axis=1) / np.maximum(np.sum(near & known, axis=1), 1))
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
     return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
 
@@ -140,14 +153,17 @@ def _estimate_noise(time: Array, places: Array) -> Array:
 
     For white noise their standard deviation is `sqrt(70) sigma`.
     """
-    steps = np.diff(time)
-    even = np.abs(steps - np.median(steps)) < 0.05 * np.median(steps)
-    rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:]) if len(time) >= 10 else ()
-    if len(rows) < 5:
-        return np.full(3, SMOOTHING.usual_noise)
-    fourth = np.abs(np.diff(places, 4, axis=1)[:, rows])
-    sigma = np.median(fourth, axis=1) / (0.6745 * np.sqrt(70.0))
-    level = sigma[:2].mean()
+    sigma: list[float] = []
+    for one in places:
+        there = np.isfinite(one)
+        steps = np.diff(time[there])
+        even = np.abs(steps - np.median(steps)) < 0.05 * np.median(steps)
+        rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:]) if len(steps) >= 9 else ()
+        if len(rows) < 5:
+            sigma.append(SMOOTHING.usual_noise)
+        else:
+            sigma.append(float(np.median(np.abs(np.diff(one[there], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
+    level = 0.5 * (sigma[0] + sigma[1])
     return np.clip(np.array([level, level, sigma[2]]), SMOOTHING.noise_min, SMOOTHING.noise_max)
 
 

@@ -5,7 +5,7 @@ standard deviations of its measurement is uncertain.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -69,10 +69,11 @@ class Penalties:
 
 NONE_KNOWN = Penalties()
 """The penalties of a course whose rules name none."""
-CERTAIN_DEVIATIONS = 3.0
+CERTAIN_DEVIATIONS = 5.0
 """The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
-An optimum touches its limits at many gates, and of two standard deviations every fortieth such passing exceeds them.
+An optimum touches its limits in a hundred places. By chance one of them is off by five deviations in one of 35,000
+logs, so that less than one log in 10,000 accuses falsely.
 """
 
 
@@ -104,7 +105,7 @@ class Violation:
     @property
     def certain(self) -> bool:
         """Whether the violation is larger than what the measurement may be wrong by."""
-        return not abs(self.value - self.limit) < CERTAIN_DEVIATIONS * self.deviation  # certain where that is not known
+        return abs(self.value - self.limit) >= CERTAIN_DEVIATIONS * self.deviation  # never where that is not known
 
 
 @record
@@ -118,6 +119,7 @@ class StandardDeviations:
         bank, path: of the bank and of the direction of the path, rad.
         speed: m/s.
         load: of the load factor, g.
+        time: of the passing itself, s.
     """
 
     across: float
@@ -127,40 +129,55 @@ class StandardDeviations:
     path: float
     speed: float
     load: float
+    time: float
 
 
-NOT_KNOWN = StandardDeviations(*(math.nan,) * 7)
+NOT_KNOWN = StandardDeviations(*(math.nan,) * 8)
+DeviationsAt = Callable[[float], StandardDeviations]
+"""How well a flight is known at a time of its clock, s."""
 
 
 def violations(
-    flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, StandardDeviations], penalties: Penalties
+    flight: Flight, axes: Mapping[str, float], deviations: DeviationsAt, penalties: Penalties
 ) -> tuple[Violation, ...]:
-    """Return all rules that a flight would break, in the order of the course, then those of the flight as a whole.
+    """Return all rules that a flight would break: certain ones first, each in the order of the course.
 
     Args:
         flight: through the course.
         axes: along which axis each element was passed, rad, by the names of the passages.
-        deviations: how well every passing is known, likewise.
+        deviations: how well the flight is known.
         penalties: of the season.
     """
     found: list[Violation] = []
     for crossing in flight.crossings:
-        known = deviations.get(crossing.name, NOT_KNOWN)
+        known = deviations(crossing.time) if crossing.found else NOT_KNOWN
         broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties)
         for rule, value, limit, deviation, unit, penalty in broken:
             price = math.nan if penalty is None else penalty
             found.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
-    worst = max(deviations.values(), key=lambda one: one.up, default=NOT_KNOWN)
-    return (*found, *_load_factors(flight, penalties, worst.load), *_distances(flight, worst))
+    found += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
+    return tuple(sorted(found, key=lambda one: not one.certain))
+
+
+def as_judged(element: Element) -> Element:
+    """Return an element as it is judged: one that is optimised to a point as a window."""
+    if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+        kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
+        return replace(kind, passing=Passing.WINDOW)
+    return element
+
+
+def height_window(element: Element, axis: float) -> Interval:
+    """Return the heights at which an element may be passed, m."""
+    bounds = as_judged(element).conditions(axis)
+    depth = bounds.get("z", Interval())
+    return bounds.get("height", Interval(-depth.upper, -depth.lower))
 
 
 def _passing_violations(
     race: Race, crossing: TimedCrossing, axis: float, known: StandardDeviations, penalties: Penalties
 ) -> Iterator[tuple[str, float, float, float, str, float | None]]:
-    """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks.
-
-    A gate that is optimised to a point is judged as a window.
-    """
+    """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks."""
     element: Element = crossing.passage.element
     manoeuvre = ("manoeuvre", penalties.manoeuvre)
     if not crossing.found:
@@ -168,9 +185,7 @@ def _passing_violations(
         yield rule, math.nan, math.nan, math.nan, "", penalty
         return
     tolerances = element.tolerances if isinstance(element, Tolerant) else None
-    if isinstance(element, Tolerant) and element.passing is Passing.POINT:
-        kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
-        element = replace(kind, passing=Passing.WINDOW)
+    element = as_judged(element)
     bounds, bank = element.conditions(axis), element.prescribed_bank or 0.0
     if element.two_edged and crossing.value("mu") * bank < 0.0:
         bank = -bank
@@ -186,21 +201,21 @@ def _passing_violations(
     # beside: of the centre, else of the worse of the wing tips
     right, half = values["right"], 0.5 * getattr(element, "width", math.inf)
     tips = [name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds]
-    if excess := _excess(right, bounds.get("right", Interval(-half, half))):
+    if excess := beyond(right, bounds.get("right", Interval(-half, half))):
         yield "missed", right, right - excess, known.across, "m", penalties.missed
-    elif excess := max((abs(_excess(values[name], bounds[name])) for name in tips), default=0.0):
+    elif excess := max((abs(beyond(values[name], bounds[name])) for name in tips), default=0.0):
         clearance = 0.0 if tolerances is None else tolerances.clearance
         penalty = penalties.pylon if clearance - excess <= 0.0 else 0.0
         yield "pylon", clearance - excess, clearance, known.tip, "m", penalty
 
-    depth, height = bounds.get("z", Interval()), values["height"]
-    if excess := _excess(height, bounds.get("height", Interval(-depth.upper, -depth.lower))):
+    height = values["height"]
+    if excess := beyond(height, height_window(element, axis)):
         too = ("too-high", penalties.too_high) if excess > 0.0 else ("too-low", penalties.too_low)
         rule, penalty = too if element.stands else manoeuvre
         yield rule, height, height - excess, known.up, "m", penalty
 
     sine, path = values["climb_sine"], math.degrees(known.path)
-    if excess := _excess(sine, bounds.get("climb_sine", Interval())):
+    if excess := beyond(sine, bounds.get("climb_sine", Interval())):
         climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
         yield "climb", climb, limit, path, "deg", penalties.climb
     allowed: list[tuple[str, float, float, float, float | None]] = []
@@ -216,24 +231,26 @@ def _passing_violations(
             yield rule, off, math.copysign(most, off), deviation, "deg", penalty
 
     speed = crossing.value(START_SPEEDS[race.course.rules.start_speed])
-    if excess := _excess(speed, crossing.passage.speed):
+    if excess := beyond(speed, crossing.passage.speed):
         ends = penalties.start_speed_end
         penalty = math.inf if ends is not None and speed > ends else penalties.start_speed
         yield "start-speed", speed / KNOT, (speed - excess) / KNOT, known.speed / KNOT, "kt", penalty
 
 
-def _excess(value: float, allowed: Interval) -> float:
+def beyond(value: float, allowed: Interval) -> float:
     """Return by how much a value lies above (positive) or below (negative) what is allowed; 0 where it does not."""
     return max(value - allowed.upper, 0.0) + min(value - allowed.lower, 0.0)
 
 
-def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Violation]:
+def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt) -> Iterator[Violation]:
     """Yield the load factor where it is too large for too long, and where it ends the race."""
     if "n_z" not in flight:
         return
     n_z, time = flight["n_z"], flight.time
-    row = int(np.nanargmax(n_z))
+    highest = np.flatnonzero(n_z == np.nanmax(n_z))
+    row = int(highest[len(highest) // 2])
     most, when = float(n_z[row]), float(time[row])
+    deviation = deviations(when).load
     if penalties.load_factor_end is not None and most > penalties.load_factor_end:
         yield Violation("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
         return
@@ -245,7 +262,7 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
         yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
 
 
-def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]:
+def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
     """Yield what the flight came too near to: obstacles, people, safety lines, borders, floor and ceiling."""
     legs = {leg.number: leg.rows for leg in legs_of(flight)}
     for one in (one for one in distances(flight) if one.kind != "pylon"):
@@ -258,5 +275,6 @@ def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]
             nearest = at_row(flight, one, row)
             if nearest.margin < 0.0:
                 rule = one.kind.replace(" ", "-")
+                known = deviations(nearest.time)
                 off = known.up if rule in ("floor", "ceiling") else known.across
                 yield Violation("", rule, nearest.time, nearest.distance, one.required, off, "m", math.nan)

@@ -1,0 +1,141 @@
+"""How well the passings of a recorded flight are known: standard deviations, from its samples themselves."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from airrace.dynamics.limits import flight_limits
+from airrace.environment.atmosphere import g0
+from airrace.logs.freshness import rounding
+from airrace.logs.histories import HOLE, between_samples, samples_of
+from airrace.logs.recording import Recording
+from airrace.logs.smoothing import SMOOTHING, Path
+from airrace.logs.violations import StandardDeviations
+from airrace.records import record
+from airrace.results import Flight
+from airrace.results.flight import Basis
+from airrace.trajectory import Array
+
+_EARTH = 6.371e6  # radius, m
+
+
+@record
+class ErrorModel:
+    """By how much passings are less certain than the smoother's own equations say, which take its weights for known.
+
+    Measured on optima, recorded at 1 to 50 Hz with 0 to 3 m of noise (`scripts/experiments/calibrated_logs.py`).
+
+    Their errors, divided by those deviations, had root mean squares of 0.5 to 2 and tails beyond that of a normal
+    distribution: the greatest ones of a thousand were 8 (over ground), 8 (height), 13 (velocity) and 13 (acceleration).
+
+    Attributes:
+        across, up, velocity, acceleration: factors of their standard deviations, so that five of the products are
+            beyond all errors that were measured.
+        time: likewise of the position, for the time of a passing, so that 68 and 95 % lie within one and two of them.
+        barometer: standard deviation of heights by the standard atmosphere, m: of 8 hPa.
+    """
+
+    across: float = 2.0
+    up: float = 2.2
+    velocity: float = 3.0
+    acceleration: float = 4.0
+    time: float = 1.5
+    barometer: float = 70.0
+
+
+ERRORS = ErrorModel()
+
+
+def place_roundings(placed: Recording) -> Array:
+    """Return the standard deviations of rounding of north, east and up, m, shape (3,)."""
+    columns = placed.columns
+    found = [rounding(columns[name]) for name in ("x", "y")]
+    if "latitude" in columns:
+        narrow = math.cos(float(np.nanmedian(columns["latitude"])))
+        found = [_EARTH * rounding(columns["latitude"]), _EARTH * narrow * rounding(columns["longitude"])]
+    return np.array([*found, rounding(columns["height"])])
+
+
+def is_measured(flight: Flight, name: str) -> bool:
+    """Return whether a history was recorded."""
+    return name in flight and flight.basis(name) is Basis.MEASURED
+
+
+def deviations_of(
+    part: Recording, path: Path, least: Array, flight: Flight, offset: float, doubt: float
+) -> Callable[[float], StandardDeviations]:
+    """Return how well the flight is known at a time of its clock, s.
+
+    Args:
+        part: of the recording, that was smoothed.
+        path: smoothed from it.
+        least: standard deviations of rounding of the positions, by axis, m, shape (3,).
+        flight: with its histories.
+        offset: of the flight's clock on that of the recording, s.
+        doubt: by which all heights may be off together, m.
+    """
+    roll = _History(part, "phi") if is_measured(flight, "phi") else None
+    load = _History(part, "n_z") if is_measured(flight, "n_z") else None
+    zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0)
+    half_span = 0.5 * flight.aircraft.airframe.b
+    roll_rate = flight_limits(flight.aircraft, flight.course.rules).p_Kbar.upper
+    places = part.time[np.isfinite(part.columns["x"])]
+
+    def step_around(time: float) -> float:
+        row = min(max(int(np.searchsorted(places, time)), 1), len(places) - 1)
+        return float(places[row] - places[row - 1])
+
+    def at(time: float) -> StandardDeviations:
+        raw = path.deviations(np.array([offset + time]))[:, :, 0]
+        across = float(np.hypot(ERRORS.across * raw[0, :2], least[:2]).max())
+        along = float(np.hypot(ERRORS.time * raw[0, :2], least[:2]).max())
+        up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero)
+        velocity, acceleration = ERRORS.velocity * raw[1], ERRORS.acceleration * raw[2]
+        row = int(np.argmin(np.abs(flight.time - time)))
+        V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
+        speed = float(velocity.max())
+        direction = math.atan2(speed, max(V_K, 1.0))
+        when = along / max(V_K * math.cos(gamma), 1.0)
+        bank = (
+            math.nan if roll is None else math.hypot(roll.deviation(offset + time, when), direction * math.sin(gamma))
+        )
+        if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
+            step = max(step_around(offset + time), SMOOTHING.step)
+            bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), roll_rate * step), math.pi)
+        tip = half_span * math.sin(min(bank, 0.5 * math.pi))
+        pull = float(acceleration.max()) / g0 if load is None else load.deviation(offset + time, when)
+        return StandardDeviations(across, math.hypot(across, tip), up, bank, direction, speed, pull, when)
+
+    return at
+
+
+class _History:
+    """A recorded history, and how well it is known.
+
+    Args:
+        recording: with samples of the history.
+        name: of the history.
+    """
+
+    def __init__(self, recording: Recording, name: str) -> None:
+        self.recording, self.name = recording, name
+        self.time, self.values = samples_of(recording, name)
+        third = np.abs(np.diff(self.values, 3))
+        noise = float(np.median(third)) / (0.6745 * math.sqrt(20.0)) if len(third) else 0.0
+        self.noise = math.hypot(noise, rounding(self.values))
+
+    def deviation(self, time: float, when: float) -> float:
+        """Return the standard deviation at a time that is known to `when`, in the unit of the history.
+
+        It is that of the samples, of what is lost between them, and of the rate of the history times that of the time.
+        NaN where there are no samples around.
+        """
+        t, v = self.time, self.values
+        row = int(np.searchsorted(t, time))
+        if not 0 < row < len(t) or t[row] - t[row - 1] > HOLE:
+            return math.nan
+        around = np.clip(np.arange(row - 2, row + 3), 0, len(t) - 1)
+        rates = np.abs(np.diff(v[around])) / np.maximum(np.diff(t[around]), 1e-6)
+        lost = float(between_samples(self.recording, self.name, np.array([time]))[0])
+        return math.hypot(lost, float(rates.max()) * when, self.noise)

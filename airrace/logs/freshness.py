@@ -1,0 +1,70 @@
+"""Which numbers of a log are fresh, and how finely they are written.
+
+A recorder that writes rows faster than a sensor measures repeats the last measurement. Numbers that are written in
+steps of `q` are off by up to half of it, `q / sqrt(12)` by standard deviation, however many of them are averaged.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.trajectory import Array
+
+_MOST = 200_000
+"""Values that are looked at."""
+_HELD = 0.05
+"""Share of measurements that fill more than one row, from which on repeated numbers are no chance."""
+_LEAP = 3.0
+"""Steps by which a held number leaps when it changes; one that is written coarsely moves by one or two."""
+
+
+def resolution(values: Array) -> float:
+    """Return the step that all values are multiples of but for a common offset; 0 where there is none.
+
+    Args:
+        values: shape (n,); NaN where nothing is known.
+    """
+    every = max(1, len(values) // _MOST)
+    found = np.unique(values[::every][np.isfinite(values[::every])])
+    if len(found) < 10:
+        return 0.0
+    gaps = np.diff(found)
+    gaps = gaps[gaps > 4.0 * np.spacing(np.abs(found).max())]
+    if not len(gaps):
+        return 0.0
+    step, far = float(gaps.min()), found - found[0]
+    for reach in (30.0, 1000.0, 3e4, 1e6):  # the step is known the better, the farther the values that it explains
+        near = far[far < reach * step]
+        counts = np.rint(near / step)
+        if len(near) > 1 and counts[-1] > 0:
+            step = float(near[-1] / counts[-1])
+    counts = far / step
+    return step if np.mean(np.abs(counts - np.rint(counts)) < 0.05) > 0.99 else 0.0
+
+
+def rounding(values: Array) -> float:
+    """Return the standard deviation of rounding to the resolution of the values."""
+    return resolution(values) / math.sqrt(12.0)
+
+
+def held(values: Array) -> NDArray[np.bool_]:
+    """Return which samples only repeat the measurement before, shape (n,).
+
+    Args:
+        values: of one or several columns that are measured together, all finite, shape (k, n).
+    """
+    count = int(values.shape[1])
+    starts = np.flatnonzero(np.any(np.diff(values, axis=1, prepend=np.inf) != 0.0, axis=0))
+    runs = np.diff(starts, append=count)
+    if len(runs) < 10 or np.mean(runs > 1) < _HELD:
+        return np.zeros(count, bool)
+    leaps = np.abs(np.diff(values[:, starts], axis=1))
+    steps = np.array([resolution(one) for one in values])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.nanmax(np.where(leaps > 0.0, leaps / steps[:, None], 0.0), axis=0)
+    if np.median(relative) < _LEAP:
+        return np.zeros(count, bool)
+    usual = int(np.percentile(runs, 99.0, method="lower"))
+    place = np.arange(count) - np.repeat(starts, runs)
+    return np.asarray(place % usual != 0, np.bool_)

@@ -1,0 +1,183 @@
+"""Recorded columns held against the path that was flown: units that nobody says, and what cannot be true."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.logs.histories import path_histories
+from airrace.logs.passings import HEIGHTS, CourseRun
+from airrace.logs.recording import Recording
+from airrace.logs.smoothing import Path
+from airrace.logs.violations import beyond, height_window
+from airrace.planning.race import Race
+from airrace.quantities import KNOT, Interval
+from airrace.records import record
+from airrace.results import Flight, attitude
+from airrace.results.flight import PATH_ATTITUDE
+from airrace.trajectory import Array
+
+
+@record
+class PlausibilitySettings:
+    """How near a recorded column must come to the path.
+
+    Attributes:
+        rows: that are looked at, at most.
+        slowest: below which nothing is compared, m/s.
+        speed: share of the speed by which a recorded one may differ, for wind and thin air.
+        turning: load factor from which on bank and load factor of the path are certain enough, 1.
+        load: difference of load factors, 1.
+        bank, climb, course: differences of angles, rad.
+        banked: sine of the bank from which on its side is certain.
+        full_turn: rad, which no angle in degrees stays below in a race.
+        high: by which passings are too high for heights to be doubted, m.
+        better: share of that which is left in feet, at most.
+        mostly: share of passings that are too high, or too low, for a doubt.
+        scatter: of the heights at passings, in terms of the widest window, below which they are no feet.
+        windows: passings with a window of heights that are needed for such a doubt.
+    """
+
+    rows: int = 4000
+    slowest: float = 20.0
+    speed: float = 0.35
+    turning: float = 2.5
+    load: float = 1.5
+    bank: float = math.radians(45.0)
+    banked: float = 0.35
+    climb: float = math.radians(30.0)
+    course: float = math.radians(60.0)
+    full_turn: float = 6.4
+    high: float = 5.0
+    better: float = 0.25
+    mostly: float = 0.8
+    scatter: float = 1.5
+    windows: int = 3
+
+
+PLAUSIBLE = PlausibilitySettings()
+_SPEEDS = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
+_FOOT = 0.3048
+_ANGLES = ("phi", "theta", "psi")
+
+
+def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
+    """Return the recording with heights in feet, where their unit is not said and only so they fit the course."""
+    name = next((one for one in HEIGHTS if one in framed.unsaid), None)
+    there = np.isfinite(framed.columns["height"])
+    if name is None or not there.any():
+        return framed
+    ground = race.course.origin.elevation if name == "altitude" else 0.0
+    times = np.array([math.nan if one is None else one.time for one in run.passings])
+    metres = np.interp(times, framed.time[there], framed.columns["height"][there])
+    feet = (metres + ground) * _FOOT - ground
+    axes = [0.0 if one is None else one.axis for one in run.passings]
+    windows = [height_window(one.element, axis) for one, axis in zip(race.course.passages, axes, strict=True)]
+    off = _beyond(metres, windows)
+    if len(off) < PLAUSIBLE.windows or np.median(np.abs(off)) < PLAUSIBLE.high:
+        return framed
+    scatter = float(np.ptp(metres[np.isfinite(_all_beyond(metres, windows))]))
+    widest = max(one.upper - one.lower for one in windows if math.isfinite(one.upper - one.lower))
+    if (
+        np.median(np.abs(_beyond(feet, windows))) > PLAUSIBLE.better * np.median(np.abs(off))
+        or scatter < PLAUSIBLE.scatter * widest
+    ):
+        return framed
+    columns = {**framed.columns, "height": (framed.columns["height"] + ground) * _FOOT - ground}
+    if name == "altitude":
+        columns["altitude"] = framed.columns["altitude"] * _FOOT
+    remark = f"heights are taken as feet: as metres they are {np.median(off):.0f} m off the windows of the course"
+    return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
+
+
+def height_doubt(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
+    """Return how far all heights may be off together, m, and a remark, where almost all are too high, or too low.
+
+    Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
+    """
+    heights = np.array([one.value("height") for one in flight.crossings])
+    off = _beyond(heights, [height_window(one.passage.element, axes.get(one.name, 0.0)) for one in flight.crossings])
+    if len(off) < PLAUSIBLE.windows or abs(np.median(off)) < PLAUSIBLE.high:
+        return 0.0, ()
+    if np.mean(np.sign(off) == np.sign(np.median(off))) < PLAUSIBLE.mostly:
+        return 0.0, ()
+    doubt = float(np.median(off))
+    side = "high" if doubt > 0.0 else "low"
+    remark = (
+        f"almost all passings are about {abs(doubt):.0f} m too {side}: are heights in another unit, or of another zero?"
+    )
+    return abs(doubt), (remark,)
+
+
+def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
+    """Return by how much each height is beyond its window, m; NaN where there is no window, or no height."""
+    found = [beyond(h, one) if math.isfinite(one.upper) else math.nan for h, one in zip(heights, windows, strict=True)]
+    return np.where(np.isfinite(heights), np.array(found), np.nan)
+
+
+def _beyond(heights: Array, windows: Sequence[Interval]) -> Array:
+    off = _all_beyond(heights, windows)
+    return off[np.isfinite(off)]
+
+
+def plausible(part: Recording, path: Path, race: Race) -> Recording:
+    """Return the recording with its columns in the units that fit the path, and without those that contradict it.
+
+    Args:
+        part: around the run, on the clock of the log.
+        path: smoothed from its positions.
+        race: course, aircraft and air.
+    """
+    inside = np.flatnonzero((part.time >= path.time[0]) & (part.time <= path.time[-1]))
+    rows = inside[:: max(1, len(inside) // PLAUSIBLE.rows)]
+    flown = path_histories(race, *path.at(part.time[rows]))
+    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([flown[name] for name in PATH_ATTITUDE]))
+    fast, turning = flown["V_K"] > PLAUSIBLE.slowest, flown["n_z"] > PLAUSIBLE.turning
+    columns, remarks = dict(part.columns), list[str]()
+
+    def difference(
+        name: str, true: Array, where: NDArray[np.bool_], measure: Callable[[Array], Array] = np.asarray
+    ) -> float:
+        off = measure(columns[name][rows] - true)[where & np.isfinite(columns[name][rows])]
+        return float(np.median(np.abs(off))) if len(off) else 0.0
+
+    def drop(names: tuple[str, ...], why: str) -> None:
+        there = [name for name in names if columns.pop(name, None) is not None]
+        remarks.append(f"the recorded {', '.join(there)} {'is' if len(there) == 1 else 'are'} not used: {why}")
+
+    for name in ("V_G", "V_A", "V_I"):
+        there = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
+        if not there.any():
+            continue
+        ratio = float(np.median(columns[name][rows][there] / flown["V_K"][there]))
+        if name in part.unsaid and ratio > 0.0:
+            unit = min(_SPEEDS, key=lambda one: abs(math.log(ratio * _SPEEDS[one])))
+            if unit != "m/s":
+                columns[name] = columns[name] * _SPEEDS[unit]
+                remarks.append(f"{name} is taken in {unit}: so it fits the path")
+            ratio *= _SPEEDS[unit]
+        if abs(ratio - 1.0) > PLAUSIBLE.speed:
+            drop((name,), f"it is {ratio:.2g} times the speed of the path")
+    if "n_z" in columns and difference("n_z", flown["n_z"], turning) > PLAUSIBLE.load:
+        drop(("n_z",), f"in turns it is off the path's by {difference('n_z', flown['n_z'], turning):.1f} g")
+    there = [name for name in _ANGLES if name in columns and name in part.unsaid]
+    largest = float(np.nanmax(np.abs(columns[there[0]]), initial=0.0)) if there else 0.0  # of the roll, if any
+    if 0.0 < math.degrees(largest) < PLAUSIBLE.full_turn and turning.any():
+        for name in there:
+            columns[name] = np.degrees(columns[name])
+        remarks.append("angles are taken in radians, for none is larger than a full turn of these")
+    banked = turning & (np.abs(np.sin(mu)) > PLAUSIBLE.banked)
+    off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
+    if turned < PLAUSIBLE.bank < off:
+        columns["phi"] = -columns["phi"]
+        remarks.append("the recorded roll is taken with the other sign: so it fits the turns of the path")
+    for name, true, most in (("theta", gamma, PLAUSIBLE.climb), ("psi", chi, PLAUSIBLE.course)):
+        if name in columns and (off := difference(name, true, fast, _around)) > most:
+            drop((name,), f"it is off the path's by {math.degrees(off):.0f} deg")
+    return replace(part, columns=columns, remarks=(*part.remarks, *remarks))
+
+
+def _around(angle: Array) -> Array:
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
