@@ -433,9 +433,16 @@ class Run(RunState):
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
         return self.stage(stage).sensitivities(by)
 
-    def safety(self, stage: str | Stage | None = None, **options: Any) -> "SafetyCase":
-        """Fly a stage's optimum many times with a pilot in the loop; see `StageView.safety` for the options."""
-        return self.stage(stage).safety(**options)
+    def safety(
+        self, stage: str | Stage | None = None, *, output: str | Path | None = None, **options: Any
+    ) -> "SafetyCase":
+        """Fly a stage's optimum many times with a pilot in the loop; see `StageView.safety` for the options.
+
+        A file `output` is written as `airrace safety` does: `.json`, `.csv`, `.html`, `.pdf`, `.png` or `.svg`.
+        """
+        from airrace.runs.safety_files import fly_into_file  # takes what flies
+
+        return fly_into_file(self, self.stage(stage), None if output is None else Path(output), options)
 
     def safety_in_winds(
         self, winds: str, *, progress: bool = False, threads: int | None = None, **options: Any

@@ -1,4 +1,6 @@
-"""Draw the pictures of the documentation with the commands themselves. Needs the extra `plot`; the last one Chromium.
+"""Draw the pictures of the documentation with the commands themselves.
+
+Needs the extra `plot`; that of the report and that of the printed case need Chromium, the latter pdftoppm as well.
 
     python scripts/pictures.py [--runs FOLDER] [--only NAME ...]
 
@@ -31,10 +33,12 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "race_pilot": ("half_cuban_eight", *PLAN, "--set", "rules.pilot=race"),
     "sprint": ("sprint.yaml", *POINT_MASS),
     "stands": ("stands.yaml", *POINT_MASS),
+    "harbour": ("harbour.yaml",),
 }
-"""What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes.
+"""What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes, and
+the harbour what it makes of the placemarks among the examples.
 
-Its stands are those of the page on what falls where.
+The stands of the sprint are those of the page on what falls where.
 """
 STANDS = """
 crowd:
@@ -59,6 +63,8 @@ CALLS: dict[str, tuple[str, ...]] = {
     "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
     "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
     "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),
+    "harbour": ("check", "harbour.yaml", "--plot"),
+    "envelope": ("safety", "rovinj.h5", "--output"),
     "footprint": ("footprint", "stands.h5", "--output"),
     "routes": ("compare", "over_the_top.h5", "flat.h5", "--plot"),
 }
@@ -72,9 +78,7 @@ def call(runs: Path, *arguments: str) -> None:
 
 
 def draw(name: str, runs: Path) -> None:
-    """Draw a picture, and shrink it to a palette of 128 colours."""
-    from PIL import Image
-
+    """Draw a picture."""
     for word in CALLS[name]:
         flight = word.partition(":")[0].removesuffix(".h5")
         if word.partition(":")[0].endswith(".h5") and not (runs / f"{flight}.h5").exists():
@@ -82,6 +86,13 @@ def draw(name: str, runs: Path) -> None:
     path = PICTURES / f"{name}.png"
     path.unlink(missing_ok=True)
     call(runs, *CALLS[name], str(path))
+    shrink(path)
+
+
+def shrink(path: Path) -> None:
+    """Shrink a picture to a palette of 128 colours."""
+    from PIL import Image
+
     with Image.open(path) as image:
         width = min(image.width, 1200)
         small = image.convert("RGB").resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
@@ -109,10 +120,32 @@ def photograph_report(runs: Path) -> None:
         browser.close()
 
 
+def print_case(runs: Path) -> None:
+    """The first pages of the printed case of the harbour, side by side."""
+    from PIL import Image
+
+    if not (runs / "harbour.h5").exists():
+        call(runs, "optimize", *FLIGHTS["harbour"], "--output", "harbour.h5", "--quiet")
+    for page in runs.glob("case-*.png"):
+        page.unlink()
+    call(runs, "safety", "harbour.h5", "--sign-for", "Race director", "--force", "--output", "case.pdf")
+    subprocess.run(["pdftoppm", "-png", "-r", "72", "-l", "2", "case.pdf", "case"], cwd=runs, check=True)
+    pages = [Image.open(path) for path in sorted(runs.glob("case-*.png"))]
+    sheet = Image.new("RGB", (sum(page.width + 12 for page in pages) - 12, pages[0].height), "#888888")
+    for number, page in enumerate(pages):
+        sheet.paste(page, (number * (page.width + 12), 0))
+    sheet.save(PICTURES / "case.png")
+    shrink(PICTURES / "case.png")
+
+
+PRINTED = {"case": print_case, "report": photograph_report}
+"""What makes the pictures that no command draws."""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of the flights")
-    parser.add_argument("--only", nargs="+", choices=[*CALLS, "report"], default=[*CALLS, "report"], metavar="NAME")
+    parser.add_argument("--only", nargs="+", choices=[*CALLS, *PRINTED], default=[*CALLS, *PRINTED], metavar="NAME")
     chosen = parser.parse_args()
     runs = chosen.runs.resolve()
     runs.mkdir(parents=True, exist_ok=True)
@@ -120,8 +153,10 @@ def main() -> None:
         call(runs, "init", "sprint")
     sprint = (runs / "sprint.yaml").read_text(encoding="utf-8")
     (runs / "stands.yaml").write_text(sprint + STANDS, encoding="utf-8")
+    if not (runs / "harbour.yaml").exists():
+        call(runs, "init", "harbour", "--from", str(ROOT / "docs" / "examples" / "harbour.kml"))
     for name in chosen.only:
-        photograph_report(runs) if name == "report" else draw(name, runs)
+        PRINTED[name](runs) if name in PRINTED else draw(name, runs)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,50 +63,11 @@ def footprint(
 def _texts(found: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
     from airrace.cli.tables import PAGE, render
-    from airrace.quantities import KNOT
-    from airrace.runs.footprints import leg_at, wind_text
-    from airrace.safety.footprint import NOT_AN_AUTHORITYS
-    from airrace.views.tables import Column, Table
+    from airrace.views.footprint_tables import facts, falls_table, people_table
 
-    falls: list[tuple[str | float, ...]] = []
-    names = {"vacuum": "in vacuum", "drag": "with drag", "level": "V sqrt(2h/g)"}
-    for key, way in found.lengths.items():
-        row = int(way.argmax())
-        state = (float(found.states.speed[row]) / KNOT, float(found.states.place[row, 2]))
-        falls.append((names[key], float(way[row]), float(found.time[row]), *state, leg_at(flight, found.time[row])))
-    columns = (
-        *(Column("free fall"), Column("way", "m", ".0f"), Column("from", "s", ".2f"), Column("speed", "kt", ".0f")),
-        *(Column("height", "m", ".0f"), Column("leg", wraps=True)),
-    )
-    yield render(Table(f"{flight.label}: the longest ways over ground", columns, falls), columns=PAGE)
-    if found.crowds:
-        people = [
-            (
-                *(one.crowd.name, one.crowd.distance, one.distance, one.time, leg_at(flight, one.time)),
-                *(one.seconds, one.overlap, one.straight_seconds, one.turned_seconds),
-            )
-            for one in found.crowds
-        ]
-        columns = (
-            *(Column("people", wraps=True), Column("rule", "m", ".0f"), Column("least", "m", ".0f")),
-            *(Column("from", "s", ".2f"), Column("leg", wraps=True), Column("hit", "s", ".2f")),
-            *(Column("area", "m2", ".0f"), Column("glide", "s", ".1f"), Column("turn", "s", ".1f")),
-        )
-        yield render(Table("impacts and people", columns, people), columns=PAGE)
-        sentence = (
-            "least: distance of the nearest impact, half the span taken off. hit: for how long a fall that begins "
-            "meanwhile hits people; area: of theirs under the footprint. glide: for how long a glide straight on leads "
-            "over them; turn: for how long they lie within reach of a glide behind a turn."
-        )
-        yield textwrap.fill(sentence, PAGE)
-    else:
-        yield "the course names no people (key `crowd`): no distance from them was measured"
-    shortest, longest = found.reach.distance.min(), found.reach.distance.max()
-    glide = f"without power: {found.glide.ratio:.1f} to 1 at {found.glide.speed / KNOT:.0f} kt ({found.glide_source})"
-    facts = [
-        f"{glide}, {shortest:.0f} to {longest:.0f} m straight on",
-        f"drag area: {found.drag_area:.3g} m2 ({found.drag_source})",
-        "ground: flat, at the height of the course's origin; " + wind_text(flight.air.wind),
-        NOT_AN_AUTHORITYS,
-    ]
-    yield "\n".join(textwrap.fill(fact, PAGE, subsequent_indent="  ") for fact in facts)
+    yield render(falls_table(found, flight), columns=PAGE)
+    people = people_table(found, flight)
+    if people.rows:
+        yield render(replace(people, notes=()), columns=PAGE)
+    yield from (textwrap.fill(note, PAGE) for note in people.notes)
+    yield "\n".join(textwrap.fill(fact, PAGE, subsequent_indent="  ") for fact in facts(found, flight))

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from airrace.cli.answer import answer_with_files, answering, ensure_room
-from airrace.cli.options import AsJson, Force, Quiet, RunFile, StageOfRun, Threads, Verbose, output_option
+from airrace.cli.options import AsJson, Force, Quiet, StageOfRun, Threads, Verbose, output_option
 
 
 class GustsName(StrEnum):
@@ -25,7 +25,12 @@ def _percent(what: str) -> typer.models.OptionInfo:
 
 
 def safety(
-    run_file: RunFile,
+    run_files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN.h5...", readable=False, help="Checkpoints of runs, such as those of several aircraft."
+        ),
+    ],
     stage: StageOfRun = None,
     flights: Annotated[int, typer.Option(metavar="N", help="How many flights.")] = 1000,
     gusts: Annotated[GustsName, typer.Option(help="Turbulence of MIL-F-8785C.")] = GustsName.LIGHT,
@@ -48,7 +53,16 @@ def safety(
     ] = None,
     threads: Threads = None,
     output: Annotated[
-        Path | None, output_option("FILE", "Write all numbers into this file, .json, or those of the gates, .csv.")
+        Path | None,
+        output_option(
+            "FILE",
+            "Write all numbers, .json, or a table of them, .csv; a document for an authority, .html or .pdf (needs "
+            "Chromium); the envelope, .png or .svg. Documents and pictures need matplotlib.",
+        ),
+    ] = None,
+    sign_for: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Leave a place in the document for this one to sign; as often as you like."),
     ] = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -61,20 +75,27 @@ def safety(
     wind, mass, power and density. Deviations are told for every gate and leg.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        import json
-
         from airrace.api import Run
         from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.runs.command_result import ExitCode
-        from airrace.runs.output import ensure_free, write_text
+        from airrace.runs.output import ensure_free
         from airrace.runs.run import open_run
+        from airrace.runs.safety_case import SafetyCase
+        from airrace.runs.safety_files import DOCUMENTS, NUMBERS, ensure_safety_file, write_safety_file
+        from airrace.runs.safety_rose import SafetyRose, fly_runs
+        from airrace.runs.winds import winds_named
 
         ensure_room(output, as_json=as_json)
         if output is not None:
-            if output.suffix not in (".csv", ".json"):
-                raise UsageError(f"{output}: the file must end in .csv or .json")
-            ensure_free(output, force=force, sources=[run_file])
+            ensure_safety_file(output, flights, len(run_files))
+            ensure_free(output, force=force, sources=run_files)
+        if sign_for and (output is None or output.suffix.lower() not in DOCUMENTS):
+            raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
+        if winds is not None:
+            if stage is not None:
+                raise UsageError("--stage and --winds exclude each other: in every wind the last stage is flown")
+            winds_named(winds)  # before anything is flown
         options: dict[str, Any] = {  # Any: of many types
             "flights": flights,
             "gusts": gusts.value,
@@ -87,24 +108,29 @@ def safety(
             "seed": seed,
             "threads": threads,
         }
-        run = Run.of(open_run(run_file))
-        if winds is None:
-            case = run.stage(stage).safety(**options, label=run_file.name)
-            tables, written = [case.counts_table(), case.gates_table(), case.legs_table()], case.gates_table()
-            failures = [case.uncertified] if case.uncertified else []
-        elif stage is not None:
-            raise UsageError("--stage and --winds exclude each other: in every wind the last stage is flown")
+        runs = {path.name if len(run_files) == 1 else str(path): Run.of(open_run(path)) for path in run_files}
+
+        def flown(run: Run) -> SafetyCase | SafetyRose:
+            if winds is not None:
+                return run.safety_in_winds(winds, progress=not quiet, **options)
+            return run.stage(stage).safety(**options, label=run.label)
+
+        run = next(iter(runs.values()))
+        case = flown(run) if len(run_files) == 1 else fly_runs(runs, flown)
+        if isinstance(case, SafetyCase):
+            tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
         else:
-            case = run.safety_in_winds(winds, progress=not quiet, **options)
-            tables, written, failures = [case.table()], case.table(), case.messages
+            tables, failures = [case.table()], list(case.messages)
         answer.fields.update(case.as_object())
         if not as_json and not quiet:
             answer.texts.extend(render(table) for table in tables)
         if output is not None:
-            text = (
-                written.csv(".6g") if output.suffix == ".csv" else json.dumps(case.as_object(), allow_nan=False) + "\n"
-            )
-            write_text(output, text)
+            of = None
+            if output.suffix.lower() not in NUMBERS:
+                view = run.stage(stage)
+                own = case if isinstance(case, SafetyCase) else view.safety(**options, label=run.label)
+                of = run, view, own
+            write_safety_file(output, case, of, sign_for or ())
             answer_with_files(answer, [output], quiet=quiet)
-        if failures:
-            answer.fail(ExitCode.NOT_CERTIFIED, failures[0])
+        if any(failures):
+            answer.fail(ExitCode.NOT_CERTIFIED, next(filter(None, failures)))

@@ -234,10 +234,15 @@ def _stage_page(run: RunState, view: StageView, flights: Sequence[Flight], *, se
     from airrace.report.flight_page import flight_page
     from airrace.report.sections import claim_section
 
-    stages = [one.result for one in run.stages]
-    claimed = claim(stages[: [one.stage for one in stages].index(view.stage) + 1])
+    claimed = claim_of(run, view)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
     return flight_page(flights, [claim_section(claimed), *sections], footer_of(view), claim=claimed)
+
+
+def claim_of(run: RunState, view: StageView) -> str:
+    """Return what is claimed of a stage of a run; empty where it does not hold."""
+    stages = [one.result for one in run.stages]
+    return claim(stages[: [one.stage for one in stages].index(view.stage) + 1])
 
 
 def explored_stage(run: RunState, view: StageView) -> StageView:

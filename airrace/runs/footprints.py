@@ -1,14 +1,10 @@
 """Footprints of flights as they are asked for: of a run, a stage or a log, as objects and in files."""
 
-import math
 from pathlib import Path
 
-from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
 from airrace.export.globe import BEGIN, on_globe
-from airrace.quantities import KNOT
 from airrace.results import Flight
-from airrace.results.legs import passings_around
 from airrace.runs.flight_sources import origin_of
 from airrace.runs.output import write_text
 from airrace.safety.footprint import Footprint, Track, footprint_of
@@ -73,18 +69,3 @@ def write_footprint(footprint: Footprint, flight: Flight, path: Path, *, origin:
         placed = on_globe(flight, origin)
         write = footprint_geojson if suffix == ".geojson" else footprint_kml
         write_text(path, write(footprint, placed.at_rate(10.0), BEGIN).decode())
-
-
-def wind_text(wind: StaticWind | None) -> str:
-    """Return the wind of a footprint in words."""
-    if wind is None or wind.speed == 0.0:
-        return "still air"
-    return f"wind {wind.speed / KNOT:.0f} kt from {math.degrees(wind.origin) % 360.0:.0f} degrees"
-
-
-def leg_at(flight: Flight, time: float) -> str:
-    """Return the leg on which a time lies, e.g. `1:g3 -> 1:g4`; empty where a passing is missing or none is near."""
-    if not all(one.found for one in flight.crossings) or not math.isfinite(time):
-        return ""
-    before, after = passings_around(flight, time)
-    return f"{before.name} -> {after.name}"

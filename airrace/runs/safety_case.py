@@ -88,11 +88,12 @@ class SafetyCase:
         title = f"{self.label}: {result.flights} closed-loop flights, {scatter.gusts.value} gusts"
         if scatter.gusts.value == "none":
             title = f"{self.label}: {result.flights} closed-loop flights without gusts"
-        kinds = [kind for kind in _WORDS if result.counts[kind].flights or kind in (*CONTACT, "floor", "crowd", LOAD)]
+        always = (*CONTACT, "floor", LOAD, *(() if self.no_crowd else ("crowd",)))
+        kinds = [kind for kind in _WORDS if result.counts[kind].flights or kind in always]
         rows = [
-            _count_row("touch a pylon or the ground, miss a gate or lose the line", result.contact),
-            _count_row("break any rule but the load factor", result.outside),
-            *(_count_row(f"  {_WORDS[kind]}", result.counts[kind]) for kind in kinds),
+            count_row("touch a pylon or the ground, miss a gate or lose the line", result.contact),
+            count_row("break any rule but the load factor", result.outside),
+            *(count_row(f"  {_WORDS[kind]}", result.counts[kind]) for kind in kinds),
         ]
         shares = (("mass", scatter.mass), ("power", scatter.power), ("density", scatter.density))
         note = (
@@ -212,7 +213,8 @@ _ERRORS = (
 """What an error is of, its unit, and the largest that the linear pilot could mean anything for; judgements."""
 
 
-def _count_row(what: str, count: Count) -> list[Value]:
+def count_row(what: str, count: Count) -> list[Value]:
+    """Return a row below `COUNTS`."""
     return [what, count.flights, 100.0 * count.share, 100.0 * count.lower, 100.0 * count.upper]
 
 

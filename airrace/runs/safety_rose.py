@@ -1,20 +1,20 @@
-"""The safety of a course in many winds: an optimum of its own in each, and closed-loop flights along that."""
+"""The safety of a course in many winds, each with an optimum of its own and closed-loop flights along it; of runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from airrace.errors import InputError, UsageError
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase
 from airrace.runs.winds import Wind, overrides_of, winds_named
 from airrace.safety.result import LOAD, Count
-from airrace.views.tables import Column, Table, Value
+from airrace.views.tables import Cell, Column, Table, Value
 
-ROSE = (
-    Column("wind", key="wind"),
-    Column(key="speed_kt"),
-    Column(key="from_deg"),
+R = TypeVar("R", bound=RunState)
+
+WIND = (Column("wind", key="wind"), Column(key="speed_kt"), Column(key="from_deg"))
+OUTCOME = (
     Column("race time", "s", ".3f", key="race_time_s"),
     Column("touch, miss or lose", "%", ".1f", key="contact_percent"),
     Column("from", "%", ".1f", key="contact_lower_percent"),
@@ -43,14 +43,14 @@ class SafetyRose:
         """Return one row per wind."""
         return Table(
             f"{self.label}: closed-loop flights in many winds",
-            ROSE,
-            list(map(_rose_row, *zip(*self.cases.items(), strict=True))),
+            (*WIND, *OUTCOME),
+            [[wind.text, wind.speed_kt, wind.from_deg, *_outcome(case)] for wind, case in self.cases.items()],
         )
 
     @property
     def messages(self) -> tuple[str, ...]:
         """The winds without a flight, and those whose optimum is not certified."""
-        cases = ((wind, case if isinstance(case, str) else case.uncertified) for wind, case in self.cases.items())
+        cases = ((wind, _doubt(case)) for wind, case in self.cases.items())
         return tuple(f"{wind.text}: {why}" for wind, why in cases if why)
 
     def as_object(self) -> dict[str, object]:
@@ -65,11 +65,52 @@ class SafetyRose:
         return self.table().html()
 
 
-def _rose_row(wind: Wind, case: SafetyCase | str) -> list[Value]:
-    """Return the row of a wind."""
-    named: list[Value] = [wind.text, wind.speed_kt, wind.from_deg]
+@dataclass(frozen=True, repr=False)
+class SafetyRuns:
+    """Several runs, such as those of several aircraft, and what came of their closed-loop flights.
+
+    Attributes:
+        aircraft: by the name of the run.
+        cases: likewise, of one wind or of many; a text says why there is none.
+    """
+
+    aircraft: Mapping[str, str]
+    cases: Mapping[str, SafetyCase | SafetyRose | str]
+
+    def table(self) -> Table:
+        """Return one row per run, or one per wind of it."""
+        wind = WIND if any(isinstance(case, SafetyRose) for case in self.cases.values()) else ()
+        rows: list[list[Cell | Value]] = []
+        for name, case in self.cases.items():
+            own = [[*[None] * len(wind), *_outcome(case)]] if not isinstance(case, SafetyRose) else case.table().rows
+            rows += [[name, self.aircraft[name], *row] for row in own]
+        run = (Column("run", key="run"), Column("aircraft", key="aircraft", wraps=True))
+        return Table("closed-loop flights of several runs", (*run, *wind, *OUTCOME), rows)
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """The runs without flights, and those whose optimum is not certified."""
+        found: list[str] = []
+        for name, case in self.cases.items():
+            messages = case.messages if isinstance(case, SafetyRose) else [_doubt(case)]
+            found += [f"{name}: {why}" for why in messages if why]
+        return tuple(found)
+
+    def as_object(self) -> dict[str, object]:
+        """Return the object that `airrace safety --json` prints of several runs."""
+        cases = {name: case if isinstance(case, str) else case.as_object() for name, case in self.cases.items()}
+        return {"runs": self.table().objects(), "cases": cases}
+
+
+def _doubt(case: SafetyCase | str) -> str:
+    """Return why there is no case, or none of a certified optimum; empty where there is."""
+    return case if isinstance(case, str) else case.uncertified
+
+
+def _outcome(case: SafetyCase | str) -> list[Value]:
+    """Return what stands behind the name of a case."""
     if isinstance(case, str):
-        return [*named, *[None] * (len(ROSE) - len(named) - 1), case]
+        return [*[None] * (len(OUTCOME) - 1), case]
     result = case.result
     name, (worst, _) = max(
         result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.among(0, 1), 0.0))
@@ -77,7 +118,7 @@ def _rose_row(wind: Wind, case: SafetyCase | str) -> list[Value]:
     name, contact = name if worst.flights else "-", result.contact
     remark = "; ".join(one for one in (case.uncertified, result.note) if one)
     shares = (contact.share, contact.lower, contact.upper, result.outside.share, result.counts[LOAD].share)
-    return [*named, result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, remark]
+    return [result.race_time, *(100.0 * one for one in shares), name, 100.0 * worst.share, remark]
 
 
 def fly_rose(
@@ -107,3 +148,28 @@ def fly_rose(
             return str(error)
 
     return SafetyRose(run.name, {wind: case_in(wind) for wind in rose})
+
+
+def fly_runs(runs: Mapping[str, R], fly: Callable[[R], SafetyCase | SafetyRose]) -> SafetyRuns:
+    """Fly the optima of several runs; one that fails costs no other.
+
+    Args:
+        runs: by their names.
+        fly: flies that of one.
+
+    Raises:
+        UsageError: none of them can be flown.
+    """
+
+    def case_of(run: R) -> SafetyCase | SafetyRose | str:
+        try:
+            return fly(run)
+        except UsageError as error:
+            return str(error)
+
+    aircraft = {name: run.race.aircraft.name for name, run in runs.items()}
+    cases = {name: case_of(run) for name, run in runs.items()}
+    if all(isinstance(case, str) for case in cases.values()):
+        whys = set(map(str, cases.values()))
+        raise UsageError(whys.pop() if len(whys) == 1 else "; ".join(f"{one}: {cases[one]}" for one in cases))
+    return SafetyRuns(aircraft, cases)

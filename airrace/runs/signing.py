@@ -83,8 +83,25 @@ def ensure_signed(run_file: Path, signature: Signature | None, trusted: Path) ->
         raise CheckpointError(f"{run_file} is not signed")
     if signature.key != key.public_bytes_raw():
         raise CheckpointError(f"{run_file} is signed with another key, {fingerprint(signature.key)}")
+    return _ensure_whole(run_file, signature)
+
+
+def signed_by(run_file: Path) -> str:
+    """Return the fingerprint of the key with which a checkpoint is signed; empty where it is not.
+
+    Raises:
+        UsageError: it is, and `cryptography` is not installed.
+        CheckpointError: the signature does not belong to its content.
+    """
+    signature = read_sealed(run_file)[1]
+    return "" if signature is None else _ensure_whole(run_file, signature)
+
+
+def _ensure_whole(run_file: Path, signature: Signature) -> str:
+    """Return the fingerprint of the key of a signature that belongs to the content of the file; else refuse it."""
+    kinds = _package("asymmetric.ed25519")
     try:
-        key.verify(signature.signature, signature.text)
+        kinds.Ed25519PublicKey.from_public_bytes(signature.key).verify(signature.signature, signature.text)
     except extra("cryptography.exceptions", "a signature", "sign").InvalidSignature as error:
         raise CheckpointError(f"{run_file}: the signature does not belong to the content of the file") from error
     return fingerprint(signature.key)

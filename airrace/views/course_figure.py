@@ -45,6 +45,11 @@ def frame_of(map_: MapModel) -> Box:
     return Box(map_.west - pad, map_.south - pad, width, height)
 
 
+def map_size(frame: Box, height_max: float) -> tuple[float, float]:
+    """Return the size of a map above its legend, inches: wide enough for that."""
+    return STYLE.longer_edge, min(STYLE.longer_edge * frame.height / frame.width, height_max)
+
+
 def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) -> None:
     """Draw the map on axes of equal scale, north up, with its tracks or without."""
     axes.set(

@@ -1,5 +1,6 @@
 """Drawings in files. Needs matplotlib, which comes with the extra `plot`."""
 
+import base64
 import contextlib
 import functools
 import io
@@ -83,3 +84,14 @@ def save_figure(figure: Figure, path: Path) -> None:
     with _boxes_for_unknown_signs():
         figure.savefig(content, format=path.suffix.lower().removeprefix(".") or "png", dpi=DOTS_PER_INCH)
     replace_file(path, content.getvalue())
+
+
+def figure_address(figure: Figure) -> str:
+    """Return a drawing as SVG in an address for a page; the same drawing has the same."""
+    import matplotlib
+
+    library: Any = matplotlib  # Any: its stubs leave paths untyped
+    content = io.BytesIO()
+    with library.rc_context({"svg.hashsalt": "airrace"}), _boxes_for_unknown_signs():
+        figure.savefig(content, format="svg", metadata={"Date": None})
+    return f"data:image/svg+xml;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"

@@ -7,11 +7,12 @@ import numpy as np
 from airrace.results import Flight
 from airrace.safety.footprint import Footprint
 from airrace.safety.outlines import Outline
-from airrace.views.course_figure import STYLE, draw_map, frame_of, write_labels
+from airrace.views.course_figure import draw_map, frame_of, map_size, write_labels
 from airrace.views.drawing import BLUE, COLOURS, GREY, Axes, Figure, new_figure, without_formulas
 from airrace.views.map_model import map_model
 
 DISCLAIMER = "mechanics, not the scatter formula of an authority, and no prediction"
+MAP_MAX = 9.0  # inches
 
 
 @without_formulas
@@ -21,9 +22,8 @@ def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
     corners = np.concatenate([line, *(one.border for one in footprint.falls)])
     map_ = map_model(flight.race).with_track(corners)  # the frame holds all falls
     frame = frame_of(map_)
-    scale = STYLE.longer_edge / max(frame.width, frame.height)
-    width, height = (max(scale * edge, STYLE.shorter_edge_min) for edge in (frame.width, frame.height))
-    figure = new_figure(width + STYLE.legend_width + 1.2, height + 1.2, layout="compressed")
+    width, height = map_size(frame, MAP_MAX)
+    figure = new_figure(width, height + 2.2, layout="compressed")
     axes = figure.add_subplot()
     figure.suptitle(f"{map_.name}: what falls where", x=0.02, ha="left", fontweight="bold", fontsize=14)
     numbers = f"C_D A {footprint.drag_area:.3g} m², glide {footprint.glide.ratio:.1f} to 1"
@@ -43,7 +43,7 @@ def footprint_figure(footprint: Footprint, flight: Flight) -> Figure:
     axes.plot(*np.vstack([hull, hull[:1]])[:, ::-1].T, **style, zorder=2)
     axes.plot([], [], **style, label=f"{reaches}\n{within}")
     axes.set(xlabel="east, m", ylabel="north, m")
-    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", frameon=False, fontsize=9, ncols=3)
     figure.draw_without_rendering()  # the positions of the axes are known only afterwards
     write_labels(figure, axes, map_, frame)
     return figure
