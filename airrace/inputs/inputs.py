@@ -16,6 +16,7 @@ from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, Sca
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
+from airrace.inputs.reserve import ReserveEntry, tightened
 from airrace.inputs.rules import penalties_of
 from airrace.inputs.schema import Schema, language_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
@@ -43,6 +44,7 @@ class Inputs:
             (an infinity) is null.
         penalties: of the season whose rules the course names; no optimum depends on them.
         unused_gates: gates that stand in the track file and in no lap, in its order.
+        reserve: what is asked of the flight in disturbances; None for nothing.
     """
 
     race: Race
@@ -54,6 +56,7 @@ class Inputs:
     resolved: Mapping[str, JSON]
     penalties: Penalties = NONE_KNOWN
     unused_gates: tuple[str, ...] = ()
+    reserve: ReserveEntry | None = None
 
 
 def load_inputs(
@@ -232,6 +235,7 @@ def _inputs(
         settings = build_settings(settings_entry, opened_settings.reporter)
     if track and aircraft and scene and model and settings and not reader.findings:
         race = Race(scene.course, model, scene.air)
+        race = tightened(race, entry.margins, track.reporter) if entry else race
         check_together(race, track.reporter)
         if not reader.findings:
             passed = {passage.element.base_name for passage in race.course.passages}
@@ -245,6 +249,7 @@ def _inputs(
                 resolved=resolved_inputs(race, settings),
                 penalties=penalties_of(entry.rules) if entry else NONE_KNOWN,
                 unused_gates=tuple(name for name in entry.gates if name not in passed) if entry else (),
+                reserve=entry.rules.reserve if entry else None,
             )
     raise InputError(shorten(reader.findings), len(reader.findings))
 

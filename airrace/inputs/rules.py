@@ -14,6 +14,7 @@ from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.pilot import PilotEntry
 from airrace.inputs.places import Height
+from airrace.inputs.reserve import ReserveEntry
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import Interval
@@ -61,6 +62,7 @@ class RulesEntry(LimitsEntry, ShorthandSchema):
     form: ClassVar[str] = "the name of a preset, or a mapping (`key: value` lines)"
     shorthand: ClassVar[str | None] = "preset"
     preset: str | None = optional("the season whose rules hold where no key here says otherwise")
+    reserve: ReserveEntry | None = optional("how probable a flight in disturbances is to break no limit of the course")
 
 
 Seconds = Annotated[float, Ge(0), Le(100)] | Literal["dnf"] | None

@@ -16,6 +16,7 @@ from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
 from airrace.inputs.nodes import LIMITS, Reporter
 from airrace.inputs.places import OriginEntry, Places
+from airrace.inputs.reserve import MarginsEntry
 from airrace.inputs.rules import RulesEntry, build_rules, with_preset
 from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
@@ -48,6 +49,9 @@ class TrackEntry(Schema):
     origin: OriginEntry = Field(default=OriginEntry(), description="where the track's frame lies on the earth")
     environment: EnvironmentEntry = Field(default=EnvironmentEntry(), description="air and wind of the day")
     rules: RulesEntry = Field(description="the limits of the race")
+    margins: MarginsEntry = Field(
+        default=MarginsEntry(), description="by how much the flight stays away from its limits"
+    )
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )

@@ -1,6 +1,7 @@
 """The inputs of a run with one number changed: what `--set` would make of it, without reading the files again."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TypeVar, cast
 
@@ -10,6 +11,7 @@ from airrace.inputs.inputs import DocumentReader, Inputs, build_course_and_air, 
 from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
 from airrace.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
 from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides
+from airrace.inputs.reserve import ReserveEntry, tightened
 from airrace.inputs.rules import LimitsEntry, with_preset
 from airrace.inputs.schema import Schema, validate
 from airrace.inputs.track import TrackEntry, track_language
@@ -38,6 +40,10 @@ class Variation:
         self._track, self._aircraft = track.reporter.root, aircraft.reporter.root
         if not (self._track.entries and self._aircraft.entries):
             raise UsageError("numbers have keys in files alone: this course or its aircraft was built in Python")
+
+    @cached_property
+    def _entry(self) -> TrackEntry | None:
+        return validate(track_language(), Reporter(self._track, []))
 
     @cached_property
     def parameters(self) -> dict[str, Parameter[Race]]:
@@ -72,18 +78,18 @@ class Variation:
         path: KeyPath = tuple(key.split("."))
         kind = AIRCRAFT if path[0] in PREFIXED else "track"
         own = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
-        course, aircraft, air = self._race.course, self._race.aircraft, self._race.air
-        track = Reporter(self._track, findings)
+        race, entry, track = self._race.by_rules, self._entry, Reporter(self._track, findings)
         if kind == AIRCRAFT:
             changed = apply_overrides(self._aircraft, own, findings, AircraftEntry)
-            aircraft = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}.")) or aircraft
+            aircraft = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}."))
+            race = replace(race, aircraft=aircraft or race.aircraft)
         else:
             track = Reporter(apply_overrides(self._track, own, findings, track_language()), findings)
             if entry := validate(track_language(), track):
                 scene = build_course_and_air(entry, track)
-                course, air = scene.course, scene.air
-        race = Race(course, aircraft, air)
-        if not findings:
+                race = replace(race, course=scene.course, air=scene.air)
+        if entry and not findings:
+            race = tightened(race, entry.margins, track)
             check_together(race, track)
         if findings:
             raise InputError(findings)
@@ -122,6 +128,8 @@ def _fill(entry: AnySchema, numbers: Mapping[str, float | None]) -> AnySchema:
 def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
     """Yield all numbers by their keys; whole numbers that count (laps) and absent ones are left out."""
     match value:
+        case ReserveEntry():
+            return  # no number of the race that is flown
         case float():
             yield path, value
         case Schema():

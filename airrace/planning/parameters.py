@@ -1,11 +1,11 @@
-"""The parameters of a race that a director may relax: rules, gates, surroundings, then the aircraft's own limits.
+"""The limits of a race as parameters: rules, gates, surroundings, then the aircraft's own.
 
-Limits that nobody has set, and those that something stricter covers, are none.
+A director may relax them, and a flight may keep a margin from those of the course.
 """
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from airrace.parameters import Parameter, attribute_parameter, lift
@@ -23,9 +23,32 @@ ONSET_MAX, TURN_TOLERANCE_MAX = 1000.0, 10.0
 
 
 def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
-    """Return all parameters of a race that may be relaxed, in the order in which they are stated."""
-    found = [*_rules(race), *_gates(race), *_surroundings(race), *_aircraft(race)]
-    return [one for one in found if one.can_relax]
+    """Return all parameters of a race that may be relaxed, in the order in which they are stated.
+
+    Limits that nobody has set, and those that something stricter covers, are none.
+    """
+    return [one for one in (*course_limits(race), *_aircraft(race)) if one.can_relax]
+
+
+def course_limits(race: Race) -> list[Parameter[Race]]:
+    """Return the limits of rules, gates and surroundings, also those that cannot be relaxed."""
+    return [*_rules(race), *_gates(race), *_surroundings(race)]
+
+
+def with_margins(race: Race, margins: Mapping[str, float]) -> Race:
+    """Return a race whose course is tightened by margins; `Race.rules_course` is the course as it was.
+
+    Args:
+        race: on a course without margins.
+        margins: by how much limits are tighter, each in the unit of its key, by the keys of `course_limits`.
+    """
+    if not margins:
+        return race
+    tightened = race
+    for one in course_limits(race):
+        if one.key in margins:
+            tightened = one.set(tightened, one.value - math.copysign(margins[one.key], one.relaxing_step))
+    return dataclasses.replace(tightened, rules_course=race.course)
 
 
 def _rules(race: Race) -> Iterator[Parameter[Race]]:
@@ -42,7 +65,8 @@ def _rules(race: Race) -> Iterator[Parameter[Race]]:
     yield rule("floor_m", "rules.height.lower", "the floor", -5.0, min(race.course.rules.height.lower, 0.0))
     if race.course.rules.p < own.p:
         yield rule("roll_rate_max_deg_s", "rules.p", "roll rate", 20.0, math.degrees(own.p))
-    yield rule("C_L_max", "rules.C_L.upper", "C_L", 0.1, race.aircraft.lift.C_L_max, 0.01)
+    C_L = rule("C_L_max", "rules.C_L.upper", "C_L", 0.1, race.aircraft.lift.C_L_max, 0.01)
+    yield dataclasses.replace(C_L, value=min(C_L.value, race.aircraft.lift.C_L_max))
     yield rule("alpha_max_deg", "rules.alpha_A.upper", "angle of attack", 1.0, ALPHA_MAX, 0.1)
     fastest = min(START_SPEED_MAX, math.floor(envelope.V.upper / KNOT))
     yield rule("start_speed_max_kt", "passages.0.speed.upper", "start speed", 10.0, fastest)

@@ -12,11 +12,21 @@ from airrace.track.course import Course
 
 @record
 class Race:
-    """A course, the aircraft that flies it and the air of the day."""
+    """A course, the aircraft that flies it and the air of the day.
+
+    Attributes:
+        rules_course: the course by its rules, where `course` is tightened by margins; None where it is that.
+    """
 
     course: Course
     aircraft: Aircraft
     air: Air
+    rules_course: Course | None = None
+
+    @property
+    def by_rules(self) -> "Race":
+        """The race without margins, as a flight is judged."""
+        return self if self.rules_course is None else Race(self.rules_course, self.aircraft, self.air)
 
     @cached_property
     def pace(self) -> PlanningModel:

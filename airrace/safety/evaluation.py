@@ -19,6 +19,7 @@ from airrace.optimal_control.problem import Boundary
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.race import Race
+from airrace.planning.waypoints import Waypoint
 from airrace.planning.wing_clearance import PylonPost, Wing, closest_in_steps, kept_clear, pylons_of
 from airrace.points import at_points
 from airrace.procedure.formulation import boundary
@@ -26,8 +27,9 @@ from airrace.procedure.result import StageResult
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.safety.closed_loop import ClosedLoop, Flights
-from airrace.safety.nominal import NominalFlight, errors
+from airrace.safety.nominal import TABLE_STEP, NominalFlight, errors
 from airrace.safety.plant import STATE, STATES
+from airrace.system import Observation
 from airrace.track.course import Course
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
@@ -87,48 +89,57 @@ class Judge:
 
     Attributes:
         course: whose rules they are.
+        waypoints: the passages as they were flown, those of a point as those of its window.
         passings: the conditions of every passage.
         states: of the optimum at the passages, shape (17, n).
         loads: its load factor there, g; shape (n,).
         pylons: of the course.
         semispan: m.
         load: the load factors that are allowed.
+        seen: what is observed of a state at a passage.
     """
 
     course: Course
+    waypoints: tuple[Waypoint, ...]
     passings: tuple[Boundary, ...]
     states: Array
     loads: Array
     pylons: tuple[PylonPost, ...]
     semispan: float
     load: Interval
+    seen: Observation
 
     @classmethod
     def of(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
         """Return the rules of a race, for flights along the optimum of a stage."""
-        trajectory, plant, span = result.trajectory, loop.plant, race.aircraft.airframe.b
-        waypoints = plan_from_solution(race.course, race.pace, trajectory).waypoints
-        seen = crossing_observation(plant.system.states)
-        passings: list[Boundary] = []
-        for waypoint in waypoints:
+        plant, span = loop.plant, race.aircraft.airframe.b
+        waypoints: list[Waypoint] = []
+        for waypoint in plan_from_solution(race.course, race.pace, result.trajectory).waypoints:
             element, passage = waypoint.passage.element, waypoint.passage
             if isinstance(element, Tolerant) and element.passing is Passing.POINT:
                 kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
                 passage = replace(passage, element=replace(kind, passing=Passing.WINDOW))
-            passings.append(boundary(replace(waypoint, passage=passage), seen, span))
+            waypoints.append(replace(waypoint, passage=passage))
+        seen = crossing_observation(plant.system.states)
         states = loop.nominal.at(loop.nominal.passings)
         inputs = np.zeros((plant.path.size1_in(1), states.shape[1]))
         row = plant.path_row("n_z")
         limit = plant.system.path[row]
         return cls(
             race.course,
-            tuple(passings),
+            tuple(waypoints),
+            tuple(boundary(one, seen, span) for one in waypoints),
             states,
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
             0.5 * span,
             Interval(limit.lower, limit.upper),
+            seen,
         )
+
+    def boundary(self, waypoint: Waypoint) -> Boundary:
+        """Return the conditions of a passage."""
+        return boundary(waypoint, self.seen, 2.0 * self.semispan)
 
 
 @record
@@ -197,7 +208,7 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
         crossed[number] = np.stack([right, there[2] - state[2], e[4], load - judge.loads[number], late])
     racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
-    centre, half = _wing(judge, flights)
+    centre, half = wing_of(np.transpose(flights.state, (1, 2, 0)), judge.semispan)  # (3, n, K)
     nearest = _pylons(judge, flights, racing, centre, half)
     return Measured(
         crossed=crossed,
@@ -222,6 +233,32 @@ def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
     R = rotation([float(one) for one in state[4:8, 0]])
     level = float(np.hypot(R[0][0], R[1][0]))
     return (R[0][0] / level, R[1][0] / level) if level > 1e-9 else (1.0, 0.0)
+
+
+def onto_plane(nominal: NominalFlight, passing: Boundary, number: int, state: Array) -> tuple[Array, Array]:
+    """Return what carries errors at the clock of a passage along the flow to its plane, and the time that takes.
+
+    Where no gate stands a passage is measured at its clock.
+
+    Args:
+        nominal: the optimum.
+        passing: the conditions of the passage.
+        number: of the passage.
+        state: of the optimum there, shape (17, 1).
+
+    Returns:
+        The map of errors, shape (16, 16), and the time lost per error of position, s/m, shape (3,).
+    """
+    clock = nominal.passings[number : number + 1]
+    before, after = (nominal.at(clock + step) for step in (-TABLE_STEP, TABLE_STEP))
+    flow = (errors(after, state) - errors(before, state))[:, 0] / (2.0 * TABLE_STEP if number else TABLE_STEP)
+    away = np.array(rotation([float(one) for one in state[4:8, 0]]))  # north, east, down per error of position
+    axis = axis_of(passing, state)
+    across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
+    sooner = across / (across @ flow[:3]) if "along" in passing.bounds else np.zeros(3)
+    onto = np.eye(len(flow))
+    onto[:, :3] -= np.outer(flow, sooner)
+    return onto, sooner
 
 
 def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: int) -> tuple[Array, Array, Array]:
@@ -278,14 +315,13 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
         breaches[kind][number] |= (values[name] > allowed.upper + beyond) | (values[name] < allowed.lower - beyond)
 
 
-def _wing(judge: Judge, flights: Flights) -> tuple[Array, Array]:
-    """Return centre and half of the wing, see `Wing`, of every flight; each of shape (3, n, K)."""
-    q = [flights.state[:, row].T for row in range(4, 8)]  # (n, K)
-    R, beta = rotation(q), flights.state[:, STATE["beta_K"]].T
-    half = judge.semispan * np.stack(
+def wing_of(states: Array, semispan: float) -> tuple[Array, Array]:
+    """Return centre and half of the wing, see `Wing`, of states (11 or more, ...); each of shape (3, ...)."""
+    R, beta = rotation([states[row] for row in range(4, 8)]), states[STATE["beta_K"]]
+    half = semispan * np.stack(
         [side * (np.sin(beta) * R[i][0] + np.cos(beta) * R[i][1]) for i, side in enumerate((1.0, 1.0, -1.0))]
     )
-    return np.stack([side * flights.state[:, row].T for row, side in enumerate((1.0, 1.0, -1.0))]), half
+    return np.stack([side * states[row] for row, side in enumerate((1.0, 1.0, -1.0))]), half
 
 
 def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, half: Array) -> Array:

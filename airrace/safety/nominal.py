@@ -8,6 +8,8 @@ same time: the clock of a flight is that at which its position lies in the plane
 in the axes `R` of the flight path on the line, sixteen numbers; the first, along the line, is zero on the clock.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from airrace.dynamics.outer_loop import ATTITUDE
@@ -127,6 +129,28 @@ def displaced(line: Array, error: Array) -> Array:
     half = 0.5 * error[4:7]
     turn = [np.sqrt(1.0 - np.sum(half * half, axis=0)), *half]
     return np.stack([*position, line[3] + error[3], *product(list(line[4:8]), turn), *(line[8:] + error[7:])])
+
+
+def gradients(values: Callable[[Array, Array], Array], line: Array) -> Array:
+    """Return the derivatives of some values by the errors and the disturbances, by central differences.
+
+    Args:
+        values: of states (17, m) and disturbances (6, m), shape (k, m).
+        line: the states where there is neither, shape (17, n), attitudes of unit length.
+
+    Returns:
+        Shape (k, n, 16 + 6).
+    """
+    width, size = 1e-5, len(ERRORS)
+    found: list[Array] = []
+    for place in range(size + DISTURBANCES):
+        ends: list[Array] = []
+        for side in (width, -width):
+            off = np.zeros((size + DISTURBANCES, line.shape[1]))
+            off[place] = side
+            ends.append(values(displaced(line, off[:size]), off[size:]))
+        found.append((ends[0] - ends[1]) / (2.0 * width))
+    return np.stack(found, axis=2)
 
 
 def abeam(nominal: NominalFlight, state: Array, clock: Array) -> Array:

@@ -13,10 +13,10 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
 from airrace.safety.covariance import covariance
-from airrace.safety.evaluation import Judge, Measured, axis_of, grid_of, measure, together
-from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors
+from airrace.safety.evaluation import Judge, Measured, axis_of, grid_of, measure, onto_plane, together
+from airrace.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import CONTROLS, DISTURBANCES, Plant
+from airrace.safety.plant import CONTROLS, Plant
 from airrace.safety.result import (
     CONTACT,
     LOAD,
@@ -100,7 +100,7 @@ def fly_closed_loop(
     """
     if not 1 <= flights <= MOST_FLIGHTS:
         raise UsageError(f"{flights} flights make no sense: it must be 1 to {MOST_FLIGHTS}")
-    scatter = scatter or Scatter()
+    race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.of(race, result, loop)
 
@@ -141,44 +141,26 @@ def linear_at_passings(loop: ClosedLoop, judge: Judge, scatter: Scatter) -> Arra
     measured at that clock, and so are flights.
     """
     P, nominal, plant = covariance(loop, scatter), loop.nominal, loop.plant
-    size, row = P.shape[1], plant.path_row("n_z")
+    size, count, row = P.shape[1], len(ERRORS), plant.path_row("n_z")
     clock = np.minimum(np.rint(nominal.passings / loop.pilot.sample).astype(np.int64), len(P) - 1)
     found = np.zeros((len(clock), 5))
+
+    def load(x: Array, d: Array) -> Array:
+        return plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[[row]]
+
     for number, (passing, k) in enumerate(zip(judge.passings, clock.tolist(), strict=True)):
         line = nominal.at(nominal.passings[number : number + 1])
         line[4:8] /= np.linalg.norm(line[4:8], axis=0)
-        before, after = (nominal.at(nominal.passings[number : number + 1] + step) for step in (-TABLE_STEP, TABLE_STEP))
-        flow = (errors(after, line) - errors(before, line))[:, 0] / (2.0 * TABLE_STEP if number else TABLE_STEP)
+        onto, sooner = onto_plane(nominal, passing, number, line)
         away = np.array(rotation([float(one) for one in line[4:8, 0]]))  # north, east, down per error of position
         axis = axis_of(passing, line)
-        across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
-        sooner = across / (across @ flow[:3]) if "along" in passing.bounds else np.zeros(3)  # s per error of position
-        onto = np.eye(len(flow))
-        onto[:, :3] -= np.outer(flow, sooner)
-        loads = np.zeros(size)
-        loads[: len(flow)], loads[len(flow) : size - 1] = _load_gradient(plant, line, row)
-        loads[: len(flow)] = loads[: len(flow)] @ onto
         J = np.zeros((5, size))
-        J[0, : len(flow)] = (axis[0] * away[1] - axis[1] * away[0]) @ onto[:3]
-        J[1, : len(flow)] = -away[2] @ onto[:3]
-        J[2, : len(flow)] = onto[4]
-        J[3], J[4, -1] = loads, 1.0
+        J[0, :count] = (axis[0] * away[1] - axis[1] * away[0]) @ onto[:3]
+        J[1, :count] = -away[2] @ onto[:3]
+        J[2, :count] = onto[4]
+        J[3, :-1] = gradients(load, line)[0, 0]
+        J[3, :count] = J[3, :count] @ onto
+        J[4, -1] = 1.0
         J[4, :3] -= sooner
         found[number] = np.sqrt(np.maximum(np.diag(J @ P[k] @ J.T), 0.0))
     return found
-
-
-def _load_gradient(plant: Plant, line: Array, row: int) -> tuple[Array, Array]:
-    """Return the derivatives of the load factor by errors (16,) and by disturbances (6,) at a state (17, 1)."""
-    count, step = len(ERRORS) + DISTURBANCES, 1e-5
-    error, inputs = np.zeros((len(ERRORS), 2 * count)), np.zeros((CONTROLS + DISTURBANCES, 2 * count))
-    for number in range(count):
-        for place, side in ((number, step), (number + count, -step)):
-            if number < len(ERRORS):
-                error[number, place] = side
-            else:
-                inputs[CONTROLS + number - len(ERRORS), place] = side
-    states = displaced(np.repeat(line, 2 * count, axis=1), error)
-    loads = plant.path_of(inputs)(states)[row]
-    slopes = (loads[:count] - loads[count:]) / (2.0 * step)
-    return slopes[: len(ERRORS)], slopes[len(ERRORS) :]

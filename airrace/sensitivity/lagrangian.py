@@ -10,7 +10,7 @@ every multiplier is gathered once where its limit comes from, and a problem with
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from airrace.parameters import Parameter, ParameterGroup
 from airrace.planning.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
+from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -312,40 +313,43 @@ def sensitivities(
         NotCertified: the stage is no optimum, certified or solved.
         CheckpointError: the stored multipliers do not belong to a flight of these inputs.
     """
+    parameters = (one for one in Variation(inputs).parameters.values() if one.group in groups)
+    found = sensitivities_to(parameters, inputs.race, inputs.settings, result)
+    return {one.key: one for one in sorted(found, key=lambda one: (-one.weight, one.key))}
+
+
+def sensitivities_to(
+    parameters: Iterable[Parameter[Race]], race: Race, settings: Settings, result: StageResult
+) -> Iterator[Sensitivity]:
+    """Yield the sensitivities to some parameters of a race, see `sensitivities`."""
     if not result.holds:
         stage, wanted = result.stage.value, "only a certified or solved stage has sensitivities"
         if result.certificate is None:
             raise NotCertified(f"{stage} is a guess and no optimum: {wanted}")
         plain = result.outcome in (Status.SOLVED, Status.NOT_CERTIFIED)
         raise NotCertified(f"{stage} is not certified{'' if plain else f', it ended {result.outcome.value}'}: {wanted}")
-    perturbed = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
-    problem = perturbed.problem(inputs.race)
+    perturbed = PerturbedProblem.of_result(race, settings, result)
+    problem = perturbed.problem(race)
     lagrangian = _lagrangian(problem, result)
     now = lagrangian.value(problem)
 
     def slope(parameter: Parameter[Race], change: float) -> Value | None:
         """Return the derivatives of the value to one side, s per unit; None if the inputs allow no such value."""
         try:
-            after = lagrangian.value(perturbed.problem(parameter.set(inputs.race, parameter.value + change)))
+            after = lagrangian.value(perturbed.problem(parameter.set(race, parameter.value + change)))
         except (InputError, OtherStructureError):
             return None
         return Value((after.strong - now.strong) / change, (after.weak - now.weak) / change)
 
-    found: list[Sensitivity] = []
-    for parameter in Variation(inputs).parameters.values():
+    for parameter in parameters:
         step = parameter.usual_step
-        if parameter.group not in groups:
-            continue
         up, down = slope(parameter, SETTINGS.step * step), slope(parameter, -SETTINGS.step * step)
         if up is None and down is None:
             continue
         upward, downward, activity, note = _classify(up, down, step)
-        found.append(
-            Sensitivity(
-                parameter.key, parameter.group, parameter.unit, parameter.value, upward, downward, step, activity, note
-            )
+        yield Sensitivity(
+            parameter.key, parameter.group, parameter.unit, parameter.value, upward, downward, step, activity, note
         )
-    return {one.key: one for one in sorted(found, key=lambda one: (-one.weight, one.key))}
 
 
 def _lagrangian(problem: Problem, result: StageResult) -> LagrangianSensitivity:

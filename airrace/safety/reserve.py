@@ -1,0 +1,315 @@
+"""Margins by which an optimum keeps a reserve: from the linear covariance, with the risk allocated over the limits.
+
+Every limit of the course is met somewhere by the optimum: with some room left, the distance to what counts as a breach,
+which flights in disturbances use up with a standard deviation sigma. With a margin m the optimum keeps at least
+
+    room(m) = allowed + rate m
+
+and one flight in Phi(-room / sigma) breaks the limit. The margins are those of
+
+    min sum_k price_k m_k   so that   sum_i Phi(-room_i / sigma_i) <= risk
+
+the sum over all limits of a race, an upper bound of the chance that any is broken (Boole); a margin belongs to one key
+of the inputs and tightens all limits that come from it. `price` is what it costs in race time. The Lagrangian falls
+apart into one search along each margin.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import ndtr
+
+from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.planning.race import Race
+from airrace.planning.waypoints import Waypoint
+from airrace.planning.wing_clearance import UNASKED, Wing, closest_approaches, kept_clear, wing_distance
+from airrace.points import at_points
+from airrace.procedure.result import StageResult
+from airrace.records import record
+from airrace.safety.closed_loop import ClosedLoop, Scatter
+from airrace.safety.covariance import covariance
+from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
+from airrace.safety.nominal import ERRORS, gradients, instants
+from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE
+from airrace.safety.result import LOAD
+from airrace.track.gates import Passing, Tolerant
+from airrace.trajectory import Array
+
+SIZE = len(ERRORS)
+
+
+@record
+class ReserveSettings:
+    """The settings of margins.
+
+    Attributes:
+        most: the largest margin, in standard deviations: beyond it a risk is below 4e-5.
+        share: the share of the way between two opposite limits that margins may take up.
+        least_price: what a standard deviation of margin costs at least, s: a limit that costs nothing yet may once
+            others are tighter.
+        steps: the number of margins that are compared for one key.
+        far: the distance beyond which a pylon is no limit, m.
+        binding: the room beyond its margin, in standard deviations, with which a limit counts as one that binds.
+    """
+
+    most: float = 4.0
+    share: float = 0.8
+    least_price: float = 2e-3
+    steps: int = 81
+    far: float = 12.0
+    binding: float = 0.5
+
+
+SETTINGS = ReserveSettings()
+OPPOSITE = -0.95
+"""The cosine between the directions away from two limits below which they are opposite."""
+
+
+@record
+class Limit:
+    """A limit as an optimum meets it at one place.
+
+    Attributes:
+        key: of the input from which a margin is kept; empty where none tightens it.
+        kind: of the breach, as `airrace.safety.evaluation` counts it.
+        place: the passage, or that in which the leg ends.
+        room: from the optimum to what counts as a breach, in the unit of the limit.
+        sigma: standard deviation of the room.
+        allowed: what is allowed beyond the limit.
+        rate: by how much a margin of 1 in the unit of its key widens the room.
+        between: the room from here to the opposite limit, of which margins take a share; infinite without one.
+        idle: the margin up to which something else is stricter.
+        kept: the margin with which the optimum was solved.
+    """
+
+    key: str
+    kind: str
+    place: str
+    room: float
+    sigma: float
+    allowed: float
+    rate: float = 1.0
+    between: float = math.inf
+    idle: float = 0.0
+    kept: float = 0.0
+
+    @property
+    def most(self) -> float:
+        """The largest margin that leaves half of the room to the opposite limit."""
+        return 0.5 * SETTINGS.share * self.between / self.rate
+
+    @property
+    def wanted(self) -> float:
+        """The margin beyond which a risk is negligible."""
+        return self.idle + max(SETTINGS.most * self.sigma - self.allowed, 0.0) / self.rate
+
+    def risk(self, margin: Array) -> Array:
+        """Return the probability of a breach where the optimum keeps a margin, of any shape.
+
+        A limit that does not bind leaves the room that it leaves now, whatever the margin; one that does, none.
+        """
+        needed = self.allowed + self.rate * (margin - self.idle)
+        binds = self.room - self.allowed - self.rate * max(self.kept - self.idle, 0.0) < SETTINGS.binding * self.sigma
+        return np.asarray(ndtr(-(needed if binds else np.maximum(self.room, needed)) / self.sigma))
+
+
+def limits_of(
+    race: Race, result: StageResult, loop: ClosedLoop, scatter: Scatter, margins: Mapping[str, float]
+) -> list[Limit]:
+    """Return all limits of the course as a stage meets them.
+
+    Args:
+        race: course, aircraft and air, without margins.
+        result: its stage six-dof, solved with margins or without.
+        loop: a pilot trained for it.
+        scatter: the disturbances.
+        margins: with which the stage was solved, by key.
+    """
+    judge, P = Judge.of(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
+    found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
+    near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * SETTINGS.most * one.sigma)
+    return [replace(one, kept=margins.get(one.key, 0.0)) for one in near]
+
+
+def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
+    """Yield the tolerances of gates."""
+    for number, waypoint in enumerate(judge.waypoints):
+        element, line = waypoint.passage.element, judge.states[:, [number]]
+        if number == 0 or not element.stands:
+            continue
+        ends, room = _rooms(judge, waypoint, line)
+        onto, _ = onto_plane(loop.nominal, judge.passings[number], number, line)
+        slopes = gradients(lambda x, _, it=waypoint: _rooms(judge, it, x)[1], line)[:, 0, :SIZE]
+        towards, slopes = _directions(slopes), slopes @ onto
+        now = _at(P, loop, loop.nominal.passings[number])[:SIZE, :SIZE]
+        sigma = np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, now, slopes), 0.0))
+        keys, rates = [""] * len(ends), np.ones(len(ends))
+        for one in element.parameters():
+            step = -math.copysign(0.1 * one.usual_step, one.relaxing_step)
+            tighter = replace(waypoint.passage, element=one.set(element, one.value + step))
+            rate = (room - _rooms(judge, replace(waypoint, passage=tighter), line)[1])[:, 0] / abs(step)
+            for row in np.flatnonzero(rate > 1e-9).tolist():
+                if not keys[row]:  # a clearance, which a width would tighten, too
+                    keys[row], rates[row] = f"gates.{element.base_name}.{one.key}", rate[row]
+        for row, (name, _) in enumerate(ends):
+            if name == "along" or not sigma[row] > 0.0:
+                continue
+            kind = KINDS.get(name, "tolerance")
+            allowed = ALLOWED.length if kind in LENGTHS else ALLOWED.angle
+            between = np.min(room[row, 0] + room[towards @ towards[row] < OPPOSITE, 0], initial=np.inf)
+            yield Limit(
+                keys[row], kind, waypoint.passage.name, room[row, 0] + allowed, sigma[row], allowed, rates[row], between
+            )
+
+
+def _directions(slopes: Array) -> Array:
+    """Return the directions in which rooms grow, shape (k, 6): of the position, of what has none that of the attitude."""
+    position, attitude = slopes[:, :3], slopes[:, 4:7]
+    placed = np.linalg.norm(position, axis=1, keepdims=True) > 1e-6
+    found = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
+    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+
+
+def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[str, float]], Array]:
+    """Return the ends of all ranges of a passing, by quantity and sign, and the room to each, shape (k, n)."""
+    passing = judge.boundary(waypoint)
+    assert passing.observation is not None  # it is the boundary of a passage
+    rows = {one.name: row for row, one in enumerate(passing.observation.quantities)}
+    seen = at_points(passing.observation.values, states, np.array(passing.values))
+    bounds = [(name, one) for name, one in passing.bounds.items() if name in rows]
+    both = [(name, sign, end) for name, one in bounds for sign, end in ((1.0, one.upper), (-1.0, one.lower))]
+    stated = [(name, sign, end) for name, sign, end in both if math.isfinite(end)]
+    rooms = [sign * (end - seen[rows[name]]) for name, sign, end in stated]
+    return [(name, sign) for name, sign, _ in stated], np.array(rooms)
+
+
+def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
+    """Yield the distances of the wing from pylons and obstacles, one per leg on which it comes near."""
+    nominal = loop.nominal
+    clock = instants(loop.pilot.sample, len(P))
+    line = nominal.at(clock)
+    wing, kept = Wing(clock, *wing_of(line, judge.semispan)), kept_clear(judge.course)
+    legs = np.searchsorted(clock, nominal.passings).tolist()
+    legs[-1] = min(legs[-1], len(clock) - 1)
+    elements = {one.element.name: one.element for one in judge.course.passages}
+    for approach in closest_approaches(wing, judge.pylons, legs):
+        pylon, place = approach.pylon, judge.waypoints[approach.leg + 1].passage.name
+        least, allowed = (pylon.required, ALLOWED.length) if pylon in kept else (pylon.radius + ALLOWED.touch, 0.0)
+        room = approach.distance - least + allowed
+        if room > SETTINGS.far:
+            continue
+        at = nominal.at(np.array([approach.time]))
+        slopes = gradients(lambda x, _, it=pylon: wing_distance(it, *wing_of(x, judge.semispan))[None], at)[0, 0]
+        sigma = math.sqrt(slopes @ _at(P, loop, approach.time) @ slopes)
+        if pylon.is_obstacle:
+            yield Limit(f"obstacles.{pylon.name}.clearance_m", "flight clearance", place, room, sigma, allowed)
+            continue
+        element, key, idle = elements[pylon.name], "", 0.0
+        if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
+            key = f"gates.{element.base_name}.clearance_m"
+            idle = max((UNASKED if pylon in kept else ALLOWED.touch) - element.tolerances.clearance, 0.0)
+        yield Limit(key, "flight clearance", place, room, sigma, allowed, idle=idle)
+
+
+def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
+    """Yield the limits that hold along the flight, each once per leg: where it is met most closely."""
+    clock = instants(loop.pilot.sample, len(P))
+    line, course, rules = loop.nominal.at(clock), race.course, race.course.rules
+    line[4:8] /= np.linalg.norm(line[4:8], axis=0)
+    load = loop.plant.path_row("n_z")
+    keys = [
+        *(("rules.floor_m", "floor"), ("rules.ceiling_m", "ceiling"), ("rules.floor_m", "ground")),
+        *(("rules.n_z_max", LOAD), ("rules.n_z_min", LOAD)),
+        *((f"crowd.{one.name}.distance_m", "crowd") for one in course.crowd),
+        *((f"safety_lines.{one.name}.margin_m", "safety line") for one in course.safety_lines),
+        *([("", "airspace")] if course.airspace else []),
+    ]
+
+    def rooms(x: Array, d: Array) -> Array:
+        height, places = -x[STATE["z"]], np.stack([x[0], x[1]], axis=-1)
+        _, half = wing_of(x, judge.semispan)
+        n_z = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[load]
+        found = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
+        found += [judge.load.upper - n_z, n_z - judge.load.lower]
+        for crowd in course.crowd:
+            away = ground_distance(places, crowd)
+            found.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
+        found += [beside_line(places, one) - one.margin for one in course.safety_lines]
+        if course.airspace:
+            found.append(beside_border(places, course.airspace))
+        return np.stack(found)
+
+    with np.errstate(invalid="ignore"):  # of limits that nobody has set
+        slopes = np.nan_to_num(gradients(rooms, line))
+    sigma = np.sqrt(np.maximum(np.einsum("qni,nij,qnj->qn", slopes, P, slopes), 0.0))
+    room = rooms(line, np.zeros((DISTURBANCES, len(clock))))
+    for leg, (begin, end) in enumerate(pairwise(np.searchsorted(clock, loop.nominal.passings).tolist())):
+        place = course.passages[leg + 1]
+        lines = {one.name for one in place.safety_lines}
+        for row, (key, kind) in enumerate(keys):
+            if kind == "safety line" and key.split(".")[1] not in lines:
+                continue
+            inside = slice(begin, max(end, begin + 1))
+            at = int(np.argmin(room[row, inside] - 3.0 * sigma[row, inside])) + begin
+            allowed = {LOAD: ALLOWED.load, "ground": 0.0}.get(kind, ALLOWED.length)
+            if math.isfinite(room[row, at]):
+                yield Limit(key, kind, place.name, room[row, at] + allowed, sigma[row, at], allowed)
+
+
+def _at(P: Array, loop: ClosedLoop, time: float) -> Array:
+    """Return the covariance at a time, that of the next sample."""
+    return P[min(round(time / loop.pilot.sample), len(P) - 1)]
+
+
+@record
+class Allocation:
+    """Margins, and the risk that they leave.
+
+    Attributes:
+        margins: by key, in its unit.
+        risks: of every limit.
+        reaches: whether the sum of the risks is as small as was wanted.
+    """
+
+    margins: Mapping[str, float]
+    risks: Array
+    reaches: bool
+
+
+def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) -> Allocation:
+    """Return the cheapest margins that leave a risk.
+
+    Args:
+        limits: of one race.
+        prices: of margins, s per unit of their keys; those that are missing cost nothing.
+        risk: the sum of the probabilities of breaches that is allowed.
+    """
+    by_key: dict[str, list[Limit]] = {}
+    for one in limits:
+        by_key.setdefault(one.key, []).append(one)
+    fixed = sum(float(one.risk(np.zeros(()))) for one in by_key.pop("", []))
+    tried: list[Array] = []
+    risks, costs = np.empty((2, len(by_key), SETTINGS.steps))
+    for row, (key, its) in enumerate(by_key.items()):
+        most = min(max(one.wanted for one in its), min(one.most for one in its))
+        margins = np.linspace(0.0, most, SETTINGS.steps)
+        least = SETTINGS.least_price * max(one.rate / one.sigma for one in its)
+        risks[row] = sum(one.risk(margins) for one in its)
+        costs[row] = max(prices.get(key, 0.0), least) * margins
+        tried.append(margins)
+
+    def chosen(weight: float) -> Array:
+        return np.argmin(costs + weight * risks, axis=1)
+
+    rows, low, high = np.arange(len(tried)), 0.0, 1e6
+    for _ in range(60):
+        weight = math.sqrt(max(low, 1e-6) * high)
+        enough = fixed + float(risks[rows, chosen(weight)].sum()) <= risk
+        low, high = (low, weight) if enough else (weight, high)
+    best = chosen(high)
+    margins = {key: float(tried[row][best[row]]) for row, key in enumerate(by_key)}
+    left = np.array([float(one.risk(np.array(margins.get(one.key, 0.0)))) for one in limits])
+    return Allocation({key: one for key, one in margins.items() if one > 0.0}, left, bool(left.sum() <= risk))
