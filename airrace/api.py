@@ -4,23 +4,27 @@ Nothing is printed unless it is asked for, and nothing is written but the files 
 """
 
 import logging
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.air import Air
 from airrace.errors import UsageError
-from airrace.inputs import Document, Inputs, load_inputs
-from airrace.inputs.batch import set_texts
-from airrace.inputs.objects import CourseAndAir, document_of_objects
-from airrace.planning.race import Race
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
 from airrace.results.comparison import Comparison
+from airrace.runs.arguments import (
+    AircraftGiven,
+    SettingsGiven,
+    TrackGiven,
+    Values,
+    aircraft_of,
+    document_or_path,
+    read_inputs,
+    value_texts,
+)
 from airrace.runs.brief import Brief
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
 from airrace.runs.execute import execute
@@ -34,89 +38,24 @@ from airrace.runs.plan import (
     plan_changed_run,
     plan_new_run,
     plan_resumed_run,
+    reserve_texts,
     settings_texts,
 )
 from airrace.runs.run import RunState, compare_stages, open_run
 from airrace.runs.stage_view import Sensitivities
 from airrace.runs.verification import Verification, verify_run
-from airrace.track.course import Course
 from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching
 from airrace.views.units import units_named
 
 if TYPE_CHECKING:
+    from airrace.runs.reserve import ReserveCase
     from airrace.runs.safety_case import SafetyCase
     from airrace.runs.safety_rose import SafetyRose
     from airrace.safety.footprint import Footprint
 
-TrackGiven = str | Path | Course | Race
-"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
-AircraftGiven = str | Path | Aircraft
-"""An aircraft by name, its file, or an object."""
-SettingsGiven = str | Path
-"""A settings file, by its path."""
-Values = Mapping[str, str | int | float | bool] | Sequence[str]
-"""Single values by their keys, or texts `key=value`."""
-
 # Without a handler Python itself prints the warnings of a library.
 logging.getLogger("airrace").addHandler(logging.NullHandler())
-
-
-def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
-    """Return a name or a path as it is, and an object as the document that holds it."""
-    match given:
-        case Race(course, _, air):
-            return document_of_objects(CourseAndAir(course, air), _file_name(course.name))
-        case Course():
-            still = Air(elevation=given.origin.elevation)
-            return document_of_objects(CourseAndAir(given, still), _file_name(given.name))
-        case Aircraft():
-            return document_of_objects(given, _file_name(given.name))
-        case _:
-            return given
-
-
-def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> AircraftGiven | None:
-    """Return the aircraft that is asked for: the one that is named, else that of a race."""
-    return track.aircraft if aircraft is None and isinstance(track, Race) else aircraft
-
-
-def value_texts(values: Values) -> list[str]:
-    """Return values as `key=value` texts, as `--set` takes them."""
-    return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
-
-
-def read_inputs(
-    track: TrackGiven,
-    aircraft: AircraftGiven | None = None,
-    settings: SettingsGiven | None = None,
-    set: Values = (),
-    **chosen: str | GuessKind | SearchEffort | MeshCheck | int | None,
-) -> Inputs:
-    """Return what is given for a race, as objects.
-
-    Args:
-        track, aircraft, settings, set: see `optimize`.
-        chosen: settings that have arguments of their own; None for what the settings say.
-
-    Raises:
-        InputError: they are not valid; it carries all findings.
-        UsageError: no course is given.
-    """
-    named = document_or_path(track)
-    if named is None:
-        raise UsageError("a course is needed: a name, a file or an object")
-    return load_inputs(
-        named,
-        aircraft=document_or_path(aircraft_of(track, aircraft)),
-        settings=settings,
-        overrides=[*value_texts(set), *settings_texts(**chosen)],
-    )
-
-
-def _file_name(name: str) -> str:
-    """Return a name as a file could bear it: runs are called after it."""
-    return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"
 
 
 def optimize(
@@ -133,6 +72,7 @@ def optimize(
     force: bool = False,
     start: RunState | str | Path | None = None,
     set: Values = (),
+    reserve: float | None = None,
     threads: int | None = None,
     timeout: float | None = None,
     progress: bool | Progress = False,
@@ -160,6 +100,7 @@ def optimize(
         force: whether a file that exists may be overwritten.
         start: another run, or its file, to start from.
         set: single values by their keys, e.g. `{"rules.n_z_max": 9}`; or texts, e.g. `["rules.n_z_max=9"]`.
+        reserve: probability that a race in disturbances breaks no limit, see `Run.reserve`; None for that of the rules.
         threads: threads that evaluate derivatives; None for all cores. Results do not depend on it.
         timeout: the longest wall time, s; None for none. What is finished by then is in `output`.
         progress: whether a view of the run under way is shown on stderr; or who watches.
@@ -182,7 +123,7 @@ def optimize(
         track,
         aircraft,
         settings,
-        set,
+        [*value_texts(set), *reserve_texts({"probability": reserve})],
         guess=guess,
         search=search,
         alternatives=alternatives,
@@ -324,6 +265,11 @@ def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progre
     return Run.of(steps[-1] if steps else plan.run)
 
 
+def _flies_again(texts: Sequence[str], **how: Any) -> Callable[[RunState, Sequence[str]], "Run"]:
+    """Return what flies a run again with some values set, and these texts."""
+    return lambda run, values: resume(run, set=[*values, *texts], **how)
+
+
 @contextmanager
 def _progress_view(plan: ExecutionPlan, progress: bool | Progress) -> Generator[Progress, None, None]:
     if isinstance(progress, Progress):
@@ -444,6 +390,26 @@ class Run(RunState):
 
         return fly_into_file(self, self.stage(stage), None if output is None else Path(output), options)
 
+    def reserve(
+        self, probability: float, *, threads: int | None = None, progress: bool = False, **options: Any
+    ) -> "ReserveCase":
+        """Fly the race again with margins so large that flights in disturbances break no limit so probably.
+
+        Args:
+            probability: that a race breaks no limit but perhaps that of the load factor.
+            threads, progress: see `resume`.
+            options: other keys of `rules.reserve`.
+
+        Raises:
+            InputError: an option says nothing sensible.
+            UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
+        """
+        from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
+
+        texts = reserve_texts({"probability": probability, **options})
+        fly_again = _flies_again(texts, threads=threads, progress=progress)
+        return fly_reserve(self, reserve_named(self, texts), fly_again, threads=threads)
+
     def safety_in_winds(
         self, winds: str, *, progress: bool = False, threads: int | None = None, **options: Any
     ) -> "SafetyRose":
@@ -460,9 +426,7 @@ class Run(RunState):
         """
         from airrace.runs.safety_rose import fly_rose  # takes what flies
 
-        def fly_again(values: Sequence[str]) -> "Run":
-            return resume(self, set=values, threads=threads, progress=progress)
-
+        fly_again = _flies_again((), threads=threads, progress=progress)
         return fly_rose(self, winds, fly_again, {**options, "threads": threads})
 
     def brief(self, stage: str | Stage | None = None) -> Brief:

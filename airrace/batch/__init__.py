@@ -178,7 +178,7 @@ def optimize_many(
         ClusterError: the scheduler cannot be reached.
         StorageError: the system refused to write.
     """
-    from airrace.api import value_texts
+    from airrace.runs.arguments import value_texts
     from airrace.batch.reports import ranking_of
     from airrace.batch.supervision import Watcher
 

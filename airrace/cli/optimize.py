@@ -1,5 +1,6 @@
 """Commands that fly: `optimize`, from a track file to a certified flight in a checkpoint, and `resume`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,6 +66,13 @@ def optimize(
         Path | None, file_option("OTHER.h5", "Start from this run's optimum of the highest stage that it holds.")
     ] = None,
     overrides: Overrides = None,
+    reserve: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P",
+            help="Keep margins so that a race in disturbances breaks no limit with this probability, e.g. 0.9.",
+        ),
+    ] = None,
     sign: SigningKey = None,
     dry_run: DryRun = False,
     threads: Threads = None,
@@ -88,7 +96,7 @@ def optimize(
         from airrace.errors import UsageError
         from airrace.inputs import load_inputs
         from airrace.runs.output import NO_PIPE, ensure_free
-        from airrace.runs.plan import plan_new_run, settings_texts
+        from airrace.runs.plan import plan_new_run, reserve_texts, settings_texts
         from airrace.runs.signing import signer_of
 
         signer = None if sign is None else signer_of(sign)
@@ -98,7 +106,8 @@ def optimize(
         read = [track, aircraft, settings, start, sign]
         ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
         chosen = settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
-        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=[*(overrides or ()), *chosen])
+        chosen = [*(overrides or ()), *chosen, *reserve_texts({"probability": reserve})]
+        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=chosen)
         plan = plan_new_run(inputs, until=until, path=path, start=start)
         _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
@@ -194,8 +203,12 @@ def _fly(
         answer.texts.extend(() if quiet else ["\n".join(map(str, steps))])
         return
     with watching(plan.run.race.course.name, plan.stages, quiet=quiet) as progress:
-        results = execute_for_command(answer, plan, threads=threads, timeout=timeout, progress=progress)
+        run, results, reserve = execute_for_command(answer, plan, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         from airrace.cli.run_tables import flight_texts  # not needed before there is something to show
 
-        answer.texts.extend(flight_texts(plan, results))
+        answer.texts.extend(flight_texts(replace(plan, run=run), results))
+        if reserve is not None:
+            from airrace.cli.tables import render
+
+            answer.texts.append(render(reserve.table()))

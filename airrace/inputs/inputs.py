@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import field
 from itertools import groupby
 from pathlib import Path
 
@@ -45,6 +46,7 @@ class Inputs:
         penalties: of the season whose rules the course names; no optimum depends on them.
         unused_gates: gates that stand in the track file and in no lap, in its order.
         reserve: what is asked of the flight in disturbances; None for nothing.
+        margins: of the course, by key.
     """
 
     race: Race
@@ -57,6 +59,7 @@ class Inputs:
     penalties: Penalties = NONE_KNOWN
     unused_gates: tuple[str, ...] = ()
     reserve: ReserveEntry | None = None
+    margins: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def load_inputs(
@@ -250,6 +253,7 @@ def _inputs(
                 penalties=penalties_of(entry.rules) if entry else NONE_KNOWN,
                 unused_gates=tuple(name for name in entry.gates if name not in passed) if entry else (),
                 reserve=entry.rules.reserve if entry else None,
+                margins=entry.margins.by_key() if entry else {},
             )
     raise InputError(shorten(reader.findings), len(reader.findings))
 

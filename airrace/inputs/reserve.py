@@ -15,19 +15,19 @@ from airrace.track.course import Course
 from airrace.track.gates import Tolerant
 
 Margin = Annotated[float, Ge(0), Le(5000)]
-ByKey = Annotated[dict[str, Margin], Field(default_factory=dict[str, Margin])]
-ByName = Annotated[dict[str, dict[str, Margin]], Field(default_factory=dict[str, dict[str, Margin]])]
 
 
 class MarginsEntry(Schema):
     """By how much limits of the course are kept tighter, each in the unit of its key."""
 
     what: ClassVar[str] = "margins"
-    rules: ByKey = Field(description="from limits of the rules, e.g. `floor_m: 2`")
-    gates: ByName = Field(description="from tolerances of gates, by name, e.g. `g3: {clearance_m: 0.5}`")
-    crowd: ByName = Field(description="from distances of crowds, by name")
-    safety_lines: ByName = Field(description="from safety lines, by name")
-    obstacles: ByName = Field(description="from clearances of obstacles, by name")
+    rules: dict[str, Margin] = Field(default={}, description="from limits of the rules, e.g. `floor_m: 2`")
+    gates: dict[str, dict[str, Margin]] = Field(
+        default={}, description="from tolerances of gates, by name, e.g. `g3: {clearance_m: 0.5}`"
+    )
+    crowd: dict[str, dict[str, Margin]] = Field(default={}, description="from distances of crowds, by name")
+    safety_lines: dict[str, dict[str, Margin]] = Field(default={}, description="from safety lines, by name")
+    obstacles: dict[str, dict[str, Margin]] = Field(default={}, description="from clearances of obstacles, by name")
 
     def by_key(self) -> dict[str, float]:
         """Return the margins by the keys of the limits, e.g. `gates.g3.clearance_m`."""

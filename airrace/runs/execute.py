@@ -5,7 +5,9 @@ import os
 import time
 from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
@@ -14,11 +16,15 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult, Status
+from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, run_object
-from airrace.runs.plan import ExecutionPlan
+from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.run import RunState, stages_object
 from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
+
+if TYPE_CHECKING:
+    from airrace.runs.reserve import ReserveCase
 
 PATIENCE = 0.1
 """The time for which a lock is tried, s: whoever holds it may just be removing it."""
@@ -85,22 +91,68 @@ def execute(
         timeout: the longest wall time of the stages, s; None for none.
         progress: who watches.
     """
-    return (run for run, _ in _execute(plan, threads=threads, timeout=timeout, progress=progress))
+    return (done.run for done in _execute(plan, threads=threads, timeout=timeout, progress=progress))
+
+
+@record
+class Executed:
+    """A step of an execution: the run, the stage that was solved or checked last, and the reserve that it keeps.
+
+    `reserve` is None unless this is the flight with margins that follows the optimum.
+    """
+
+    run: RunState
+    result: StageResult
+    reserve: "ReserveCase | None" = None
 
 
 def _execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Iterator[tuple[RunState, StageResult]]:
-    """Return the run after each stage that was solved, or checked, and that stage."""
+) -> Iterator[Executed]:
+    """Yield all steps, the last one that of a reserve where one is asked for."""
     if timeout is not None and not timeout > 0.0:
         raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
+    started = time.monotonic()
     with run_lock(plan.run.path):
-        yield from _execute_locked(plan, threads=threads, timeout=timeout, progress=progress)
+        run = plan.run
+        for done in _execute_locked(plan, threads=threads, timeout=timeout, progress=progress):
+            run = done.run
+            yield done
+        if _asks_for_reserve(plan, run):
+            left = None if timeout is None else max(timeout - (time.monotonic() - started), 1e-3)
+            yield _keep_reserve(run, threads=threads, timeout=left, progress=progress)
+
+
+def _asks_for_reserve(plan: ExecutionPlan, run: RunState) -> bool:
+    """Tell whether margins are still to be found: the run has none yet, or those for another reserve."""
+    wanted, start = run.inputs.reserve, plan.start
+    if wanted is None or plan.until is not procedure.STAGES[-1] or not run.certified:
+        return False
+    return not run.inputs.margins or (start is not None and start.inputs.reserve != wanted)
+
+
+def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progress: Progress) -> Executed:
+    """Fly a run again with the margins of its reserve, and store that in its file."""
+    from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
+
+    until = None if timeout is None else time.monotonic() + timeout
+
+    def fly_again(before: RunState, values: Sequence[str]) -> RunState:
+        left = None if until is None else max(until - time.monotonic(), 1e-3)
+        plan = plan_changed_run(before, Changes(overrides=values))
+        *_, last = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
+        return last.run
+
+    assert run.inputs.reserve is not None
+    case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads)
+    kept = replace(case.run, path=run.path, sign=run.sign)
+    _store(kept)
+    return Executed(kept, kept.results[-1], replace(case, run=kept))
 
 
 def _execute_locked(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Iterator[tuple[RunState, StageResult]]:
+) -> Iterator[Executed]:
     run, start = plan.run, plan.start
     reused = {result.stage for result in plan.reused}
     _store(run)
@@ -118,12 +170,12 @@ def _execute_locked(
         run = run.with_mesh_check(result) if result.stage in reused else run.with_stage(result)
         _store(run, {one.stage for one in run.results} - {result.stage})
         progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
-        yield run, result
+        yield Executed(run, result)
 
 
 def execute_for_command(
     answer: CommandResult, plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Sequence[StageResult]:
+) -> tuple[RunState, Sequence[StageResult], "ReserveCase | None"]:
     """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence.
 
     Args:
@@ -137,13 +189,13 @@ def execute_for_command(
         UsageError: `timeout` is not positive.
 
     Returns:
-        All stages of the run by now, in order.
+        The run by now, all its stages in order, and the reserve that it keeps.
     """
-    started = time.perf_counter()
-    finished = {result.stage: result for result in plan.reused}
+    started, run = time.perf_counter(), plan.run
+    finished, reserve = {result.stage: result for result in plan.reused}, None
     try:
-        for _, result in _execute(plan, threads=threads, timeout=timeout, progress=progress):
-            finished[result.stage] = result
+        for done in _execute(plan, threads=threads, timeout=timeout, progress=progress):
+            finished[done.result.stage], run, reserve = done.result, done.run, done.reserve
     except OutOfTime:
         answer.fail(
             ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(plan, tuple(finished.values()))}"
@@ -156,14 +208,18 @@ def execute_for_command(
     finally:
         results = tuple(finished.values())
         summarise(answer, plan.run.name, results, time.perf_counter() - started)
-        answer.fields["stages"] = stages_object(plan.run.inputs, results)
+        answer.fields["stages"] = stages_object(run.inputs, results)
         for result in results:
             if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
         if plan.start is not None:
             compared = plan.compare(results)
             answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
-    return results
+    if reserve is not None:
+        answer.fields["reserve"] = reserve.as_object()
+        if not reserve.reached:
+            answer.fail(ExitCode.NOT_CERTIFIED, reserve.message)
+    return run, results, reserve
 
 
 def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:

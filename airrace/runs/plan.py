@@ -163,6 +163,11 @@ def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
     return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]
 
 
+def reserve_texts(values: Mapping[str, float | str | None]) -> list[str]:
+    """Return values of `rules.reserve` as `key=value` texts; None leaves one alone."""
+    return [f"rules.reserve.{key}={value}" for key, value in values.items() if value is not None]
+
+
 def open_source_run(path: Path) -> RunState:
     """Open the run to start from, with one warning if other versions have written it.
 

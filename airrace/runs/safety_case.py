@@ -187,20 +187,28 @@ def fly_safety_case(
     Raises:
         UsageError: an argument says nothing sensible, or the stage is none that could be flown.
     """
+    if seed < 0:
+        raise UsageError(f"a seed of {seed} makes no sense: it must be 0 or larger")
+    scatter, pilot = scatter_of(gusts, errors), PilotModel(delay=delay)
+    found = fly_closed_loop(race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads)
+    (_, why) = verdict([result])
+    uncertified = f"the optimum is not certified: {why}" if why else ""
+    return SafetyCase(label, result.stage.value, found, uncertified, no_crowd=not race.course.crowd)
+
+
+def scatter_of(gusts: str, errors: tuple[float, float, float, float, float]) -> Scatter:
+    """Return the disturbances; see `fly_safety_case`.
+
+    Raises:
+        UsageError: there are no such gusts, or an error makes no sense.
+    """
     if gusts not in list(Gusts):
         raise UsageError(f"there are no gusts {gusts!r}; known are {', '.join(Gusts)}")
     for one, (what, unit, most) in zip(errors, _ERRORS, strict=True):
         if not 0.0 <= one <= most:
             raise UsageError(f"an error of {one:g}{unit} in the {what} makes no sense: it must be 0 to {most:g}{unit}")
-    if seed < 0:
-        raise UsageError(f"a seed of {seed} makes no sense: it must be 0 or larger")
     wind, mass, power, density, timing = errors
-    scatter = Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
-    pilot = PilotModel(delay=delay)
-    found = fly_closed_loop(race, result, flights=flights, scatter=scatter, pilot=pilot, seed=seed, threads=threads)
-    (_, why) = verdict([result])
-    uncertified = f"the optimum is not certified: {why}" if why else ""
-    return SafetyCase(label, result.stage.value, found, uncertified, no_crowd=not race.course.crowd)
+    return Scatter(Gusts(gusts), wind * KNOT, 0.01 * mass, 0.01 * power, 0.01 * density, timing)
 
 
 _ERRORS = (

@@ -122,14 +122,14 @@ def _outcome(case: SafetyCase | str) -> list[Value]:
 
 
 def fly_rose(
-    run: RunState, winds: str, fly_again: Callable[[Sequence[str]], RunState], options: Mapping[str, Any]
+    run: RunState, winds: str, fly_again: Callable[[RunState, Sequence[str]], RunState], options: Mapping[str, Any]
 ) -> SafetyRose:
     """Fly the course of a run in each wind of a rose, and its optimum there many times.
 
     Args:
         run: whose last stage is flown.
         winds: e.g. `0,5,10kt@8`.
-        fly_again: flies the run again with some values set, as `key=value`.
+        fly_again: flies a run again with some values set, as `key=value`.
         options: of `StageView.safety`; any of them.
 
     Raises:
@@ -139,7 +139,7 @@ def fly_rose(
 
     def case_in(wind: Wind) -> SafetyCase | str:
         try:
-            last = fly_again([f"{key}={value}" for key, value in overrides_of(wind)]).stages[-1]
+            last = fly_again(run, [f"{key}={value}" for key, value in overrides_of(wind)]).stages[-1]
             if last.name != run.stages[-1].name or not last.result.is_flight:
                 return f"no flight was found: {last.message or last.status}"
             named: dict[str, Any] = {**options, "label": wind.text}

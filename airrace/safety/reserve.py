@@ -97,6 +97,11 @@ class Limit:
     kept: float = 0.0
 
     @property
+    def risk_now(self) -> float:
+        """The probability of a breach with the room that there is."""
+        return float(ndtr(-self.room / self.sigma))
+
+    @property
     def most(self) -> float:
         """The largest margin that leaves half of the room to the opposite limit."""
         return 0.5 * SETTINGS.share * self.between / self.rate
@@ -166,7 +171,7 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
 
 
 def _directions(slopes: Array) -> Array:
-    """Return the directions in which rooms grow, shape (k, 6): of the position, of what has none that of the attitude."""
+    """Return the directions in which rooms grow, shape (k, 6): of the position, else of the attitude."""
     position, attitude = slopes[:, :3], slopes[:, 4:7]
     placed = np.linalg.norm(position, axis=1, keepdims=True) > 1e-6
     found = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
@@ -291,25 +296,23 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
     for one in limits:
         by_key.setdefault(one.key, []).append(one)
     fixed = sum(float(one.risk(np.zeros(()))) for one in by_key.pop("", []))
-    tried: list[Array] = []
-    risks, costs = np.empty((2, len(by_key), SETTINGS.steps))
+    tried, risks, costs = np.empty((3, len(by_key), SETTINGS.steps))
     for row, (key, its) in enumerate(by_key.items()):
         most = min(max(one.wanted for one in its), min(one.most for one in its))
-        margins = np.linspace(0.0, most, SETTINGS.steps)
+        tried[row] = np.linspace(0.0, most, SETTINGS.steps)
         least = SETTINGS.least_price * max(one.rate / one.sigma for one in its)
-        risks[row] = sum(one.risk(margins) for one in its)
-        costs[row] = max(prices.get(key, 0.0), least) * margins
-        tried.append(margins)
+        risks[row] = sum(one.risk(tried[row]) for one in its)
+        costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 
-    def chosen(weight: float) -> Array:
-        return np.argmin(costs + weight * risks, axis=1)
+    def chosen(weight: float) -> tuple[Array, float]:
+        """Return the margins that are best where risk has a price, and the risk that they leave."""
+        best = np.argmin(costs + weight * risks, axis=1)[:, None]
+        return np.take_along_axis(tried, best, axis=1)[:, 0], fixed + float(np.take_along_axis(risks, best, 1).sum())
 
-    rows, low, high = np.arange(len(tried)), 0.0, 1e6
+    low, high = 1e-6, 1e6
     for _ in range(60):
-        weight = math.sqrt(max(low, 1e-6) * high)
-        enough = fixed + float(risks[rows, chosen(weight)].sum()) <= risk
-        low, high = (low, weight) if enough else (weight, high)
-    best = chosen(high)
-    margins = {key: float(tried[row][best[row]]) for row, key in enumerate(by_key)}
+        weight = math.sqrt(low * high)
+        low, high = (low, weight) if chosen(weight)[1] <= risk else (weight, high)
+    margins = dict(zip(by_key, chosen(high)[0].tolist(), strict=True))
     left = np.array([float(one.risk(np.array(margins.get(one.key, 0.0)))) for one in limits])
     return Allocation({key: one for key, one in margins.items() if one > 0.0}, left, bool(left.sum() <= risk))

@@ -1,0 +1,340 @@
+"""A flight with a reserve: margins so large that a race in disturbances breaks no limit with the probability asked for.
+
+Margins follow from the linear covariance of the closed loop along the flight, which the margins change; so the race is
+flown again with them until they stay. Closed-loop flights measure what they are worth. Where that is too little, or
+much more than was asked for, the risk that is allocated is scaled by what was wanted over what was found.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from airrace.errors import AirraceError, UsageError
+from airrace.inputs.reserve import ReserveEntry
+from airrace.planning.parameters import course_limits
+from airrace.procedure.result import Stage
+from airrace.records import record
+from airrace.runs.plan import Changes
+from airrace.runs.run import RunState
+from airrace.runs.safety_case import SafetyCase, scatter_of
+from airrace.safety.pilot import PilotModel
+from airrace.safety.reserve import Allocation, Limit, allocate, limits_of
+from airrace.safety.result import LOAD, Count
+from airrace.safety.safety import closed_loop_of
+from airrace.sensitivity.lagrangian import sensitivities_to
+from airrace.views.tables import Column, Table
+
+FlyAgain = Callable[[RunState, Sequence[str]], RunState]
+"""Flies a run again with some values set, as `key=value`."""
+
+
+@record
+class ReserveIteration:
+    """The settings of the iteration.
+
+    Attributes:
+        attempts: how often closed-loop flights are flown at most.
+        passes: how often margins are computed again for one risk at most.
+        same: the change of the race time by other margins below which they stay, s.
+        tolerance: by how much the lower end of the interval of confidence may lie below the probability.
+        excess: the share of the breaches that are allowed below which margins are too large.
+        aim: the share of them that is aimed at.
+        change: by how much the risk is scaled at most.
+        flights: closed-loop flights.
+    """
+
+    attempts: int = 4
+    passes: int = 3
+    same: float = 2e-3
+    tolerance: float = 0.01
+    excess: float = 0.4
+    aim: float = 0.8
+    change: float = 8.0
+    flights: int = 1000
+
+
+SETTINGS = ReserveIteration()
+
+
+@record
+class KeptMargin:
+    """A margin of a flight.
+
+    Attributes:
+        key: of the limit.
+        margin: in its unit.
+        unit: of the limit.
+        cost: of race time, by the sensitivities with and without margins, s.
+        risk: that one of the limits behind the key is broken, by the covariance.
+    """
+
+    key: str
+    margin: float
+    unit: str
+    cost: float
+    risk: float
+
+
+COLUMNS = (
+    Column("limit", key="key"),
+    Column("margin", form=".3g", key="margin"),
+    Column("unit", key="unit"),
+    Column("cost", "s", ".3f", key="cost_s"),
+    Column("risk left", "%", ".3f", key="risk_percent"),
+)
+
+
+@dataclass(frozen=True, repr=False)
+class ReserveCase:
+    """A flight with a reserve, and what it is worth.
+
+    Attributes:
+        run: the flight with its margins.
+        wanted: what was asked for.
+        optimum: race time without margins, s.
+        margins: of the flight, the costliest first.
+        predicted: probability of no breach but of the load factor, at least, by the linear covariance.
+        case: closed-loop flights along it.
+        reached: whether that is what was asked for.
+        binding: the limits that hinder more, where it is not.
+    """
+
+    run: RunState
+    wanted: ReserveEntry
+    optimum: float
+    margins: tuple[KeptMargin, ...]
+    predicted: float
+    case: SafetyCase
+    reached: bool
+    binding: tuple[str, ...] = ()
+
+    @property
+    def measured(self) -> Count:
+        """The flights that break nothing but perhaps the load factor."""
+        outside = self.case.result.outside
+        return Count.among(outside.of - outside.flights, outside.of)
+
+    @property
+    def message(self) -> str:
+        """A sentence where the probability was not reached; else empty."""
+        if self.reached:
+            return ""
+        why = f"; {', '.join(self.binding)} hinder more" if self.binding else ""
+        return (
+            f"a reserve of {self.wanted.probability:g} was not reached: the most is {self.measured.share:.3f} "
+            f"({self.measured.lower:.3f} to {self.measured.upper:.3f}){why}"
+        )
+
+    def table(self) -> Table:
+        """Return the margins with their costs."""
+        measured, time, loads = self.measured, self.run.race_time, self.case.result.counts[LOAD]
+        rows = [[one.key, one.margin, one.unit, one.cost, 100.0 * one.risk] for one in self.margins]
+        notes = [
+            f"of {measured.of} closed-loop flights {measured.flights} break no limit but perhaps the load factor's: "
+            f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
+            f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
+            "cost: by the sensitivities with and without margins, which add up to "
+            f"{sum(one.cost for one in self.margins):.3f} s",
+        ]
+        title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:.3f} s above the optimum"
+        return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
+
+    def as_object(self) -> dict[str, object]:
+        """Return plain values for scripts."""
+        return {
+            "probability": self.wanted.probability,
+            "reached": self.reached,
+            "predicted": self.predicted,
+            "measured": self.measured.share,
+            "measured_lower": self.measured.lower,
+            "measured_upper": self.measured.upper,
+            "race_time_s": self.run.race_time,
+            "optimum_s": self.optimum,
+            "cost_s": self.run.race_time - self.optimum,
+            "margins": self.table().objects(),
+            "binding": list(self.binding),
+            "safety": self.case.as_object(),
+        }
+
+    def __repr__(self) -> str:
+        table = self.table()
+        return f"{table.title}\n{table.text()}"
+
+    def _repr_html_(self) -> str:
+        return self.table().html()
+
+
+def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
+    """Return the reserve of a run whose rules had these values, `key=value`.
+
+    Raises:
+        InputError: they make no sense.
+    """
+    wanted = Changes(overrides=texts).inputs(run).reserve
+    if wanted is None:
+        raise UsageError("a reserve is asked of courses in files: this one was built in Python")
+    return wanted
+
+
+def fly_reserve(
+    run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, *, seed: int = 0, threads: int | None = None
+) -> ReserveCase:
+    """Fly a race again with the smallest margins that keep a reserve.
+
+    Args:
+        run: certified up to six-dof.
+        wanted: the probability and the disturbances.
+        fly_again: flies a run with other margins.
+        seed: of the closed-loop flights.
+        threads: None for one per processor.
+
+    Raises:
+        UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
+        InputError: its course was built in Python.
+    """
+    if not run.certified or run.stages[-1].result.stage is not Stage.SIX_DOF:
+        raise UsageError(
+            f"a reserve is kept from a certified optimum of six-dof: {run.message or 'resume goes on to it'}"
+        )
+    if run.inputs.margins:
+        run = fly_again(run, [f"margins.{key}=0" for key in run.inputs.margins])
+    search = _Search(run, wanted, fly_again, seed, threads)
+    return search.run()
+
+
+class _Search:
+    """The iteration for one reserve."""
+
+    def __init__(
+        self, run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, seed: int, threads: int | None
+    ) -> None:
+        self.optimum, self.wanted, self.fly_again = run, wanted, fly_again
+        self.options: dict[str, Any] = {
+            **wanted.model_dump(exclude={"probability", "load_factor"}),
+            "seed": seed,
+            "threads": threads,
+        }
+        errors = (wanted.mass_error_percent, wanted.power_error_percent, wanted.density_error_percent)
+        self.scatter = scatter_of(wanted.gusts, (wanted.wind_error_kt, *errors, wanted.roll_timing_s))
+        self.pilot = PilotModel(delay=wanted.delay_s)
+        self.prices = _prices(run)
+        self.risks = {"": 1.0 - wanted.probability}  # of all but the load factor, and of that
+        if wanted.load_factor:
+            self.risks[LOAD] = 1.0 - wanted.load_factor
+        self.found: list[ReserveCase] = []
+
+    def run(self) -> ReserveCase:
+        flown = self.optimum
+        for _ in range(SETTINGS.attempts):
+            solved, enough, limits = self._with_margins(flown)
+            if solved is None:  # no flight with such margins
+                self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
+                continue
+            flown = solved
+            case = flown.stages[-1].safety(flights=SETTINGS.flights, **self.options)
+            self._note(flown, limits, case)
+            if not enough or self._satisfied(case):
+                break
+        if not self.found:
+            raise UsageError("no flight keeps any reserve on this course")
+        reached = [one for one in self.found if one.reached]
+        if reached:
+            return min(reached, key=lambda one: one.run.race_time)
+        return max(self.found, key=lambda one: one.measured.share)
+
+    def _with_margins(self, flown: RunState) -> tuple[RunState | None, bool, list[Limit]]:
+        """Fly with the margins that the risks need, until they stay; tell whether they suffice."""
+        enough = True
+        limits = self._limits(flown)
+        for _ in range(SETTINGS.passes):
+            allocations = self._allocate(limits, _prices(flown))
+            margins = {key: value for one in allocations for key, value in one.margins.items()}
+            enough = all(one.reaches for one in allocations)
+            values = [f"margins.{key}={margins.get(key, 0.0):.4g}" for key in sorted({*margins, *flown.inputs.margins})]
+            try:
+                after = self.fly_again(flown, values)
+            except AirraceError:
+                return None, enough, limits
+            if not after.certified:
+                return None, enough, limits
+            change, flown = abs(after.race_time - flown.race_time), after
+            limits = self._limits(flown)
+            if change < SETTINGS.same:
+                break
+        return flown, enough, limits
+
+    def _limits(self, flown: RunState) -> list[Limit]:
+        race, result = flown.inputs.race.by_rules, flown.stages[-1].result
+        return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, flown.inputs.margins)
+
+    def _allocate(self, limits: Sequence[Limit], prices: Mapping[str, float]) -> list[Allocation]:
+        return [
+            allocate([one for one in limits if (one.kind == LOAD) is (kind == LOAD)], prices, risk)
+            for kind, risk in self.risks.items()
+        ]
+
+    def _note(self, flown: RunState, limits: Sequence[Limit], case: SafetyCase) -> None:
+        after, units = _prices(flown), {one.key: one.unit for one in course_limits(flown.inputs.race)}
+        risks = [float(one.risk_now) for one in limits]
+        margins = [
+            KeptMargin(
+                key,
+                margin,
+                units[key],
+                0.5 * margin * (self.prices.get(key, 0.0) + after.get(key, 0.0)),
+                sum(risk for one, risk in zip(limits, risks, strict=True) if one.key == key),
+            )
+            for key, margin in flown.inputs.margins.items()
+            if margin > 0.0
+        ]
+        pairs = sorted(zip(risks, limits, strict=True), key=lambda one: -one[0])
+        reached = all(_allowed(count, risk) >= count.flights for count, risk in self._counts(case))
+        self.found.append(
+            ReserveCase(
+                run=flown,
+                wanted=self.wanted,
+                optimum=self.optimum.race_time,
+                margins=tuple(sorted(margins, key=lambda one: -one.cost)),
+                predicted=1.0 - sum(risk for one, risk in zip(limits, risks, strict=True) if one.kind != LOAD),
+                case=case,
+                reached=reached,
+                binding=() if reached else tuple(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in pairs[:3])),
+            )
+        )
+
+    def _counts(self, case: SafetyCase) -> Iterator[tuple[Count, float]]:
+        yield case.result.outside, 1.0 - self.wanted.probability
+        if self.wanted.load_factor:
+            yield case.result.counts[LOAD], 1.0 - self.wanted.load_factor
+
+    def _satisfied(self, case: SafetyCase) -> bool:
+        """Tell whether flights break neither too much nor too little; else scale the risks."""
+        satisfied = True
+        for kind, (count, risk) in zip(self.risks, list(self._counts(case)), strict=True):
+            allowed = _allowed(count, risk)
+            if SETTINGS.excess * allowed <= count.flights <= allowed:
+                continue
+            satisfied = False
+            factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
+            self.risks[kind] *= min(max(factor, 1.0 / SETTINGS.change), SETTINGS.change)
+        return satisfied
+
+
+def _allowed(count: Count, risk: float) -> int:
+    """Return how many of the flights may break a limit: that probable, and the interval little above it."""
+    most = math.floor(risk * count.of + 1e-9)
+    while most > 0 and Count.among(most, count.of).upper > risk + SETTINGS.tolerance:
+        most -= 1
+    return most
+
+
+def _prices(run: RunState) -> dict[str, float]:
+    """Return what margins cost, s per unit, by key."""
+    inputs = run.inputs
+    limits = {one.key: one for one in course_limits(inputs.race) if math.isfinite(one.value)}
+    found: dict[str, float] = {}
+    for one in sensitivities_to(limits.values(), inputs.race, inputs.settings, run.stages[-1].result):
+        price = one.upward if limits[one.key].relaxing_step < 0.0 else -one.downward
+        found[one.key] = max(price, 0.0) if math.isfinite(price) else 0.0
+    return found
