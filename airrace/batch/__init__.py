@@ -178,9 +178,9 @@ def optimize_many(
         ClusterError: the scheduler cannot be reached.
         StorageError: the system refused to write.
     """
-    from airrace.runs.arguments import value_texts
     from airrace.batch.reports import ranking_of
     from airrace.batch.supervision import Watcher
+    from airrace.runs.arguments import value_texts
 
     def refuse(plan: "BatchPlan") -> None:
         if plan.findings:

@@ -210,7 +210,7 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
             tag = str(error.get("ctx", {}).get("tag", ""))
             reporter.value((*path, "type"), f"unknown type `{tag}`{reporter.suggestion(tag, tags_of(annotation))}")
         case _:
-            reporter.value(path, _mismatch(error, annotation, _limits(owner, name)))
+            reporter.value(path, _mismatch(error, annotation, _limits(owner, name, annotation)))
 
 
 def _mismatch(error: ErrorDetails, annotation: Annotation, limits: str) -> str:
@@ -265,10 +265,11 @@ def _description(value: object) -> str:
             return "nothing"
 
 
-def _limits(owner: type[Schema] | None, name: str) -> str:
-    """Return the range that a field declares as a text, e.g. ` above 0 and at most 85`."""
+def _limits(owner: type[Schema] | None, name: str, annotation: Annotation) -> str:
+    """Return the range that a field, or an entry of a mapping, declares, e.g. ` above 0 and at most 85`."""
     found = field_of(owner, name)
-    optional_types = [one for one in members(found.annotation) if get_origin(one) is Annotated] if found else []
+    expected = members(found.annotation) if found else [annotation]
+    optional_types = [one for one in expected if get_origin(one) is Annotated]
     declared = [*(found.metadata if found else ()), *(limit for one in optional_types for limit in get_args(one)[1:])]
     known = [(limit, LIMITS[type(limit)]) for limit in declared if type(limit) in LIMITS]
     texts = [f"{word} {getattr(limit, key)}" for limit, (key, word) in known]

@@ -289,7 +289,7 @@ class _Search:
             if margin > 0.0
         ]
         pairs = sorted(zip(risks, limits, strict=True), key=lambda one: -one[0])
-        reached = all(_allowed(count, risk) >= count.flights for count, risk in self._counts(case))
+        reached = all(_is_rare(count, risk) for count, risk in self._counts(case))
         self.found.append(
             ReserveCase(
                 run=flown,
@@ -313,7 +313,7 @@ class _Search:
         satisfied = True
         for kind, (count, risk) in zip(self.risks, list(self._counts(case)), strict=True):
             allowed = _allowed(count, risk)
-            if SETTINGS.excess * allowed <= count.flights <= allowed:
+            if _is_rare(count, risk) and count.flights >= SETTINGS.excess * allowed:
                 continue
             satisfied = False
             factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
@@ -321,12 +321,15 @@ class _Search:
         return satisfied
 
 
+def _is_rare(count: Count, risk: float) -> bool:
+    """Tell whether so many flights break a limit at most, and the interval of confidence ends little above that."""
+    return count.share <= risk + 1e-9 and count.upper <= risk + SETTINGS.tolerance
+
+
 def _allowed(count: Count, risk: float) -> int:
-    """Return how many of the flights may break a limit: that probable, and the interval little above it."""
+    """Return how many of the flights may break a limit; 0 where they are too few to tell."""
     most = math.floor(risk * count.of + 1e-9)
-    while most > 0 and Count.among(most, count.of).upper > risk + SETTINGS.tolerance:
-        most -= 1
-    return most
+    return next((one for one in range(most, 0, -1) if _is_rare(Count.among(one, count.of), risk)), 0)
 
 
 def _prices(run: RunState) -> dict[str, float]:

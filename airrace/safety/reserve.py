@@ -165,9 +165,8 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
             kind = KINDS.get(name, "tolerance")
             allowed = ALLOWED.length if kind in LENGTHS else ALLOWED.angle
             between = np.min(room[row, 0] + room[towards @ towards[row] < OPPOSITE, 0], initial=np.inf)
-            yield Limit(
-                keys[row], kind, waypoint.passage.name, room[row, 0] + allowed, sigma[row], allowed, rates[row], between
-            )
+            numbers = (float(one) for one in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
+            yield Limit(keys[row], kind, waypoint.passage.name, *numbers)
 
 
 def _directions(slopes: Array) -> Array:
@@ -261,7 +260,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
             at = int(np.argmin(room[row, inside] - 3.0 * sigma[row, inside])) + begin
             allowed = {LOAD: ALLOWED.load, "ground": 0.0}.get(kind, ALLOWED.length)
             if math.isfinite(room[row, at]):
-                yield Limit(key, kind, place.name, room[row, at] + allowed, sigma[row, at], allowed)
+                yield Limit(key, kind, place.name, float(room[row, at]) + allowed, float(sigma[row, at]), allowed)
 
 
 def _at(P: Array, loop: ClosedLoop, time: float) -> Array:

@@ -275,7 +275,7 @@ def flown_by(
     monkeypatch.setattr(results_api, "continuous", fake_optimizer.continuous)
     answer = CommandResult()
     task = plan_resumed_run(run, until="transfer-function", mesh_check="all")
-    return answer, execute_for_command(answer, task, threads=1, progress=Silent())
+    return answer, execute_for_command(answer, task, threads=1, progress=Silent())[1]
 
 
 def test_completed_proof_is_told_in_the_place_of_its_stage(run: RunState, monkeypatch: pytest.MonkeyPatch) -> None:

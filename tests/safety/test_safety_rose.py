@@ -29,7 +29,7 @@ def test_a_wind_that_fails_is_a_remark_and_the_others_are_flown(monkeypatch: pyt
     monkeypatch.setattr(StageView, "safety", unsteady)
     asked: list[Sequence[str]] = []
 
-    def fly_again(values: Sequence[str]) -> RunState:
+    def fly_again(_: RunState, values: Sequence[str]) -> RunState:
         asked.append(values)
         return flown()
 

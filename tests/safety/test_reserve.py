@@ -1,0 +1,202 @@
+"""Margins that keep a reserve: they leave the risk that is asked for, cost least, and tighten what they say."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from safety_courses import inputs, loop, optimum
+from scipy.special import ndtri
+
+import airrace
+from airrace.errors import InputError
+from airrace.inputs import Inputs, inputs_from_documents
+from airrace.inputs.variation import Variation
+from airrace.planning.parameters import course_limits, with_margins
+from airrace.quantities import KNOT
+from airrace.runs import reserve as reserves
+from airrace.runs.reserve import fly_reserve
+from airrace.runs.run import RunState, new_run
+from airrace.safety.closed_loop import Scatter, fly
+from airrace.safety.evaluation import Judge, measure
+from airrace.safety.gusts import Gusts
+from airrace.safety.reserve import Limit, allocate, limits_of
+from airrace.sensitivity.lagrangian import sensitivities_to
+
+SMALL = Scatter(Gusts.NONE, 0.1 * KNOT, 0.001, 0.001, 0.0, 0.0)
+"""Disturbances so small that no limit of stick or stall counts."""
+
+
+def limit(key: str, sigma: float = 0.3, **other: float) -> Limit:
+    return Limit(key, "height", "1:a", 0.1, sigma, 0.1, **other)
+
+
+@cache
+def limits(scatter: Scatter = SMALL) -> tuple[Limit, ...]:
+    return tuple(limits_of(inputs().race, optimum(), loop(), scatter, {}))
+
+
+def with_overrides(*texts: str) -> Inputs:
+    one = inputs()
+    return inputs_from_documents(one.track, one.aircraft, one.settings_file, texts)
+
+
+@pytest.mark.parametrize("risk", [0.2, 0.01, 1e-4])
+def test_the_margin_from_one_limit_is_a_quantile(risk: float) -> None:
+    found = allocate([limit("a", rate=2.0)], {}, risk)
+    step = 4.0 * 0.3 / 80
+    assert 0.0 <= found.margins["a"] - (-ndtri(risk) * 0.3 - 0.1) / 2.0 <= step
+    assert found.reaches
+    assert found.risks.sum() <= risk
+
+
+def test_a_margin_that_costs_more_is_smaller_and_leaves_more_of_the_risk() -> None:
+    found = allocate([limit("cheap"), limit("dear")], {"cheap": 0.1, "dear": 1.0}, 0.01)
+    assert found.margins["cheap"] > found.margins["dear"]
+    assert found.risks[1] > found.risks[0]
+    assert found.risks.sum() <= 0.01
+    even = allocate([limit("a"), limit("b")], {"a": 1.0, "b": 1.0}, 0.01)
+    assert math.isclose(even.margins["a"], even.margins["b"])
+    assert 0.1 * found.margins["cheap"] + found.margins["dear"] < 1.1 * even.margins["a"]
+
+
+def test_what_cannot_be_had_is_told_and_margins_leave_room_between_opposite_limits() -> None:
+    found = allocate([limit("a", between=0.5), limit("", sigma=0.2)], {}, 0.01)
+    assert not found.reaches
+    assert math.isclose(found.margins["a"], 0.2)
+    assert found.risks.sum() > 0.3
+
+
+def test_a_limit_that_does_not_bind_needs_no_margin_and_one_that_does_keeps_the_one_it_has() -> None:
+    far = replace(limit("a"), room=2.0)
+    assert allocate([far], {}, 1e-3).margins == {}
+    kept = allocate([limit("a")], {}, 1e-3).margins["a"]
+    again = replace(limit("a"), room=0.1 + kept, kept=kept)
+    assert allocate([again], {}, 1e-3).margins["a"] == kept
+
+
+def test_an_optimum_leaves_no_room_to_the_limits_that_cost_it_time() -> None:
+    one = inputs()
+    stated = [each for each in course_limits(one.race) if math.isfinite(each.value)]
+    prices = sensitivities_to(stated, one.race, one.settings, optimum())
+    costly = {each.key for each in prices if each.key.startswith("gates.") and each.weight > 1e-3}
+    tight = {one.key for one in limits() if one.room < one.allowed + 0.01}
+    assert costly & {one.key for one in limits()} <= tight
+    assert costly & tight
+    assert min(one.room - one.allowed for one in limits() if one.key.startswith("gates.")) > -0.01
+
+
+def test_a_margin_takes_from_the_room_what_its_rate_says() -> None:
+    """Rooms of one and the same flight, by the rules and by tighter ones."""
+    for key in {one.key for one in limits() if one.key.startswith("gates.")}:
+        amount = 0.1
+        tighter = limits_of(with_margins(inputs().race, {key: amount}), optimum(), loop(), SMALL, {})
+        after = {(one.key, one.kind, one.place, round(one.sigma, 9)): one for one in tighter}
+        for one in limits():
+            other = after.get((one.key, one.kind, one.place, round(one.sigma, 9)))
+            if other is not None:  # others scatter otherwise, as that of a bank does where its tolerance is another
+                taken = max(amount - one.idle, 0.0) * one.rate if one.key == key else 0.0
+                assert math.isclose(one.room - other.room, taken, abs_tol=1e-3)
+
+
+def test_the_room_beside_a_pylon_scatters_as_flights_do() -> None:
+    """Standard deviation of 400 flights, good to 4 %."""
+    one, judge = loop(), Judge.of(inputs().race, optimum(), loop())
+    found = measure(judge, one, fly(one, SMALL, 3, range(400)))
+    (row,) = (row for row, pylon in enumerate(judge.pylons) if pylon.name == "side")
+    (near,) = (each for each in limits() if each.kind == "flight clearance" and each.key == "gates.side.clearance_m")
+    assert math.isclose(float(np.std(found.nearest[row])), near.sigma, rel_tol=0.12)
+
+
+def test_margins_tighten_a_course_and_its_rules_stay() -> None:
+    plain = inputs().race
+    race = with_overrides("margins.rules.floor_m=2", "margins.gates.last.clearance_m=0.25").race
+    assert race.course.rules.height.lower == plain.course.rules.height.lower + 2.0
+    gates = {one.element.name: one.element for one in race.course.passages}
+    before = {one.element.name: one.element for one in plain.course.passages}
+    assert gates["last"].tolerances.clearance == before["last"].tolerances.clearance + 0.25  # pyright: ignore[reportAttributeAccessIssue]  # both are gates
+    assert race.by_rules.course == plain.course
+    keys = {one.key for one in course_limits(plain) if math.isfinite(one.value)}
+    for one in course_limits(with_margins(plain, dict.fromkeys(keys, 0.01))):
+        if one.key in keys:
+            was = next(other for other in course_limits(plain) if other.key == one.key)
+            assert math.isclose(one.value, was.value - math.copysign(0.01, was.relaxing_step), abs_tol=1e-9)
+
+
+def test_a_margin_costs_what_its_limit_does() -> None:
+    given = with_overrides(
+        "margins.gates.side.clearance_m=0", "margins.rules.floor_m=0", "rules.reserve.probability=0.9"
+    )
+    varied, keys = Variation(given), ("gates.side.clearance_m", "rules.floor_m")
+    chosen = [varied.parameters[key] for one in keys for key in (one, f"margins.{one}")]
+    found = {one.key: one for one in sensitivities_to(chosen, given.race, given.settings, optimum())}
+    for key in keys:
+        assert math.isclose(found[f"margins.{key}"].upward, found[key].upward, rel_tol=1e-6, abs_tol=1e-9)
+    assert found["gates.side.clearance_m"].upward > 0.0
+    race = varied.race("margins.rules.floor_m", 1.0)
+    assert race.course.rules.height.lower == inputs().race.course.rules.height.lower + 1.0
+    assert not [key for key in varied.parameters if key.startswith("rules.reserve")]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "told"),
+    [
+        ("margins.gates.nowhere.clearance_m=1", "margins.gates.nowhere.clearance_m", "no limits there"),
+        ("margins.gates.last.clear=1", "margins.gates.last.clear", "`gates.last.clearance_m`"),
+        ("margins.rules.ceiling_m=1", "margins.rules.ceiling_m", "`rules.floor_m`"),
+        ("margins.gates.last.bank_tolerance_deg=40", "margins.gates.last", "no room"),
+        ("margins.rules.n_z_max=9", "margins.rules", "no room"),
+        ("margins.gates.last.clearance_m=-1", "margins.gates.last.clearance_m", "at least 0"),
+        ("rules.reserve.probability=1", "rules.reserve.probability", "below 1"),
+        ("rules.reserve.gusts=mild", "rules.reserve.gusts", "light"),
+    ],
+)
+def test_margins_and_reserves_that_make_no_sense_are_refused(text: str, key: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        with_overrides(text, *(["rules.reserve.probability=0.9"] if "gusts" in text else []))
+    assert [one.key for one in caught.value.findings] == [key]
+    assert told in caught.value.findings[0].message
+
+
+def flown() -> RunState:
+    run = new_run(inputs())
+    return run.with_stage(optimum())
+
+
+def again(run: RunState, values: Sequence[str]) -> RunState:
+    return airrace.resume(run, set=values, threads=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("probability", [0.5, 0.9])
+def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
+    probability: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=400))
+    wanted = with_overrides(f"rules.reserve.probability={probability}").reserve
+    assert wanted is not None
+    case = fly_reserve(flown(), wanted, again, threads=1)
+    assert case.reached
+    assert case.measured.lower >= probability - 0.01
+    assert case.run.race_time > case.optimum
+    assert math.isclose(sum(one.cost for one in case.margins), case.run.race_time - case.optimum, rel_tol=0.2)
+    assert case.run.inputs.race.by_rules.course == inputs().race.course
+    json.dumps(case.as_object(), allow_nan=False)
+    harder = fly_reserve(case.run, wanted.model_copy(update={"probability": 0.95}), again, threads=1)
+    assert math.isclose(harder.optimum, case.optimum, abs_tol=1e-3)
+    assert harder.run.race_time > case.run.race_time
+
+
+@pytest.mark.slow
+def test_a_reserve_that_cannot_be_had_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=20, attempts=1, passes=1))
+    wanted = with_overrides("rules.reserve.probability=0.999", "rules.reserve.gusts=severe").reserve
+    assert wanted is not None
+    case = fly_reserve(flown(), wanted, again, threads=1)
+    assert not case.reached
+    assert case.binding
+    assert "was not reached" in case.message
+    assert case.table().notes[-1] == case.message
