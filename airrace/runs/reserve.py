@@ -322,8 +322,8 @@ class _Search:
 
 
 def _is_rare(count: Count, risk: float) -> bool:
-    """Tell whether so many flights break a limit at most, and the interval of confidence ends little above that."""
-    return count.share <= risk + 1e-9 and count.upper <= risk + SETTINGS.tolerance
+    """Tell whether the interval of confidence of the flights that break a limit ends little above what is allowed."""
+    return count.upper <= risk + SETTINGS.tolerance
 
 
 def _allowed(count: Count, risk: float) -> int:
