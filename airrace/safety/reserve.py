@@ -25,7 +25,7 @@ from scipy.special import ndtr
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
 from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import UNASKED, Wing, closest_approaches, kept_clear, wing_distance
+from airrace.planning.wing_clearance import SEARCH, Wing, closest_approaches, kept_clear, wing_distance
 from airrace.points import at_points
 from airrace.procedure.result import StageResult
 from airrace.records import record
@@ -214,7 +214,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
         element, key, idle = elements[pylon.name], "", 0.0
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             key = f"gates.{element.base_name}.clearance_m"
-            idle = max((UNASKED if pylon in kept else ALLOWED.touch) - element.tolerances.clearance, 0.0)
+            idle = max((SEARCH.least_clearance if pylon in kept else ALLOWED.touch) - element.tolerances.clearance, 0.0)
         yield Limit(key, "flight clearance", place, room, sigma, allowed, idle=idle)
 
 
