@@ -105,10 +105,10 @@ def safety_document(
             chapter("The optimum", *_optimum(view)),
             chapter("Pilot and disturbances", table_block(_assumptions(case.result))),
             chapter(
-                "What was not considered", list_block([*(_no_crowd(flight)), *NOT_CONSIDERED, *LIMITS_OF_CLAIM[:-1]])
+                "What was not considered", list_block([*_no_crowd(flight), *NOT_CONSIDERED, *LIMITS_OF_CLAIM[:-1]])
             ),
             chapter("Inputs", *_inputs(run, digest if content else "")),
-            chapter("Files as they were read", *_files(run), new_page=True),
+            chapter("Files as they were read", *_files(run)),
         ],
         mark=f"run {digest[:16]}",
     )
@@ -124,6 +124,7 @@ def _first_page(
             ("aircraft", flight.aircraft.name),
             ("race time", f"{flight.race_time:.3f} s, {view.name}"),
             ("the optimum is", claim_of(run, view) or view.status),
+            ("reserve", _reserve(run)),
             ("air", wind_text(flight.air.wind)),
             ("flown", f"{case.result.flights} closed-loop flights, gusts: {case.result.scatter.gusts.value}"),
             ("run", run.label),
@@ -145,13 +146,19 @@ def _first_page(
     )
 
 
+def _reserve(run: RunState) -> str:
+    """Return what the line keeps beyond the rules, in words; empty where that is nothing."""
+    margins, reserve = run.inputs.margins, run.inputs.reserve
+    asked = f", for a probability of {reserve.probability:g} to break none" if reserve else ""
+    return f"margins from {len(margins)} of its limits{asked}" if margins else ""
+
+
 def _no_crowd(flight: Flight) -> list[str]:
     return [] if flight.course.crowd else [NO_CROWD]
 
 
 def _in_short(case: SafetyCase, flight: Flight, footprint: Footprint) -> Table:
     """Return the results that matter most, in words."""
-
     result = case.result
 
     def share(count: Count) -> str:
@@ -194,9 +201,11 @@ def _distances(flight: Flight) -> Iterator[str]:
     note = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
     table = distance_table(flight, "", notes=[note])
     yield table_block(table) if table.rows else ""
-    kinds = (("crowd", flight.course.crowd), ("safety line", flight.course.safety_lines))
-    missing = [*(kind for kind, known in kinds if not known), *([] if flight.course.obstacles else ["obstacle"])]
-    missing += [] if flight.course.airspace else ["airspace"]
+    course = flight.course
+    kinds = (course.crowd, course.safety_lines, course.obstacles, course.airspace)
+    missing = [
+        name for name, one in zip(("crowd", "safety line", "obstacle", "airspace"), kinds, strict=True) if not one
+    ]
     yield f'<p class="note">The course names no {", no ".join(missing)}.</p>' if missing else ""
 
 
@@ -236,7 +245,7 @@ def _optimum(view: StageView) -> Iterator[str]:
 def _assumptions(result: SafetyResult) -> Table:
     """Return who flew in what, and where that comes from."""
     scatter, pilot = result.scatter, result.pilot
-    asked = "as asked for"
+    deviation = "standard deviation, chosen for this case"
     rows: list[tuple[str, str, str]] = [
         (
             "pilot",
@@ -251,11 +260,11 @@ def _assumptions(result: SafetyResult) -> Table:
             f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft",
             "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3",
         ),
-        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", f"standard deviation, {asked}"),
-        ("mass", f"{100.0 * scatter.mass:.3g} %", f"standard deviation, {asked}"),
-        ("power", f"{100.0 * scatter.power:.3g} %", f"standard deviation, {asked}"),
-        ("density of the air", f"{100.0 * scatter.density:.3g} %", f"standard deviation, {asked}"),
-        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", f"standard deviation, {asked}"),
+        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", deviation),
+        ("mass", f"{100.0 * scatter.mass:.3g} %", deviation),
+        ("power", f"{100.0 * scatter.power:.3g} %", deviation),
+        ("density of the air", f"{100.0 * scatter.density:.3g} %", deviation),
+        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", deviation),
         (
             "not counted beyond a limit",
             f"{ALLOWED.length:g} m, {math.degrees(ALLOWED.angle):.1f} deg, {ALLOWED.speed / KNOT:.0f} kt, "
@@ -298,7 +307,7 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
         yield list_block([str(error)])
         return
     for title, groups in (
-        ("Rules, gates, air", ("rules", "gate_defaults", "environment")),
+        ("Rules, gates, margins, air", ("rules", "gate_defaults", "margins", "environment")),
         ("Aircraft", ("aircraft",)),
     ):
         rows = [(one.key, one.value, one.unit) for one in numbers if one.key.partition(".")[0] in groups]

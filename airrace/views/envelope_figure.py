@@ -45,8 +45,9 @@ def envelope_figure(result: SafetyResult, flight: Flight) -> Figure:
     figure = new_figure(width, height + len(DEVIATIONS) * STRIP_HEIGHT + 1.8)
     above, below = figure.add_gridspec(2, 1, height_ratios=(height, len(DEVIATIONS) * STRIP_HEIGHT))
     axes = figure.add_subplot(above)
-    half = np.nanmax(np.abs(result.envelope[:, 0]), axis=0)
-    share = WIDE * max(frame.width, frame.height) / max(float(np.nanmedian(half)), 1e-9)
+    half = np.fmax.reduce(np.abs(result.envelope[:, 0]))  # NaN where no quantile is known
+    usual = float(np.median(half[np.isfinite(half)])) if np.isfinite(half).any() else 0.0
+    share = WIDE * max(frame.width, frame.height) / max(usual, 1e-9)
     widening = next((one for one in WIDENINGS if one <= share), 1.0)
     title = f"{map_.name}: envelope of {result.flights} flights"
     figure.suptitle(title, x=0.02, ha="left", fontweight="bold", fontsize=14)

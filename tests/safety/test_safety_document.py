@@ -116,6 +116,16 @@ def test_what_is_not_certified_is_said_first() -> None:
     assert "not certified: six-dof: it may be better" in known.text_content()
 
 
+def test_a_line_with_reserve_says_so() -> None:
+    overrides = ("margins.rules.floor_m=1", "rules.reserve.probability=0.5")
+    given = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
+    one = new_run(given, None).with_stage(optimum())
+    page = html.document_fromstring(safety_document(one, one.stage(), case()))
+    assert "margins from 1 of its limits, for a probability of 0.5" in first_page(page)
+    assert "margins.rules.floor_m" in chapters(page)["Inputs"]
+    assert "reserve" not in first_page(page_of())
+
+
 def test_hashes_are_those_of_the_texts_and_paths_of_machines_are_left_out() -> None:
     page = page_of(CROWD)
     told = chapters(page)["Inputs"]
