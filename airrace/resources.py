@@ -1,9 +1,13 @@
-"""The places of files that come with the package.
+"""Files that come with the package, and packages that only some outputs need.
 
 Nothing heavy is imported here, for completion in the shell asks this module.
 """
 
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+
+from airrace.errors import UsageError
 
 PACKAGE = Path(__file__).parent
 
@@ -16,3 +20,21 @@ def shipped_folder(name: str) -> Path:
     """
     installed = PACKAGE / "shipped" / name
     return installed if installed.is_dir() else PACKAGE.parent / name
+
+
+def extra(package: str, what: str, name: str = "") -> ModuleType:
+    """Return a package that comes with an extra.
+
+    Args:
+        package: its name, or that of a module in it.
+        what: what it is needed for.
+        name: of the extra; empty where it has the name of the package.
+
+    Raises:
+        UsageError: it is not installed; says how to install it.
+    """
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as error:
+        needed = package.partition(".")[0]
+        raise UsageError(f"{what} needs {needed}: pip install 'airrace[{name or needed}]'") from error

@@ -15,9 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from airrace.batch.planning import make_plan
+from airrace.batch.planning import Manner, find_sources, make_plan, parse_sweeps
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, write_record
-from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.runs.run import library_versions
 
 ROOT = Path(__file__).resolve().parents[1]

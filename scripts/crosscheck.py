@@ -32,9 +32,8 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
 from airrace.inputs import load_inputs
-from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
-from airrace.jsbsim.simulation import fly_course, simulate
+from airrace.jsbsim.simulation import at_geopotential_height, differences, fly_course, random_states, simulate
 from airrace.procedure import results_api
 from airrace.runs.run import RunState, run_of_checkpoint
 

@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING
 from airrace.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from airrace.batch.planning import BatchPlan
+    from airrace.batch.planning import BatchPlan, Sources
     from airrace.batch.reports import BatchResult
-    from airrace.batch.sources import Sources
     from airrace.batch.supervision import Executor, JobResult, Watcher
 
 Sweeps = Mapping[str, str | Sequence[str | float]] | Sequence[str]
@@ -57,7 +56,7 @@ class BatchOptions:
             InputError: a sweep is not valid.
             UsageError: there is no such stage.
         """
-        from airrace.batch.sources import Manner, find_sources, parse_sweeps
+        from airrace.batch.planning import Manner, find_sources, parse_sweeps
         from airrace.runs.plan import stage_by_name
 
         manner = Manner(tuple(self.aircraft), self.settings, tuple(self.set), parse_sweeps(self.sweep), self.until)

@@ -11,7 +11,7 @@ from airrace.planning.race import Race
 from airrace.quantities import KNOT, Interval
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
-from airrace.results.legs import passings_around
+from airrace.results.flight import passings_around
 from airrace.track.course import CrowdShape, PilotLimits, StartSpeed
 from airrace.track.polygons import area, edges
 from airrace.views.course_page import rows

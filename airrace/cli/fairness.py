@@ -67,7 +67,7 @@ def fairness(
             ensure_free(csv_file, force=force, sources=[track, settings, *(aircraft or ()), *(flights or ())])
             ensure_unread([csv_file], documents_of(load_inputs(track, settings=settings, overrides=overrides or ())))
         from airrace.batch.fairness import fairness as find_fairness
-        from airrace.batch.sources import parse_sweeps
+        from airrace.batch.planning import parse_sweeps
         from airrace.cli.tables import render
         from airrace.runs.command_result import ExitCode
 

@@ -159,7 +159,7 @@ def compare(
             ensure_room(plot, as_json=as_json)
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=names)
-        from airrace.cli.comparison_tables import comparison_texts
+        from airrace.cli.run_tables import comparison_texts
         from airrace.results.comparison import compare_flights
         from airrace.runs.flight_sources import open_flights
         from airrace.runs.json_objects import comparison_object

@@ -1,4 +1,4 @@
-"""The quantities observed of a flight: at a crossing, in a settled flight, and all along a leg.
+"""The quantities observed of a flight: at a crossing, in a settled flight, its airspeed, and all along a leg.
 
 At a gate or pylon, (13) and (14) of the paper, they are position, wing tips, bank, climb and course. Let `e` be the
 path's direction (first column of `R_OKbar`), `y_B` the right wing (second column), `a` the axis and `l` the direction
@@ -28,6 +28,18 @@ with widths w that are small parts of the required distance, so that it is wrong
 Over ground, the distance from an area is negative within it, so that there is a way out. In space (16)
 
     d = sqrt(max(d_ground, 0)^2 + (h - h_crowd)^2)
+
+The room between a wing and a pylon when it is abeam of that, seen from a moment shortly before or after.
+
+A wing that crosses the line between two pylons askew is abeam of one of them some hundredths of a second before, and of
+the other one after. With the position `c`, velocity `v`, acceleration `a` and half wing `w` of the moment, the pylon at
+`P` is abeam where `(P - c(t)) . v(t) = 0`, all horizontal, on `c(t) = c + v t + a t^2 / 2`; two Newton steps from zero
+find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t`, made as long as `w`,
+
+    n . (P - c(t)) -+ n . w(t)
+
+is how far to the right of either wing tip the pylon stands, across the track. Left out are terms of order t^3 of the
+position and t^2 of the attitude. Rates are those with all controls at zero, on which neither `a` nor `w'` depends.
 """
 
 import functools
@@ -36,10 +48,20 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
+from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE
-from airrace.environment.atmosphere import g0
-from airrace.environment.elementary import atan2, maximum, minimum, smooth_clip, smooth_maximum, sqrt
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import (
+    AtmosphereParameters,
+    atmosphere_parameters,
+    calibrated_airspeed,
+    density,
+    g0,
+    pressure,
+)
+from airrace.environment.elementary import atan2, cos, maximum, minimum, sin, smooth_clip, smooth_maximum, sqrt
+from airrace.environment.wind import WindField
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
@@ -394,3 +416,92 @@ def _winding(place: Place, sides: Sequence[tuple[Place, Place]]) -> Scalar:
         to_a, to_b = (a[0] - place[0], a[1] - place[1]), (b[0] - place[0], b[1] - place[1])
         turn += atan2(to_a[0] * to_b[1] - to_a[1] * to_b[0], to_a[0] * to_b[0] + to_a[1] * to_b[1])
     return turn / (2.0 * math.pi)
+
+
+AIRSPEED = Quantity("airspeed", "m/s", scale=50.0, text="airspeed")
+
+
+@functools.lru_cache(maxsize=32)
+def airspeed_observation(states: tuple[Quantity, ...], field: WindField, *, indicated: bool) -> Observation:
+    """Return the observation for a model whose states include `x, y, z, V_K, q0, q1, q2, q3`.
+
+    Its parameters are those of the atmosphere and of the wind, see `airspeed_values`.
+    """
+    declared = (*AtmosphereParameters.quantities(), *field.parameters)
+    x, b = named_symbols(states), named_symbols(declared)
+    numbers = list(b.values())
+    air = AtmosphereParameters[Scalar].split(numbers[: AtmosphereParameters.size()])
+    wind = field.velocity(x["x"], x["y"], x["z"], numbers[AtmosphereParameters.size() :])
+    V_A = wind_airflow(x["V_K"], rotation([x[name] for name in ATTITUDE]), wind).V_A
+    speed = calibrated_airspeed(V_A, pressure(x["z"], air), density(x["z"], air)) if indicated else V_A
+    function = ca.Function("airspeed", [column(x.values()), column(numbers)], [column([speed])], {"cse": True})
+    return Observation("airspeed", (AIRSPEED,), declared, function)
+
+
+def airspeed_values(air: Air) -> tuple[float, ...]:
+    """Return the values of the parameters of `airspeed_observation` in the air of a day."""
+    return (*atmosphere_parameters(air).join(), *WindField.of(air).values(air))
+
+
+LEVEL_BLEND = 1e-2
+"""A squared speed (m2/s2) that keeps the normal of the path defined where the path is vertical."""
+
+
+@vector
+class PylonParameters(Vector[T]):
+    """A pylon, and the wing."""
+
+    north: T = quantity("m", scale=100.0, text="pylon, north of the origin")
+    east: T = quantity("m", scale=100.0, text="pylon, east of the origin")
+    top: T = quantity("m", scale=100.0, text="top of the pylon above the origin")
+    semispan: T = quantity("m", text="distance from the aircraft's centre to a wing tip")
+
+
+@vector
+class PylonRoom(Vector[T]):
+    """Where the pylon is when it is abeam, as seen from both wing tips."""
+
+    left_tip: T = quantity("m", scale=100.0, text="pylon to the right of the left wing tip, when abeam")
+    right_tip: T = quantity("m", scale=100.0, text="pylon to the right of the right wing tip, when abeam")
+    above_left: T = quantity("m", scale=100.0, text="left wing tip above the top of the pylon, when abeam")
+    above_right: T = quantity("m", scale=100.0, text="right wing tip above the top of the pylon, when abeam")
+
+
+def pylon_room_observation(model: FlightModel) -> Observation:
+    """Return the observation of the room for a model; its parameters are the pylon, then the numbers of the model."""
+    system = model.system
+    x, p = named_symbols(system.states), named_symbols(system.parameters)
+    b = named_symbols(PylonParameters.quantities())
+    states, numbers = column(x.values()), column(p.values())
+    rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
+    R = rotation([x[name] for name in ATTITUDE])
+    beta: Scalar = x.get("beta_K", 0.0)
+    right = [sin(beta) * R[row][0] + cos(beta) * R[row][1] for row in range(3)]
+    velocity = [x["V_K"] * R[row][0] for row in range(3)]
+    change: list[Scalar] = [*ca.jtimes(column([*velocity, *right]), states, rates).elements()]
+    acceleration, turning = change[:3], change[3:]
+    way = [b["north"] - x["x"], b["east"] - x["y"], -b["top"] - x["z"]]
+
+    def ahead(t: Scalar) -> tuple[list[Scalar], list[Scalar]]:
+        """Return the way to the top of the pylon and the velocity at a time."""
+        rows = list(zip(way, velocity, acceleration, strict=True))
+        return [d - v * t - 0.5 * a * t * t for d, v, a in rows], [v + a * t for _, v, a in rows]
+
+    t: Scalar = ca.SX(0.0)
+    for _ in range(2):
+        d, v = ahead(t)
+        slope = v[0] ** 2 + v[1] ** 2 - d[0] * acceleration[0] - d[1] * acceleration[1] + LEVEL_BLEND
+        t = t + (d[0] * v[0] + d[1] * v[1]) / slope
+    d, v = ahead(t)
+    speed = sqrt(v[0] ** 2 + v[1] ** 2 + LEVEL_BLEND)
+    wing = [one + rate * t for one, rate in zip(right, turning, strict=True)]
+    length = sqrt(sum(one * one for one in wing)) / b["semispan"]
+    reach, drop = (v[0] * wing[1] - v[1] * wing[0]) / (speed * length), wing[2] / length
+    lateral = (v[0] * d[1] - v[1] * d[0]) / speed
+    rooms = PylonRoom(
+        left_tip=lateral + reach, right_tip=lateral - reach, above_left=d[2] + drop, above_right=d[2] - drop
+    )
+    parameters: Sequence[Quantity] = (*PylonParameters.quantities(), *system.parameters)
+    values = column(rooms.join())
+    function = ca.Function("pylon_room", [states, column([*b.values(), *p.values()])], [values], {"cse": True})
+    return Observation("pylon room", PylonRoom.quantities(), tuple(parameters), function)

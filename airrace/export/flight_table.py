@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import UsageError
-from airrace.extras import extra
 from airrace.quantities import DEGREE, KNOT, Quantity
 from airrace.records import record
+from airrace.resources import extra
 from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.trajectory import Array, Trajectory

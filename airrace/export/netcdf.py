@@ -10,8 +10,8 @@ import numpy as np
 from airrace.export.csv import Provenance
 from airrace.export.flight_table import FlightTable
 from airrace.export.globe import stamp
-from airrace.extras import extra
 from airrace.procedure.result import StageResult
+from airrace.resources import extra
 from airrace.results import Flight
 
 if TYPE_CHECKING:

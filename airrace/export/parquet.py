@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.export.globe import stamp
-from airrace.extras import extra
+from airrace.resources import extra
 from airrace.results import Flight
 
 

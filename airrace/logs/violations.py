@@ -19,8 +19,7 @@ from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results import Flight, TimedCrossing
 from airrace.results.clearances import at_row, distances
-from airrace.results.flight import PATH_ATTITUDE
-from airrace.results.legs import legs_of
+from airrace.results.flight import PATH_ATTITUDE, legs_of
 from airrace.track.course import StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Passing, Tolerant

@@ -11,9 +11,14 @@ from dataclasses import field
 from typing import Protocol
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.control.dynamic_inversion import SIX_DOF, STATE_SPACE, STATE_SPACE_INVERSION, invert_body_motion
+from airrace.control.dynamic_inversion import (
+    SIX_DOF,
+    STATE_SPACE,
+    STATE_SPACE_INVERSION,
+    invert_body_motion,
+    invert_transfer_functions,
+)
 from airrace.control.inner_controller import InnerLoopInverse
-from airrace.control.inversion_transfer_functions import invert_transfer_functions
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof

@@ -11,8 +11,7 @@ import numpy as np
 from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
-from airrace.optimal_control.solvers.process.pool import SolverPool
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
@@ -30,8 +29,7 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     find_local_infeasibility,
 )
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
-from airrace.procedure.multistart.local_search import RoutesAround, search_around
-from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
+from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
 from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, Stage, StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings

@@ -24,8 +24,7 @@ from airrace.errors import UsageError
 from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
-from airrace.procedure.pilot_conditions import PilotConditions
-from airrace.procedure.start_speed import StartAirspeed
+from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, side_by_side

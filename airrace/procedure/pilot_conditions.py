@@ -1,4 +1,4 @@
-"""The limits of a pilot as parts of the problem: at gates, over start and finish, and near the ground."""
+"""The limits of a pilot and of the start as parts of the problem: at gates, start and finish, and near the ground."""
 
 import dataclasses
 import math
@@ -6,6 +6,7 @@ from typing import Self
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import symmetric
+from airrace.dynamics.observations import AIRSPEED, airspeed_observation, airspeed_values
 from airrace.dynamics.pilot_observation import (
     LOAD_FACTOR,
     LOW_LOAD_FACTOR,
@@ -16,12 +17,14 @@ from airrace.dynamics.pilot_observation import (
     crossing_observation_of_pilot,
     low_flight_observation,
 )
+from airrace.environment.air import Air
+from airrace.environment.wind import WindField
 from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.waypoints import Waypoint
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation, side_by_side
-from airrace.track.course import PilotLimits, Rules
+from airrace.track.course import PilotLimits, Rules, StartSpeed
 from airrace.track.gates import NOT_POSITIVE, ZERO
 
 LEAST_COSINE = 0.1
@@ -110,3 +113,42 @@ def _near_ground(
 ) -> PathConstraint:
     bounds = {LOW_LOAD_FACTOR.name: Interval(lower=limits.n_z_low)}
     return PathConstraint(NEAR_GROUND, bounds, smooth, (limits.low_height, *values), exact)
+
+
+@record
+class StartAirspeed:
+    """What the boundary of a start observes in the place of its speed over ground.
+
+    Attributes:
+        airspeed: see `airrace.dynamics.observations`.
+        values: the numbers of the air.
+    """
+
+    airspeed: Observation
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, model: FlightModel, rules: Rules, air: Air) -> Self | None:
+        """Return it for a model under rules in the air of the day; None where the limit is of the speed over ground."""
+        if rules.start_speed is StartSpeed.GROUND:
+            return None
+        indicated = rules.start_speed is StartSpeed.INDICATED
+        observed = airspeed_observation(model.system.states, WindField.of(air), indicated=indicated)
+        return cls(observed, airspeed_values(air))
+
+    def of_other_numbers(self, air: Air) -> Self:
+        """Return it for an air that differs in numbers alone."""
+        return dataclasses.replace(self, values=airspeed_values(air))
+
+    def at(self, boundary: Boundary, speed: Interval) -> Boundary:
+        """Return the boundary of a start that is passed at a speed within a range (m/s)."""
+        seen = boundary.observation
+        if not speed.bounded or seen is None:
+            return boundary
+        bounds = {name: at for name, at in boundary.bounds.items() if name != "V_K"}
+        return dataclasses.replace(
+            boundary,
+            bounds={**bounds, AIRSPEED.name: speed},
+            observation=side_by_side(seen, self.airspeed),
+            values=(*boundary.values, *self.values),
+        )

@@ -1,6 +1,6 @@
 """The conditions that the wing keeps clear of pylons when it is abeam of them, and their measurement on a flight.
 
-A condition is asked for at one node, from which the room beside the pylon is predicted (`airrace.dynamics.pylon_room`).
+A condition is asked for at one node, from which the room beside the pylon is predicted (`PylonRoom`).
 Where there is no flight yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
 distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and what the prediction
 was wrong by is added to what is asked for. Pylons of other elements get a condition where a flight comes too near to
@@ -18,7 +18,7 @@ from typing import Self
 import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
+from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay

@@ -26,7 +26,7 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
-from airrace.procedure.multistart.local_search import RoutesAround
+from airrace.procedure.multistart.multistart import RoutesAround
 from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import Stage, StageProvenance, StageResult

@@ -24,7 +24,7 @@ from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.wing_clearance import ClosestApproach
-from airrace.procedure.certification import certify, conclude, examine, failures
+from airrace.procedure.certification import approaches, certify, clearance_item, conclude, examine, failures
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
@@ -43,7 +43,6 @@ from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.wing_clearance import approaches, clearance_item
 from airrace.records import record
 
 FAR = 1.0

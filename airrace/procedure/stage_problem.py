@@ -20,11 +20,10 @@ from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
 from airrace.procedure.formulation import Trim, boundaries, path_constraints
 from airrace.procedure.guess import leg_seconds
-from airrace.procedure.pilot_conditions import PilotConditions
+from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.procedure.pylon_conditions import PylonRooms
 from airrace.procedure.result import GateSplit, PylonCondition, Stage, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.start_speed import StartAirspeed
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation

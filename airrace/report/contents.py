@@ -55,10 +55,9 @@ import numpy as np
 from airrace.quantities import DEGREE, KNOT
 from airrace.records import record
 from airrace.results import Flight
+from airrace.results.clearances import with_nearest
 from airrace.results.comparison import SHARES, Comparison
-from airrace.results.distance_histories import with_nearest
-from airrace.results.flight import BODY_ATTITUDE
-from airrace.results.legs import Leg, way
+from airrace.results.flight import BODY_ATTITUDE, Leg, way
 from airrace.track.course import CrowdShape
 from airrace.track.element import Element
 from airrace.trajectory import Array

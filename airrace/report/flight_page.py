@@ -24,16 +24,15 @@ from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
-from airrace.views.cue_tables import NOTE, cue_table
-from airrace.views.distance_table import distance_table
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
+from airrace.views.stage_tables import NOTE, cue_table, distance_table
 from airrace.views.tables import Cell, Column, Table
 
 STYLES = (
     LIBRARIES / "uplot" / "uPlot.min.css",
-    *(FOLDER / "style" / name for name in ("page.css", "scene.css", "print.css")),
+    FOLDER / "style" / "page.css",
 )
 READINGS = (
     ("Indicated", "V_I", "kt", 0, 0),

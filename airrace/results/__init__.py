@@ -1,8 +1,7 @@
 """One flight, whatever its source: the optimum of a stage or a recorded flight, with the same named histories."""
 
 from airrace.results.derivation import flight_of
-from airrace.results.flight import Basis, Flight, Histories, History, Source, TimedCrossing
-from airrace.results.legs import Lap, Leg, laps_of, legs_of
+from airrace.results.flight import Basis, Flight, Histories, History, Lap, Leg, Source, TimedCrossing, laps_of, legs_of
 
 __all__ = [
     "Basis",

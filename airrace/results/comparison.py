@@ -12,7 +12,7 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from enum import Enum
 
@@ -21,11 +21,9 @@ import numpy as np
 from airrace.environment.air import Air
 from airrace.errors import UsageError
 from airrace.procedure.formulation import passings_of
-from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
-from airrace.results.flight import Basis, Flight
-from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
+from airrace.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, way
 from airrace.track.course import PilotLimits, Rules
 from airrace.trajectory import Array
 
@@ -340,15 +338,6 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
         difference.append(lost[1:])
     progress = RelativeProgress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
     return Comparison(reference, other, tuple(legs), progress)
-
-
-def highest_common(
-    before: Sequence[StageResult], after: Sequence[StageResult]
-) -> tuple[StageResult, StageResult] | None:
-    """Return the highest stage that holds in both of two runs, from either; None if there is none."""
-    earlier = {one.stage: one for one in before if one.holds}
-    common = [one for one in after if one.holds and one.stage in earlier]
-    return (earlier[common[-1].stage], common[-1]) if common else None
 
 
 def ensure_comparable(reference: Flight, other: Flight) -> None:

@@ -19,8 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.records import record
-from airrace.results.flight import PATH_ATTITUDE, Flight
-from airrace.results.legs import Leg, legs_of, way
+from airrace.results.flight import PATH_ATTITUDE, Flight, Leg, legs_of, way
 from airrace.trajectory import Array
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from airrace.extras import extra
 from airrace.optimal_control import optimality
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
@@ -21,6 +20,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.quantities import Quantity
 from airrace.records import record
+from airrace.resources import extra
 from airrace.trajectory import Array
 
 if TYPE_CHECKING:

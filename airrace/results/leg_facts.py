@@ -6,8 +6,7 @@ import numpy as np
 
 from airrace.records import record
 from airrace.results.clearances import Clearance, distances, least
-from airrace.results.flight import Flight
-from airrace.results.legs import Leg, legs_of
+from airrace.results.flight import Flight, Leg, legs_of
 
 
 @record

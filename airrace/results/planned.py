@@ -33,8 +33,7 @@ from airrace.results.clearances import (
     pylons,
     surroundings,
 )
-from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, History, Source, TimedCrossing
-from airrace.results.legs import Leg, legs_of
+from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02

@@ -13,8 +13,8 @@ from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchR
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
+from airrace.results.flight import passings_around
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
-from airrace.results.legs import passings_around
 from airrace.results.sustained_load import sustained_loads
 
 if TYPE_CHECKING:

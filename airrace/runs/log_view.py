@@ -15,7 +15,7 @@ from airrace.inputs import Inputs, inputs_from_documents
 from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
-from airrace.results.distance_histories import with_distances
+from airrace.results.clearances import with_distances
 from airrace.runs.output import write_or_return
 from airrace.runs.run import document_of, library_versions, stored_inputs
 from airrace.runs.stage_view import Splits

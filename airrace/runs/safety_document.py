@@ -36,13 +36,12 @@ from airrace.safety.evaluation import ALLOWED
 from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.result import LOAD, Count, SafetyResult
 from airrace.standard_streams import STANDARD
-from airrace.views.distance_table import distance_table
 from airrace.views.drawing import Figure, figure_address
 from airrace.views.envelope_figure import envelope_figure
 from airrace.views.footprint_figure import footprint_figure
 from airrace.views.footprint_tables import facts, falls_table, people_table, wind_text
 from airrace.views.plain_text import escape_html
-from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table
+from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.views.tables import Column, Table, Value
 
 NOT_CONSIDERED = (

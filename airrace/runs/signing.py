@@ -15,8 +15,8 @@ from typing import Any
 
 from airrace.checkpoint import Signature, read_sealed
 from airrace.errors import CheckpointError, UsageError
-from airrace.extras import extra
 from airrace.records import record
+from airrace.resources import extra
 
 logger = logging.getLogger(__name__)
 

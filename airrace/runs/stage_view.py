@@ -11,7 +11,6 @@ import numpy as np
 from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
-from airrace.extras import extra
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
 from airrace.parameters import ParameterGroup
@@ -19,9 +18,10 @@ from airrace.planning.race import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
+from airrace.resources import extra
 from airrace.results import Flight, Source, flight_of
+from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
-from airrace.results.distance_histories import distance_columns, with_distances
 from airrace.runs.brief import Brief
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object

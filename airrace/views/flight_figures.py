@@ -11,7 +11,7 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.comparison import Comparison
-from airrace.results.legs import legs_of, way
+from airrace.results.flight import legs_of, way
 from airrace.trajectory import Array
 from airrace.views.course_figure import draw_map, frame_of, write_labels
 from airrace.views.drawing import BLACK, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas

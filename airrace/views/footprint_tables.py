@@ -5,7 +5,7 @@ import math
 from airrace.environment.air import StaticWind
 from airrace.quantities import KNOT
 from airrace.results import Flight
-from airrace.results.legs import passings_around
+from airrace.results.flight import passings_around
 from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint
 from airrace.views.tables import Column, Table
 

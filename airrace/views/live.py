@@ -14,7 +14,7 @@ from rich.text import Text
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.records import record
-from airrace.views.plain_lines import outcome_line, stage_number
+from airrace.views.progress_view import outcome_line, stage_number
 
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 

@@ -15,8 +15,7 @@ from airrace.environment.air import StaticWind
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.records import record
-from airrace.results.flight import Flight
-from airrace.results.legs import legs_of
+from airrace.results.flight import Flight, legs_of
 from airrace.results.planned import is_planned, planned_flight
 from airrace.track.course import Course, Crowd, Direction, Obstacle, SafetyLine
 from airrace.track.element import Element

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from airrace.extras import extra
 from airrace.records import record
+from airrace.resources import extra
 from airrace.views.plain_text import escape_html
 
 if TYPE_CHECKING:

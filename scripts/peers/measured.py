@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.optimal_control.reference_integration import integrate
+from airrace.optimal_control.replay import integrate
 from airrace.trajectory import Array
 from peers.race import Race
 

@@ -11,9 +11,8 @@ from command import Ran, run
 from airrace.batch import BatchOptions
 from airrace.batch.jobs import Job
 from airrace.batch.local import LocalExecutor
-from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, make_plan
+from airrace.batch.planning import BatchPlan, JobResult, Manner, PlannedJob, find_sources, make_plan, parse_sweeps
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
-from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import AttemptResult, Executor, StageFinished, Watcher, supervise
 from airrace.inputs import Document
 

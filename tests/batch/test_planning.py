@@ -10,7 +10,7 @@ from batch_examples import AIRCRAFT, ROOT, finished, job, planned, write_course
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.batch import planning, sources
+from airrace.batch import planning
 from airrace.batch.jobs import (
     Fingerprint,
     Job,
@@ -21,6 +21,7 @@ from airrace.batch.jobs import (
     refuse_clashes,
     sweep_of,
 )
+from airrace.batch.planning import Manner, TooWideError, find_sources, matching, parse_sweeps
 from airrace.batch.record import (
     Choice,
     JobRecord,
@@ -30,7 +31,6 @@ from airrace.batch.record import (
     record_path,
     write_record,
 )
-from airrace.batch.sources import Manner, TooWideError, find_sources, matching, parse_sweeps
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document
 from airrace.inputs.overrides import parse_overrides
@@ -234,15 +234,15 @@ def test_pattern_may_begin_where_one_is(tree: Path, monkeypatch: pytest.MonkeyPa
 def test_links_in_a_circle_lead_nowhere(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one/up", "one/two/up"):
         (tree / name).symlink_to(tree)
-    monkeypatch.setattr(sources, "FOLDERS_MAX", 3)  # as many as there are
+    monkeypatch.setattr(planning, "FOLDERS_MAX", 3)  # as many as there are
     assert names(matching(str(tree / "**" / "*.yaml")), tree) == ["a.yaml", "one/b.yaml", "one/two/c.yaml"]
 
 
 def test_pattern_that_is_too_wide_is_refused_in_words(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sources, "FOLDERS_MAX", 2)
+    monkeypatch.setattr(planning, "FOLDERS_MAX", 2)
     with pytest.raises(TooWideError, match="leads through more than 2 folders"):
         matching(str(tree / "**" / "*.yaml"))
-    monkeypatch.setattr(sources, "MATCHES_MAX", 1)
+    monkeypatch.setattr(planning, "MATCHES_MAX", 1)
     with pytest.raises(TooWideError, match="matches more than 1 files"):
         matching(str(tree / "one" / "two" / "*"))
 
@@ -257,10 +257,10 @@ def test_files_of_the_system_are_no_courses_and_soon_given_up(monkeypatch: pytes
 
     scanned = os.scandir
     monkeypatch.setattr(os, "scandir", scandir)
-    monkeypatch.setattr(sources, "FOLDERS_MAX", 500)
+    monkeypatch.setattr(planning, "FOLDERS_MAX", 500)
     with pytest.raises(TooWideError):
         matching("/proc/**/*")
-    assert len(read) < 3 * sources.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
+    assert len(read) < 3 * planning.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
 
 
 def test_batch_that_lists_itself_is_told_so(tmp_path: Path) -> None:

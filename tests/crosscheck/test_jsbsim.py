@@ -20,16 +20,18 @@ from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_para
 from airrace.environment.wind import Weather
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
-from airrace.jsbsim.accelerations import (
+from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
+from airrace.jsbsim.simulation import (
     STILL,
+    SimulatedAircraft,
     at_geopotential_height,
     differences,
+    fly_course,
     mirror,
     own_accelerations,
     random_states,
+    simulate,
 )
-from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
-from airrace.jsbsim.simulation import SimulatedAircraft, fly_course, simulate
 from airrace.trajectory import Array, Trajectory
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers import predictor_corrector, riccati
+from airrace.optimal_control.solvers import predictor_corrector
 from airrace.optimal_control.solvers.fatrop import creeping
 from airrace.optimal_control.solvers.fatrop.creeping import CreepingDetector, CreepingLimits
 from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver
@@ -140,7 +140,7 @@ def test_ipopt_goes_on_where_steps_lead_nowhere(missing: str, monkeypatch: pytes
         few = replace(predictor_corrector.PARAMETERS, iterations_max=0)
         monkeypatch.setattr(predictor_corrector, "PARAMETERS", few)
     else:
-        monkeypatch.setattr(riccati, "library", lambda: None)
+        monkeypatch.setattr(predictor_corrector, "library", lambda: None)
     reached: list[FatropResult] = []
     handed: list[Any] = []
     recorded(monkeypatch, FatropSolver, [], reached)

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.solvers.fatrop import abi_check, library, solver
+from airrace.optimal_control.solvers.fatrop import library, solver
 from airrace.optimal_control.solvers.fatrop.library import PROTOTYPES, Dims, Interface, Stats, blasfeo, fatrop
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, entry_offsets, memory_of, struct_size
 
@@ -129,16 +129,16 @@ def test_a_vector_begins_as_in_blasfeos_header() -> None:
 def test_the_release_of_casadi_that_was_compared_is_the_one_that_is_asked_for() -> None:
     dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     (casadi,) = [one for one in dependencies if one.startswith("casadi")]
-    major, minor, _ = abi_check.TESTED.split(".")
-    assert casadi == f"casadi>={abi_check.TESTED},<{major}.{int(minor) + 1}"
+    major, minor, _ = solver.TESTED.split(".")
+    assert casadi == f"casadi>={solver.TESTED},<{major}.{int(minor) + 1}"
 
 
 # the probe
 
 
 def test_the_probe_finds_nothing_wrong_and_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    abi_check.require_known_interface.cache_clear()
-    abi_check.require_known_interface()
+    solver.require_known_interface.cache_clear()
+    solver.require_known_interface()
     assert capsys.readouterr().out == ""
 
 
@@ -164,18 +164,18 @@ class Wider(ctypes.Structure):
 def test_a_library_of_another_layout_is_refused(
     monkeypatch: pytest.MonkeyPatch, function: str, struct: type[ctypes.Structure], words: str
 ) -> None:
-    abi_check.require_known_interface.cache_clear()
+    solver.require_known_interface.cache_clear()
     with monkeypatch.context() as patched:
         patched.setattr(getattr(library.fatrop(), function), "restype", ctypes.POINTER(struct))
         with pytest.raises(SolverCrash, match=words) as refusal:
-            abi_check.require_known_interface()
+            solver.require_known_interface()
     assert ca.CasadiMeta.version() in str(refusal.value)
-    abi_check.require_known_interface()
+    solver.require_known_interface()
 
 
 def test_callbacks_in_each_others_places_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of the same signature, whose exchange would not crash."""
-    abi_check.require_known_interface.cache_clear()
+    solver.require_known_interface.cache_clear()
     working = solver.interface
 
     def exchanged(callbacks: dict[str, Any]) -> Interface:
@@ -184,8 +184,8 @@ def test_callbacks_in_each_others_places_are_noticed(monkeypatch: pytest.MonkeyP
     with monkeypatch.context() as patched:
         patched.setattr(solver, "interface", exchanged)
         with pytest.raises(SolverCrash, match="sizes are read"):
-            abi_check.require_known_interface()
-    abi_check.require_known_interface()
+            solver.require_known_interface()
+    solver.require_known_interface()
 
 
 Array = NDArray[np.int64]

@@ -14,7 +14,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import limits_of, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers import predictor_corrector, riccati
+from airrace.optimal_control.solvers import predictor_corrector
 from airrace.optimal_control.solvers.fatrop.stages import (
     INEQUALITIES,
     LEAST_FACTOR,
@@ -24,7 +24,7 @@ from airrace.optimal_control.solvers.fatrop.stages import (
     scale_by_multipliers,
 )
 from airrace.optimal_control.solvers.interface import Bounds, Multipliers, SolverOptions
-from airrace.optimal_control.solvers.riccati import StageSystem
+from airrace.optimal_control.solvers.predictor_corrector import StageSystem
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.optimal_control.sparse_assembly import COOBuilder, Entries, Memory, StageAssembly, unique_rows
 from airrace.trajectory import Array
@@ -66,7 +66,7 @@ def test_steps_lead_to_the_optimum_that_fatrop_finds_in_fewer_iterations(
 ) -> None:
     problem, guess, multipliers = bisect_all(name)
     found = solved(problem, guess, multipliers)
-    monkeypatch.setattr(riccati, "library", lambda: None)
+    monkeypatch.setattr(predictor_corrector, "library", lambda: None)
     expected = solved(problem, guess, multipliers)
     assert STEPS in found.status
     assert STEPS not in expected.status
@@ -273,9 +273,9 @@ def test_identity_stands_in_for_the_hessian() -> None:
 
 def test_without_a_library_nothing_is_available(monkeypatch: pytest.MonkeyPatch) -> None:
     functions, _, _ = evaluated("everything")
-    assert riccati.available(functions.assembly)
-    monkeypatch.setattr(riccati, "library", lambda: None)
-    assert not riccati.available(functions.assembly)
+    assert predictor_corrector.available(functions.assembly)
+    monkeypatch.setattr(predictor_corrector, "library", lambda: None)
+    assert not predictor_corrector.available(functions.assembly)
 
 
 ROOM = 4000

@@ -18,12 +18,12 @@ from scipy.integrate import (
     solve_ivp,  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
 )
 
-from airrace.optimal_control import reference_integration as module
+from airrace.optimal_control import replay as module
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.reference_integration import integrate
 from airrace.optimal_control.replay import (
     SAMPLES,
     function_at_points,
+    integrate,
     interval_durations,
     replay,
     replay_phases,
@@ -269,7 +269,7 @@ def test_the_integrator_is_the_file_of_the_installed_scipy() -> None:
 
 
 def test_the_package_around_it_is_not_loaded() -> None:
-    program = "import sys; from airrace.optimal_control.reference_integration import dop853; dop853()"
+    program = "import sys; from airrace.optimal_control.replay import dop853; dop853()"
     look = f"{program}; print('scipy.integrate' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"

@@ -10,10 +10,10 @@ from races import EDGE_540, PLAN, RULES, course, level, optimum
 from airrace.environment.air import Air
 from airrace.planning.race import Race
 from airrace.planning.wing_clearance import ClosestApproach, Wing, closest_approaches, kept_clear, pylons_of
+from airrace.procedure.certification import clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import PylonSide, Stage, Status
 from airrace.procedure.stage_problem import formulate, mesh_of
-from airrace.procedure.wing_clearance import clearance_item
 from airrace.results.clearances import distances, least_of_all
 from airrace.results.derivation import flight_of
 from airrace.results.flight import Flight, Source

@@ -10,12 +10,13 @@ from races import PLAN, ROOT, SHIPPED, SMALL, optimum
 
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
-from airrace.dynamics.pylon_room import PylonRoom, pylon_room_observation
+from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.planning.wing_clearance import SEARCH, PylonPost, closest_approaches, wing_distance
+from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
 from airrace.procedure.progress import Silent
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -26,7 +27,6 @@ from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.wing_clearance import approaches, replayed_wing
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
 

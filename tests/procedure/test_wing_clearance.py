@@ -18,10 +18,10 @@ from airrace.planning.wing_clearance import (
     pylons_of,
     wing_distance,
 )
+from airrace.procedure.certification import approaches, clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
-from airrace.procedure.wing_clearance import approaches, clearance_item
 from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing
 from airrace.trajectory import Array

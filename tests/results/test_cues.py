@@ -23,7 +23,7 @@ from airrace.results.derivation import complete_histories
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.runs.brief import Brief
 from airrace.trajectory import Array
-from airrace.views.cue_tables import action_table, cue_text, place_text
+from airrace.views.stage_tables import action_table, cue_text, place_text
 from airrace.views.units import UNITS
 
 SPEED, STEP, PASSED = 90.0, 0.01, (0.0, 6.0, 12.0, 18.0)

@@ -10,9 +10,16 @@ from example_flights import circling, half_cuban, rovinj
 from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.report.contents import contents_of
-from airrace.results.clearances import distances, least_distances, least_of_all
+from airrace.results.clearances import (
+    distance_columns,
+    distance_histories,
+    distances,
+    least_distances,
+    least_of_all,
+    with_distances,
+    with_nearest,
+)
 from airrace.results.derivation import table_columns
-from airrace.results.distance_histories import distance_columns, distance_histories, with_distances, with_nearest
 from airrace.results.flight import Basis, Flight
 from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point

@@ -21,7 +21,7 @@ from readers import read_acmi, read_fdr, read_gpx, read_kml
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
-from airrace import extras
+from airrace import resources
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.export import flight_table
@@ -317,7 +317,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch: pytest.M
     def missing(name: str) -> None:
         raise ModuleNotFoundError(name)
 
-    monkeypatch.setattr(extras, "import_module", missing)
+    monkeypatch.setattr(resources, "import_module", missing)
     with pytest.raises(UsageError, match=r"a Parquet file needs pyarrow: pip install 'airrace\[parquet\]'"):
         written("parquet", [flight()])
 

@@ -12,10 +12,9 @@ import pytest
 from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
-from airrace.cli import comparison_tables
-from airrace.cli.comparison_tables import comparison_texts
+from airrace.cli import run_tables
 from airrace.cli.main import app
-from airrace.cli.run_tables import near_miss_table
+from airrace.cli.run_tables import comparison_texts, near_miss_table
 from airrace.cli.tables import render
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
@@ -490,7 +489,7 @@ def test_the_object_holds_the_same_numbers(files: tuple[str, str]) -> None:
 
 
 def test_the_object_holds_every_word_of_the_table(files: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison_tables, "PAGE", 300)  # so that no words are wrapped
+    monkeypatch.setattr(run_tables, "PAGE", 300)  # so that no words are wrapped
     (flight,) = json.loads(run(*files, "--json")[1])["flights"]
     table = run(*files, "--all")[1].splitlines()
     assert any(leg["differs"] for leg in flight["legs"])

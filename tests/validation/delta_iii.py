@@ -15,7 +15,7 @@ from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.linear_controls import of_first_states, with_linear_controls
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
-from airrace.optimal_control.reference_integration import integrate
+from airrace.optimal_control.replay import integrate
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 

@@ -10,8 +10,7 @@ from rich.console import Console
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import OUTCOMES, Stage, Status
 from airrace.views.live import LiveView
-from airrace.views.plain_lines import LINE_INTERVAL, PlainLines, outcome_line
-from airrace.views.progress_view import watching
+from airrace.views.progress_view import LINE_INTERVAL, PlainLines, outcome_line, watching
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 

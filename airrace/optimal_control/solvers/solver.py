@@ -19,12 +19,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, kkt_error
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import judge
-from airrace.optimal_control.solvers import riccati
-from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
-from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver
+from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver, require_known_interface
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
-from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
+from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector, available
 from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
@@ -157,7 +155,7 @@ class Fatrop(Solver):
 
     @cached_property
     def _near(self) -> PredictorCorrector | None:
-        return PredictorCorrector(self._functions) if riccati.available(self._functions.assembly) else None
+        return PredictorCorrector(self._functions) if available(self._functions.assembly) else None
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
         known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])

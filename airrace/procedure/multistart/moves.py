@@ -18,9 +18,8 @@ from airrace.planning.route_decisions import RouteDecisions
 from airrace.planning.waypoints import Waypoint, candidates
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, intervals
-from airrace.procedure.multistart.rolls import rerolls
+from airrace.procedure.multistart.rolls import rerolls, tilt_turn
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
-from airrace.procedure.multistart.tilted_turns import tilt_turn
 from airrace.procedure.multistart.window import EvaluatedMove, Move
 from airrace.procedure.phase_segments import phase_piece
 from airrace.procedure.start import InitialBarrier

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment.atmosphere import g0
-from airrace.optimal_control.solvers.process.pool import SolverPool
+from airrace.optimal_control.solvers.process.service import SolverPool
 from airrace.planning.decisions_from_solution import decisions_from_solution
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel

@@ -1,14 +1,12 @@
 // The page comes to life: what it carries is read, and its parts are linked by one clock.
 
-import { Clock } from "./clock.js";
+import { Clock, linkFlights, linkTables, showReadings, Transport, watchKeys } from "./clock.js";
 import { Controls } from "./controls.js";
 import { Flight } from "./flight.js";
 import { watchTheme } from "./palette.js";
 import { watchPrinting } from "./printing.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
-import { linkFlights, linkTables, showReadings } from "./tables.js";
-import { Transport, watchKeys } from "./transport.js";
 
 function begin() {
   const contents = JSON.parse(document.getElementById("contents").textContent);

@@ -17,7 +17,7 @@ import {
 import { aircraftOf } from "./aircraft.js";
 import { courseOf } from "./course.js";
 import { placed } from "./flight.js";
-import { watchGestures } from "./gestures.js";
+import { watchGestures } from "./controls.js";
 import { groundOf } from "./ground.js";
 import { labelsOver, writeLabels } from "./labels.js";
 import { roundStep, written } from "./numbers.js";

@@ -29,6 +29,7 @@ from airrace.procedure.multistart.coarse_solution import (
     try_solve,
 )
 from airrace.procedure.multistart.moves import MoveGenerator
+from airrace.procedure.multistart.rolls import tilt_turn
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import Radius
 from airrace.procedure.multistart.segments import (
@@ -42,7 +43,6 @@ from airrace.procedure.multistart.segments import (
     segments_of,
     shape_of,
 )
-from airrace.procedure.multistart.tilted_turns import tilt_turn
 from airrace.procedure.multistart.window import END_SPEED_TRUST, EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.start import InitialBarrier

@@ -26,15 +26,13 @@ from transformations import mirrored
 from waiting import PATIENCE
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.solvers.process.pool import SolverPool
-from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
+from airrace.optimal_control.solvers.process.service import SolverEnded, SolverPool, SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
-from airrace.procedure.multistart.local_search import RoutesAround, search_around
-from airrace.procedure.multistart.multistart import FoundRoutes, search_routes
+from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
 from airrace.procedure.progress import Silent

@@ -20,7 +20,7 @@ from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.fatrop import interposition
-from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
+from airrace.optimal_control.solvers.fatrop.solver import require_known_interface
 from airrace.optimal_control.solvers.process.messages import (
     Inbox,
     IterationReport,
