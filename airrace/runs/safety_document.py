@@ -58,14 +58,11 @@ NOT_CONSIDERED = (
     "flight.",
     "The ground is flat, at the height of the course's origin. Terrain, and people, buildings and obstacles that the "
     "course does not name, were not looked at.",
+    *LIMITS_OF_CLAIM[:-1],
 )
 """What no number of the document contains, a sentence each."""
-NO_CROWD = (
-    "No crowd is given: the course names no people, so distances from them and falls onto them were not looked at"
-)
-IN_WINDS = (
-    "in each wind an optimum of its own and as many flights along it; all else here is told of the run's own wind"
-)
+NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
+IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is told of the run's own wind"
 _NUMBERS = (Column("number"), Column("value", form=".6g"), Column("unit"))
 
 
@@ -87,6 +84,7 @@ def safety_document(
     """
     flight = view.flight(case.label)
     footprint = footprint_of(flight.race, [Track.of(flight)])
+    certificate, told = view.certificate, [view.message] if view.message else []
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
     digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
     return document_page(
@@ -101,11 +99,11 @@ def safety_document(
             chapter("Distances of the optimum", *_distances(flight)),
             chapter("Loads of the optimum", *_loads(flight)),
             chapter("Falls and glides", *_falls(footprint, flight)),
-            chapter("The optimum", *_optimum(view)),
+            chapter("The optimum", table_block(certificate_table(certificate, "Certificate", told)))
+            if certificate
+            else "",
             chapter("Pilot and disturbances", table_block(_assumptions(case.result))),
-            chapter(
-                "What was not considered", list_block([*_no_crowd(flight), *NOT_CONSIDERED, *LIMITS_OF_CLAIM[:-1]])
-            ),
+            chapter("What was not considered", list_block([*_no_crowd(flight), *NOT_CONSIDERED])),
             chapter("Inputs", *_inputs(run, digest if content else "")),
             chapter("Files as they were read", *_files(run)),
         ],
@@ -130,8 +128,7 @@ def _first_page(
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
         ]
     )
-    first = [text for text in (case.uncertified, view.stale and f"the stage no longer stands: {view.stale}") if text]
-    first += [*_no_crowd(flight), *([case.result.note] if case.result.note else [])]
+    first = [*filter(None, (case.uncertified, case.result.note)), *_no_crowd(flight)]
     first += [
         f"The optimum itself passes {one.clearance.name} at {one.clearance.distance:.2f} m, {one.where}"
         for one in near_misses(flight)
@@ -214,12 +211,8 @@ def _loads(flight: Flight) -> Iterator[str]:
         begin, duration = longest_stretch(flight.time, math.copysign(1.0, level) * flight["n_z"], abs(level))
         text = f"{level:g} g or {'more' if level > 0.0 else 'less'}"
         rows.append([text, duration, begin if duration else math.nan, tolerated])
-    columns = (
-        Column("load factor"),
-        Column("longest", "s", ".2f"),
-        Column("from", "s", ".2f"),
-        Column("tolerated", "s", "g"),
-    )
+    heads = (("longest", ".2f"), ("from", ".2f"), ("tolerated", "g"))
+    columns = (Column("load factor"), *(Column(name, "s", form) for name, form in heads))
     n_z, allowed = flight["n_z"], flight.limit("n_z")
     note = (
         f"The load factor is {n_z.min():.2f} to {n_z.max():.2f} g; the limits are {allowed.lower:g} to "
@@ -235,41 +228,24 @@ def _falls(footprint: Footprint, flight: Flight) -> Iterator[str]:
     yield list_block(facts(footprint, flight))
 
 
-def _optimum(view: StageView) -> Iterator[str]:
-    yield list_block([view.message]) if view.message else ""
-    if view.certificate is not None:
-        yield table_block(certificate_table(view.certificate, "Certificate"))
-
-
 def _assumptions(result: SafetyResult) -> Table:
     """Return who flew in what, and where that comes from."""
-    scatter, pilot = result.scatter, result.pilot
-    deviation = "standard deviation, chosen for this case"
+    scatter, pilot, chosen = result.scatter, result.pilot, "standard deviation, chosen for this case"
+    gusts = f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft"
+    beyond = f"{ALLOWED.length:g} m, {math.degrees(ALLOWED.angle):.1f} deg, {ALLOWED.speed / KNOT:.0f} kt"
+    model = "model of Kleinman, Baron and Levison (1970), Automatica 6, 357-369; weights are a judgement"
     rows: list[tuple[str, str, str]] = [
-        (
-            "pilot",
-            "optimal regulator behind a delay, with prediction",
-            "model of Kleinman, Baron and Levison (1970), Automatica 6, 357-369; weights are a judgement",
-        ),
+        ("pilot", "optimal regulator behind a delay, with prediction", model),
         ("delay of the pilot", f"{pilot.delay:g} s", "McRuer and Jex (1967), IEEE HFE-8, 231-249: 0.1 to 0.2 s"),
         ("deviation corrected hardest", f"{pilot.urgent:g} m", "judgement"),
         ("lost", f"{SETTINGS.lost:g} m off the line", "judgement"),
-        (
-            "gusts",
-            f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft",
-            "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3",
-        ),
-        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", deviation),
-        ("mass", f"{100.0 * scatter.mass:.3g} %", deviation),
-        ("power", f"{100.0 * scatter.power:.3g} %", deviation),
-        ("density of the air", f"{100.0 * scatter.density:.3g} %", deviation),
-        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", deviation),
-        (
-            "not counted beyond a limit",
-            f"{ALLOWED.length:g} m, {math.degrees(ALLOWED.angle):.1f} deg, {ALLOWED.speed / KNOT:.0f} kt, "
-            f"{ALLOWED.load:g} g",
-            "judgement: an optimum lies on its limits",
-        ),
+        ("gusts", gusts, "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3"),
+        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", chosen),
+        ("mass", f"{100.0 * scatter.mass:.3g} %", chosen),
+        ("power", f"{100.0 * scatter.power:.3g} %", chosen),
+        ("density of the air", f"{100.0 * scatter.density:.3g} %", chosen),
+        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", chosen),
+        ("not counted beyond a limit", f"{beyond}, {ALLOWED.load:g} g", "judgement: an optimum lies on its limits"),
         ("a touch", f"within {ALLOWED.touch:g} m of a pylon's line", "judgement"),
         ("flights, seed", f"{result.flights}, {result.seed}", "the same seed gives the same flights"),
         ("intervals", "confidence 95 %", "Clopper and Pearson (1934)"),
@@ -281,10 +257,8 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
     """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
     stored = run.checkpoint.inputs
     files = [(f"run {run.label}", digest)] if digest else []
-    files += [
-        (f"{what} {Path(one.path).name}", hashlib.sha256(one.text.encode()).hexdigest())
-        for what, one in _documents(run)
-    ]
+    for what, one in _documents(run):
+        files.append((f"{what} {Path(one.path).name}", hashlib.sha256(one.text.encode()).hexdigest()))
     files.append(("resolved configuration", inputs_hash(stored.resolved)))
     columns = (Column("what"), Column("SHA-256"))
     yield table_block(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
@@ -297,27 +271,22 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
             *((what, ", ".join(f"{name} {one}" for name, one in known.items())) for what, known in versions.items()),
         ]
     )
-    yield table_block(
-        Table("Sources", (Column("numbers of"), Column("schema"), Column("source")), sources_of(run.inputs))
-    )
+    yield table_block(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
     try:
         numbers = Variation(run.inputs).parameters.values()
     except UsageError as error:
         yield list_block([str(error)])
         return
-    for title, groups in (
-        ("Rules, gates, margins, air", ("rules", "gate_defaults", "margins", "environment")),
-        ("Aircraft", ("aircraft",)),
-    ):
+    rules = ("rules", "gate_defaults", "margins", "environment")
+    for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
         rows = [(one.key, one.value, one.unit) for one in numbers if one.key.partition(".")[0] in groups]
         yield table_block(Table(title, _NUMBERS, rows), columns=True)
 
 
-def _documents(run: RunState) -> Iterator[tuple[str, StoredDocument]]:
+def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:
     stored = run.checkpoint.inputs
-    for what, one in (("track", stored.track), ("aircraft", stored.aircraft), ("settings", stored.settings)):
-        if one is not None:
-            yield what, one
+    known = {"track": stored.track, "aircraft": stored.aircraft, "settings": stored.settings}
+    return [(what, one) for what, one in known.items() if one is not None]
 
 
 def _files(run: RunState) -> Iterator[str]:
