@@ -9,6 +9,7 @@ import numpy as np
 from airrace.planning.lint import Remark
 from airrace.planning.race import Race
 from airrace.quantities import KNOT, Interval
+from airrace.records import record
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.flight import passings_around
@@ -17,12 +18,23 @@ from airrace.track.polygons import area, edges
 from airrace.views.course_page import rows
 from airrace.views.tables import Column, Table
 
-ROWS_MAX = 200
-"""The largest number of passages in the table; of more, only the first and the last are printed."""
-LAST_ROWS = 20
-"""The number of passages at the end of a table that is cut."""
-REMARKS_MAX = 30
-"""The largest number of remarks that are printed."""
+
+@record
+class TableSizes:
+    """The sizes of what is printed of a course.
+
+    Attributes:
+        rows_max: the largest number of passages in the table; of more, only the first and the last are printed.
+        last_rows: the number of passages at the end of a table that is cut.
+        remarks_max: the largest number of remarks that are printed.
+    """
+
+    rows_max: int = 200
+    last_rows: int = 20
+    remarks_max: int = 30
+
+
+SIZES = TableSizes()
 
 
 def course_tables(race: Race) -> list[Table]:
@@ -38,9 +50,9 @@ def course_tables(race: Race) -> list[Table]:
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
     """Return the remarks in one line each; of many, the first ones."""
-    lines = [f"warning: {remark.text}" for remark in remarks[:REMARKS_MAX]]
-    if len(remarks) > REMARKS_MAX:
-        lines.append(f"and {len(remarks) - REMARKS_MAX} more warnings; --json has all of them")
+    lines = [f"warning: {remark.text}" for remark in remarks[: SIZES.remarks_max]]
+    if len(remarks) > SIZES.remarks_max:
+        lines.append(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them")
     return "\n".join(lines)
 
 
@@ -74,10 +86,10 @@ def _passages_table(race: Race) -> Table:
                 height = f"> {lower}"
         place = (row.passage.name, row.kind, row.north, row.east, height)
         cells.append((*place, heading, climb, bank, row.leg, turn))
-    if len(cells) > ROWS_MAX:
+    if len(cells) > SIZES.rows_max:
         title += f" ({len(cells)} passages; --json has all of them)"
-        blank = (f"... {len(cells) - ROWS_MAX} more", *[""] * (len(_PASSAGES) - 1))
-        cells = [*cells[: ROWS_MAX - LAST_ROWS], blank, *cells[-LAST_ROWS:]]
+        blank = (f"... {len(cells) - SIZES.rows_max} more", *[""] * (len(_PASSAGES) - 1))
+        cells = [*cells[: SIZES.rows_max - SIZES.last_rows], blank, *cells[-SIZES.last_rows :]]
     return Table(title, _PASSAGES, cells)
 
 

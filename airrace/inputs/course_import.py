@@ -18,7 +18,7 @@ import yaml
 
 from airrace.inputs.nodes import LIMITS
 from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
-from airrace.inputs.surroundings import BOX_MAX_M, HEIGHT_MAX_M
+from airrace.inputs.surroundings import SIZES
 from airrace.logs.recording import refuse
 from airrace.quantities import FOOT
 from airrace.records import record
@@ -287,7 +287,7 @@ class _Sketch:
             if found
             else ASSUMED.obstacle_height
         )
-        height = min(max(named, ASSUMED.obstacle_height_min), HEIGHT_MAX_M)
+        height = min(max(named, ASSUMED.obstacle_height_min), SIZES.height_max)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
@@ -295,8 +295,10 @@ class _Sketch:
         elif mark.shape is PlacemarkShape.AREA:
             boxes, what = [_box_around(points)], "an obstacle, a box around it"
         longest = max(box.get(side, 0.0) for box in boxes for side in ("length_m", "width_m"))
-        if longest > BOX_MAX_M:
-            reason = f"an obstacle is no longer than {BOX_MAX_M / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
+        if longest > SIZES.box_max:
+            reason = (
+                f"an obstacle is no longer than {SIZES.box_max / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
+            )
             self._drop(mark, f"{reason}; draw it in parts")
             return
         if not self._has_room(mark, self.obstacles, len(boxes), LIMITS.obstacles, "obstacles"):
@@ -306,7 +308,7 @@ class _Sketch:
         if not found:
             self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
         elif height != named:
-            limits = f"the height of an obstacle is more than 0 and at most {HEIGHT_MAX_M:g} m"
+            limits = f"the height of an obstacle is more than 0 and at most {SIZES.height_max:g} m"
             self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {named:.4g} m are named")
         elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
             drawn = "a course knows masts, cylinders and boxes"

@@ -18,25 +18,37 @@ from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
+from airrace.records import record
 from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point
 
-SAME_PLACE_M = 0.01
-"""The distance below which two corners are one, m."""
-ROUNDING_M = 1e-6
-"""The excess over a distance that is put down to rounding and not reported, m."""
-SQUARE_M = 10.0
-"""The side of the squares of a box, m; those of a long one are larger, so that there are no more than `SQUARES`.
 
-At most they are 1.7 times as long, as the number of them is rounded.
-"""
-SQUARES = 100
-"""The largest number of squares along one side of a box."""
-HEIGHT_MAX_M = 1000.0
-"""The greatest height of an obstacle, m."""
-BOX_MAX_M = 5000.0
-"""The greatest length and width of a box, m."""
+@record
+class SurroundingsLimits:
+    """The sizes of what surrounds a course.
+
+    Attributes:
+        same_place: the distance below which two corners are one, m.
+        rounding: the excess over a distance that is put down to rounding and not reported, m.
+        square: the side of the squares of a box, m; those of a long one are larger, so that there are no more
+            than `SQUARES`. At most they are 1.7 times as long, as the number of them is rounded.
+        squares_max: the largest number of squares along one side of a box.
+        height_max: the greatest height of an obstacle, m.
+        box_max: the greatest length and width of a box, m.
+    """
+
+    same_place: float = 0.01
+    rounding: float = 1e-6
+    square: float = 10.0
+    squares_max: int = 100
+    height_max: float = 1000.0
+    box_max: float = 5000.0
+
+
+SIZES = SurroundingsLimits()
+
+
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
 Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
@@ -109,12 +121,12 @@ class ObstacleEntry(PlacedEntry):
     """An obstacle: a mast, a cylinder with a `radius_m`, or a box with `length_m` and `width_m`."""
 
     what: ClassVar[str] = "an obstacle"
-    height_m: Annotated[float, Gt(0), Le(HEIGHT_MAX_M)] = Field(description="height of its top above the origin")
+    height_m: Annotated[float, Gt(0), Le(SIZES.height_max)] = Field(description="height of its top above the origin")
     radius_m: Annotated[float, Ge(0), Le(500)] | None = optional("radius of a cylinder; 0 by default, for a mast")
-    length_m: Annotated[float, Gt(0), Le(BOX_MAX_M)] | None = optional(
+    length_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
         "length of a box, along its heading; with `width_m`"
     )
-    width_m: Annotated[float, Gt(0), Le(BOX_MAX_M)] | None = optional(
+    width_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
         "width of a box, across its heading; with `length_m`"
     )
     heading_deg: Azimuth | None = optional("direction of a box's length; 0 by default")
@@ -148,7 +160,7 @@ def _box(
         cos, sin = math.cos(heading), math.sin(heading)
         return Point(middle.north + along * cos - across * sin, middle.east + along * sin + across * cos)
 
-    side = max(min(length, width, SQUARE_M), max(length, width) / SQUARES)
+    side = max(min(length, width, SIZES.square), max(length, width) / SIZES.squares_max)
     # Round lengths are far from those with one square more.
     rows, columns = (max(1, math.floor(one / side + 0.3)) for one in (length, width))
     a, b = length / rows, width / columns
@@ -195,13 +207,13 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
     if len(places.reporter.findings) > known:
         return corners
     farthest = max(corners, key=lambda one: polygons.distance(one, corners[:1], closed=False))
-    if all(abs(polygons.to_right(corners[0], farthest, one)) < SAME_PLACE_M for one in corners):
+    if all(abs(polygons.to_right(corners[0], farthest, one)) < SIZES.same_place for one in corners):
         places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
         return corners
     for index, corner in enumerate(corners):
         before, after = corners[index - 1], corners[(index + 1) % len(corners)]
         to_edges = [(after, (before, corner)), (before, (corner, after))]
-        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SAME_PLACE_M:
+        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SIZES.same_place:
             places.reporter.value((*path, index), "the border turns back on itself at this corner; leave it out")
             return corners
     crossing = polygons.crossing_edges(corners)
@@ -223,7 +235,7 @@ def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tup
 
 
 def _same(a: Point, b: Point) -> bool:
-    return polygons.distance(a, (b,), closed=False) < SAME_PLACE_M
+    return polygons.distance(a, (b,), closed=False) < SIZES.same_place
 
 
 def check_room(
@@ -239,12 +251,12 @@ def check_room(
             continue
         place, height = element.position
         away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
-        if away > ROUNDING_M:
+        if away > SIZES.rounding:
             reporter.key(element.path, f"stands {away:.4g} m outside of the `airspace`")
         for crowd in crowds:
             away = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
             away = math.hypot(away, height - crowd.height) if crowd.slant else away
-            if away < crowd.distance - ROUNDING_M:
+            if away < crowd.distance - SIZES.rounding:
                 how = "in space" if crowd.slant else "over ground"
                 reporter.key(
                     element.path,
@@ -252,6 +264,6 @@ def check_room(
                 )
         for one in obstacles:
             away = min(polygons.distance(place, (axis,), closed=False) for axis in one.places) - one.radius
-            if away < one.clearance - ROUNDING_M and height < one.height + one.clearance:
+            if away < one.clearance - SIZES.rounding and height < one.height + one.clearance:
                 message = f"is {away:.4g} m from the obstacle `{one.name}`; at least {one.clearance:g} m"
                 reporter.key(element.path, message)

@@ -409,7 +409,7 @@ class FidelityContinuation:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
         def planned_start() -> Start:
-            problem, iterate = self._planned(session)
+            problem, iterate = self._plan_guess(session)
             return Start(flight, problem, iterate, InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
@@ -420,7 +420,7 @@ class FidelityContinuation:
             first = self._homotopy(session, plain=bool(where))
             if where and first.notes:  # phases could not be added
                 message = f"the limits contradict each other at {where}"
-                return self._infeasible(session, *self._planned(session), message)
+                return self._infeasible(session, *self._plan_guess(session), message)
             if self._local_infeasibility is not None:
                 return self._locally_infeasible(self._local_infeasibility, session)
             problem = flight.problem(mesh_of(first.trajectory))
@@ -428,7 +428,7 @@ class FidelityContinuation:
 
         return (concatenate_phases, planned_start) if pieces else (planned_start, concatenate_phases)
 
-    def _planned(self, session: SolverSession) -> tuple[Problem, Iterate]:
+    def _plan_guess(self, session: SolverSession) -> tuple[Problem, Iterate]:
         """Return the point mass's problem on its first mesh, and its guess from the plan."""
         flight = self.flight(Stage.POINT_MASS)
         mesh = first_mesh(flight.plan, session.settings.mesh)

@@ -175,7 +175,7 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
     contributors = _largest_contributors(held + np.abs(integration), SETTINGS.safety * change)
     wanted = [
         (RefinementReason.INTEGRATION, np.where(widen(untrusted), 4.0, 1.0)),
-        (RefinementReason.HAMILTONIAN, _graded(_worst_nearby(drift), SETTINGS.safety * limits.hamiltonian)),
+        (RefinementReason.HAMILTONIAN, _parts_by_excess(_worst_nearby(drift), SETTINGS.safety * limits.hamiltonian)),
         (RefinementReason.RACE_TIME, np.where(contributors, 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
@@ -337,7 +337,7 @@ def _required_parts(
     integration = np.ceil((defect / (SETTINGS.safety_of_order * limits.replay)) ** (1 / order))
     wanted = [
         (RefinementReason.INTEGRATION, np.where(defect <= limits.replay, 1, np.maximum(integration, 2))),
-        (RefinementReason.LIMITS, _graded(_worst_nearby(check.excess), 1.0)),
+        (RefinementReason.LIMITS, _parts_by_excess(_worst_nearby(check.excess), 1.0)),
         # It falls slowly with the length of the interval.
         (RefinementReason.HAMILTONIAN, np.where(_worst_nearby(drift) <= limits.hamiltonian, 1.0, 4.0)),
     ]
@@ -358,7 +358,7 @@ def _bisected_above(values: Array, limit: float) -> Array:
     return np.where(_worst_nearby(values) <= limit, 1.0, 2.0)
 
 
-def _graded(values: Array, limit: float) -> Array:
+def _parts_by_excess(values: Array, limit: float) -> Array:
     """Return two parts where a limit is exceeded, four where it is exceeded by far."""
     return np.where(values <= limit, 1.0, np.where(values <= 4.0 * limit, 2.0, 4.0))
 

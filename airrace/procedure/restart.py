@@ -220,7 +220,7 @@ def _from_optimum(
             return certified_state(
                 session, refined.flight, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse
             )
-        draft = replace(finer, guess=_moved(finer, start.guess, coarse.iterate))
+        draft = replace(finer, guess=_carry_change(finer, start.guess, coarse.iterate))
         draft = refine_guess(draft, flight.problem(draft.mesh), session.settings.certificate)
         return certified_state(
             session,
@@ -294,7 +294,7 @@ def _start(flight: StageProblem, optimum: StageResult, stored: Iterate, name: st
     return Start(flight, problem, stored, InitialBarrier.OTHER_MESH, provenance, known), finer
 
 
-def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
+def _carry_change(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
     """Return the flight on the finer mesh, moved by what a solve has changed on the coarser one."""
     places = np.flatnonzero(finer.coarser)
     passed = np.concatenate([[0.0], np.cumsum(np.concatenate(finer.mesh))])  # each phase counts 1

@@ -107,7 +107,7 @@ def solve_with_refinement(
                 return found
             else:
                 uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _unsolved(session, failures, diagnose)
+    return next(iter(uncertified.values())) if uncertified else _failure_result(session, failures, diagnose)
 
 
 @record
@@ -570,7 +570,7 @@ def _finish(start: Start, refined: Refined) -> StageResult:
     )
 
 
-def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Diagnosis | None) -> StageResult:
+def _failure_result(session: SolverSession, failures: Sequence[Failure], diagnose: Diagnosis | None) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
     solutions = [one for one in failures if one.solution is not None]
     returned = [one for one in solutions if one.solution and one.solution.ending is not Ending.BUDGET_EXHAUSTED]

@@ -57,7 +57,7 @@ class Stage:
         if after is cls.HOMOTOPY:
             raise ValueError("a stage is started from an optimum, and the homotopy is none")
         known = next((one for one in _order if one.value == value), None)
-        return known or _declared(value, _order.index(after) + 1)
+        return known or _insert_stage(value, _order.index(after) + 1)
 
     @property
     def value(self) -> str:
@@ -74,7 +74,7 @@ class Stage:
 _order: list[Stage] = []
 
 
-def _declared(value: str, position: int) -> Stage:
+def _insert_stage(value: str, position: int) -> Stage:
     stage = object.__new__(Stage)
     stage._value = value  # pyright: ignore[reportPrivateUsage]  # it is the constructor
     _order.insert(position, stage)
@@ -102,9 +102,9 @@ class _StageSequence(Sequence[Stage]):
 STAGES: Sequence[Stage] = _StageSequence()
 """The stages in their order."""
 
-Stage.HOMOTOPY = _declared("homotopy", 0)
-Stage.POINT_MASS = _declared("point-mass", 1)
-Stage.TRANSFER_FUNCTION = _declared("transfer-function", 2)
-Stage.STATE_SPACE_INVERSION = _declared("state-space-inversion", 3)
-Stage.STATE_SPACE = _declared("state-space", 4)
-Stage.SIX_DOF = _declared("six-dof", 5)
+Stage.HOMOTOPY = _insert_stage("homotopy", 0)
+Stage.POINT_MASS = _insert_stage("point-mass", 1)
+Stage.TRANSFER_FUNCTION = _insert_stage("transfer-function", 2)
+Stage.STATE_SPACE_INVERSION = _insert_stage("state-space-inversion", 3)
+Stage.STATE_SPACE = _insert_stage("state-space", 4)
+Stage.SIX_DOF = _insert_stage("six-dof", 5)

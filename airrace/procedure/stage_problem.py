@@ -304,11 +304,13 @@ def with_passages(plan: Plan, course: Course) -> Plan:
 
     Axes and prescribed banks turn with their elements; sides, directions and planned durations stay.
     """
-    waypoints = (_moved(waypoint, passage) for waypoint, passage in zip(plan.waypoints, course.passages, strict=True))
+    waypoints = (
+        _at_new_place(waypoint, passage) for waypoint, passage in zip(plan.waypoints, course.passages, strict=True)
+    )
     return dataclasses.replace(plan, waypoints=tuple(waypoints))
 
 
-def _moved(waypoint: Waypoint, passage: Passage) -> Waypoint:
+def _at_new_place(waypoint: Waypoint, passage: Passage) -> Waypoint:
     before, after = waypoint.passage.element, passage.element
     bank = waypoint.bank
     if bank is not None:

@@ -188,10 +188,10 @@ def _title(path: Path) -> str:
 def _begun(path: Path) -> str:
     title = _title(path)
     text = TEMPLATE.read_text(encoding="utf-8")
-    return text.replace("{file}", path.name).replace("{name}", _quoted(title))
+    return text.replace("{file}", path.name).replace("{name}", _yaml_text(title))
 
 
-def _quoted(title: str) -> str:
+def _yaml_text(title: str) -> str:
     """Return a title as YAML text, which might otherwise take it for a number or a truth value."""
     return "'" + title.replace("'", "''") + "'"
 

@@ -227,9 +227,9 @@ def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
 def stored_inputs(inputs: Inputs) -> StoredInputs:
     """Return the inputs as runs and flight logs store them."""
     return StoredInputs(
-        track=_stored(inputs.track),
-        aircraft=_stored(inputs.aircraft),
-        settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
+        track=_stored_document(inputs.track),
+        aircraft=_stored_document(inputs.aircraft),
+        settings=None if inputs.settings_file is None else _stored_document(inputs.settings_file),
         overrides=tuple(inputs.overrides),
         resolved=resolved_text(inputs),
     )
@@ -313,7 +313,7 @@ def document_of(stored: StoredDocument) -> Document:
     return Document(stored.path, stored.text)
 
 
-def _stored(document: Document) -> StoredDocument:
+def _stored_document(document: Document) -> StoredDocument:
     return StoredDocument(document.path, document.text)
 
 

@@ -393,11 +393,11 @@ def _verification(run: RunState, result: StageResult, again: StageResult, genera
     measured = again if result.is_flight else None
     objection = run.stale.get(result.stage, "") or in_one_sentence(_objections(result, measured))
     if result is run.results[-1]:
-        objection = in_one_sentence([one for one in (objection or _unfinished(result), *general) if one])
+        objection = in_one_sentence([one for one in (objection or _missing_certificate(result), *general) if one])
     return Verification(result, measured, objection)
 
 
-def _unfinished(result: StageResult) -> str:
+def _missing_certificate(result: StageResult) -> str:
     """Return a clause that says that a run ends with a stage which is not certified; empty if it is."""
     if result.certified:
         return ""

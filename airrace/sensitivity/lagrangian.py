@@ -164,7 +164,7 @@ class LagrangianSensitivity:
         if _structure(problem) != self._structure:
             raise OtherStructureError
         value = np.array([float(self._of_system @ np.asarray(problem.parameters)), 0.0])
-        for owner, _, values in _observed(problem):
+        for owner, _, values in _observers(problem):
             value[0] += float(self._of_owners[owner] @ np.asarray(values)) if values else 0.0
         ends = np.array([(one.lower, one.upper) for one in (each.limits(problem) for each in self._multipliers)])
         multipliers, stated = np.array(list(self._multipliers.values())), np.isfinite(ends)
@@ -178,7 +178,7 @@ class LagrangianSensitivity:
 
     def _gather_rows(self, layout: Layout, places: list[Place], lam: Array, weak: Array) -> None:
         # A watch of all legs is one object in all phases of any such problem; it counts as its last phase's.
-        owners = {id(bounds): owner for owner, bounds, _ in _observed(layout.problem)}
+        owners = {id(bounds): owner for owner, bounds, _ in _observers(layout.problem)}
         depth = [state.name for state in layout.problem.system.states].index(DEPTH)
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
             if lam[place] == 0.0:
@@ -219,7 +219,7 @@ def _boundary(problem: Problem, number: int) -> Boundary:
     return problem.start if number == 0 else problem.phases[number - 1].end
 
 
-def _observed(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
+def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
     """Yield whatever observes: its limits and the parameters of its observation, in the order of the program."""
     for number in range(len(problem.phases) + 1):
         boundary = _boundary(problem, number)
@@ -239,7 +239,7 @@ def _structure(problem: Problem) -> object:
             len(values),
             {name: (math.isfinite(one.lower), math.isfinite(one.upper)) for name, one in bounds.items()},
         )
-        for owner, bounds, values in _observed(problem)
+        for owner, bounds, values in _observers(problem)
     ]
     names = [[quantity.name for quantity in part] for part in (system.states, system.controls, system.path)]
     return len(problem.parameters), names, observed
@@ -263,7 +263,7 @@ def _by_observed_parameters(
 
     A row depends on the parameters of its own observation alone, so those of all observations are moved at once.
     """
-    observed = list(_observed(layout.problem))
+    observed = list(_observers(layout.problem))
     sizes = np.array([len(values) for _, _, values in observed], dtype=np.int64)
     first = len(layout.problem.parameters) + layout.intervals + np.concatenate([[0], np.cumsum(sizes)[:-1]])
     numbers = {id(bounds): number for number, (_, bounds, _) in enumerate(observed)}

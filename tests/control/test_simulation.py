@@ -12,7 +12,7 @@ from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
 
 from airrace.control.outer_loop import Commands, PathGains, errors, path_following, path_rate
 from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, soften
-from airrace.control.simulation import STEP, Followed, follow, tracking_simulator
+from airrace.control.simulation import SETTINGS, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import g0
@@ -32,7 +32,13 @@ STILL = Air()
 
 
 def followed(
-    stage: str, name: str, air: Air = STILL, *, intervals: int = 50, step: float = STEP, gains: PathGains | None = None
+    stage: str,
+    name: str,
+    air: Air = STILL,
+    *,
+    intervals: int = 50,
+    step: float = SETTINGS.step,
+    gains: PathGains | None = None,
 ) -> Followed:
     """A manoeuvre flown by a model of the ladder."""
     reference = flown(name, air).reference
@@ -64,7 +70,7 @@ def test_manoeuvre_is_followed_in_the_air_that_the_reference_was_flown_in(stage:
 @pytest.mark.parametrize("stage", LADDER)
 def test_half_the_step_leads_to_the_same_flight(stage: str) -> None:
     for name in ("7 g slalom", "half Cuban eight"):
-        whole, half = followed(stage, name), followed(stage, name, step=STEP / 2)
+        whole, half = followed(stage, name), followed(stage, name, step=SETTINGS.step / 2)
         assert np.linalg.norm(whole.state[:3] - half.state[:3], axis=0).max() < 0.05
 
 
