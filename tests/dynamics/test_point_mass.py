@@ -9,7 +9,7 @@ import pytest
 from bodies import fly_point_mass, wind_at
 from flights import states, windy_airs
 from hypothesis import given
-from kernel_results import all_results, assert_bitwise_equal, variants
+from kernel_results import all_results
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -20,16 +20,11 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.parameters import aircraft_parameters
 from airrace.dynamics.point_mass import PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
-from airrace.dynamics.state_space import build_state_space
-from airrace.dynamics.state_space_inversion import build_state_space_inversion
-from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
 from airrace.frames import rotation
-from airrace.native.interpreter import Interpreter
-from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels, native_kernels
+from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
-from airrace.points import at_points, dense
 from airrace.track.course import Rules
 
 Array = NDArray[np.float64]
@@ -179,40 +174,6 @@ def test_steps_have_the_derivatives_of_the_whole_graph(
         (composed.hessian_pattern, graph.hessian_pattern),
     ):
         assert set(zip(*mine.get_triplet(), strict=True)) == set(zip(*theirs.get_triplet(), strict=True))
-
-
-EVERY = [
-    pytest.param(build, air, marks=[] if air == WINDY and build is build_six_dof else [pytest.mark.slow])
-    for build in (
-        *(build_point_mass, build_transfer_functions),
-        *(build_state_space_inversion, build_state_space, build_six_dof),
-    )
-    for air in (Air(), WINDY)
-]
-
-
-@pytest.mark.parametrize(("build", "air"), EVERY)
-def test_all_variants_have_the_same_bits_and_rates_those_of_casadi(
-    build: Callable[..., FlightModel], air: Air, edge540: Aircraft, rules: Rules
-) -> None:
-    model = build(edge540, rules, air)
-    system, n_x, count = model.system, len(model.system.states), 16
-    given = intervals(model, count)
-    y, _, p, _ = given
-    path_lam = np.random.default_rng(0).normal(size=(count, len(system.path)))
-    found: list[list[np.ndarray]] = []
-    for library in variants().values():
-        native = Interpreter(library)
-        kernels = native_kernels(native, system, DORMAND_PRINCE_5)
-        assert kernels.path is not None
-        path_given = [y[:, :-1], np.zeros((count, 0)), p, path_lam]
-        found.append([*all_results(kernels.step, given), *all_results(kernels.path, path_given)])
-        for function in (system.rates, system.path_values):
-            assert function is not None
-            x, u = y[:, :n_x].T, y[:, n_x:-1].T
-            assert_bitwise_equal([native.at_points(dense(function), u, p)(x)], [at_points(function, x, u, p)])
-    for one in found[1:]:
-        assert_bitwise_equal(one, found[0])
 
 
 def intervals(model: FlightModel, count: int) -> list[np.ndarray]:
