@@ -7,6 +7,7 @@ from typing import cast
 
 from airrace.cli.run_tables import distance_tables, laps_lines, leg_tables
 from airrace.cli.tables import PAGE, render
+from airrace.logs.violations import shown
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
@@ -34,11 +35,14 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
     yield render(Table(f"{flight.label}: race time {race_time}, as flown", _PASSINGS, passings), columns=PAGE)
     if log.violations:
         rows: list[tuple[str | float | None, ...]] = []
-        for one in log.violations:
+        listed, others = shown(log.violations)
+        for one in listed:
             measured = (one.time, one.value, one.deviation, one.limit, one.unit)
             certain = "yes" if one.certain else "no"
             rows.append((one.passing or "flight", one.rule, *measured, penalty_text(one.penalty), certain))
         yield render(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
+        if others:
+            yield textwrap.fill(others, PAGE)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
     yield from laps_lines(flight)
     yield from (render(one, columns=PAGE) for one in distance_tables(flight))

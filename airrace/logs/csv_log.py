@@ -162,7 +162,7 @@ def recognise(header: str) -> tuple[Field, str] | None:
         plain = " ".join(base.lower().replace("_", " ").split())
         for one in FIELDS.values():
             known = parse_unit(one, unit) if unit else ""
-            if known is not None and plain in one.aliases:
+            if known is not None and plain in one.aliases and base != "Phi":  # in our tables an angle that adds up
                 return one, known
     return None
 

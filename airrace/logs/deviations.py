@@ -33,6 +33,8 @@ class ErrorModel:
         across, up, velocity, acceleration: factors of their standard deviations, so that five of the products are
             beyond all errors that were measured.
         time: likewise of the position, for the time of a passing, so that 68 and 95 % lie within one and two of them.
+        wings: of the angle by which the wings may lie otherwise across the path, for there is sideslip, rad.
+        sideslip: rad, at most; it rolls a body that is pitched up, which a roll without heading does not tell.
         barometer: standard deviation of heights by the standard atmosphere, m: of 8 hPa.
     """
 
@@ -41,6 +43,8 @@ class ErrorModel:
     velocity: float = 3.0
     acceleration: float = 4.0
     time: float = 1.5
+    sideslip: float = math.radians(15.0)
+    wings: float = math.radians(0.1)
     barometer: float = 70.0
 
 
@@ -77,9 +81,11 @@ def deviations_of(
     """
     roll = _History(part, "phi") if is_measured(flight, "phi") else None
     load = _History(part, "n_z") if is_measured(flight, "n_z") else None
+    full = is_measured(flight, "theta") and is_measured(flight, "psi")
     zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0)
     half_span = 0.5 * flight.aircraft.airframe.b
-    roll_rate = flight_limits(flight.aircraft, flight.course.rules).p_Kbar.upper
+    limits = flight_limits(flight.aircraft, flight.course.rules)
+    roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, ERRORS.sideslip)
     places = part.time[np.isfinite(part.columns["x"])]
 
     def step_around(time: float) -> float:
@@ -97,9 +103,12 @@ def deviations_of(
         speed = float(velocity.max())
         direction = math.atan2(speed, max(V_K, 1.0))
         when = along / max(V_K * math.cos(gamma), 1.0)
-        bank = (
-            math.nan if roll is None else math.hypot(roll.deviation(offset + time, when), direction * math.sin(gamma))
-        )
+        bank = math.nan
+        if roll is not None:
+            pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
+            slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
+            own, seen = roll.deviation(offset + time, when), direction * math.sin(gamma)
+            bank = math.hypot(own, seen, slipping, ERRORS.wings)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
             step = max(step_around(offset + time), SMOOTHING.step)
             bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), roll_rate * step), math.pi)

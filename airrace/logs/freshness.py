@@ -15,6 +15,8 @@ _MOST = 200_000
 """Values that are looked at."""
 _HELD = 0.05
 """Share of measurements that fill more than one row, from which on repeated numbers are no chance."""
+_GAP = 1.5
+"""Times the usual step between rows, beyond which rows are missing."""
 _LEAP = 3.0
 """Steps by which a held number leaps when it changes; one that is written coarsely moves by one or two."""
 
@@ -48,11 +50,12 @@ def rounding(values: Array) -> float:
     return resolution(values) / math.sqrt(12.0)
 
 
-def held(values: Array) -> NDArray[np.bool_]:
+def held(values: Array, time: Array) -> NDArray[np.bool_]:
     """Return which samples only repeat the measurement before, shape (n,).
 
     Args:
         values: of one or several columns that are measured together, all finite, shape (k, n).
+        time: of the samples, s, shape (n,).
     """
     count = int(values.shape[1])
     starts = np.flatnonzero(np.any(np.diff(values, axis=1, prepend=np.inf) != 0.0, axis=0))
@@ -67,4 +70,7 @@ def held(values: Array) -> NDArray[np.bool_]:
         return np.zeros(count, bool)
     usual = int(np.percentile(runs, 99.0, method="lower"))
     place = np.arange(count) - np.repeat(starts, runs)
+    took = np.diff(time, prepend=time[0])
+    resumed = (took[starts] > _GAP * np.median(took)) & (runs != usual)
+    place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
     return np.asarray(place % usual != 0, np.bool_)

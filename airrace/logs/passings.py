@@ -36,6 +36,8 @@ class PassingSettings:
         aside: from the centre of an element, beyond which, or beyond its reach, nothing is a passing, m.
         silence: between two samples, beyond which nobody knows what was passed between them, s.
         scale: from the centre, at which a passing costs 1, m.
+        slanted: cost of a passing by its slant, beyond `straight`: of several axes it is along the one that it follows.
+        straight: slant up to which a passing is as good as another, that of 60 degrees.
         skipped: cost of an element that is not passed at all.
         unreached: cost of one that comes before the first passing or behind the last one: a log that begins late or
             ends early has a part of a run, and no passing in its middle is the start or the finish.
@@ -51,8 +53,10 @@ class PassingSettings:
     aside: float = 60.0
     silence: float = 10.0
     scale: float = 10.0
+    slanted: float = 20.0
+    straight: float = 0.5
     skipped: float = 40.0
-    unreached: float = 36.5
+    unreached: float = 39.5
     worst: float = 36.0
     pace: float = 0.05
 
@@ -114,7 +118,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
     places = [name for name in PLACES if name in columns]
     known = np.flatnonzero(_placed(recording))
     stale = np.zeros(len(recording.time), bool)
-    stale[known] = held(np.stack([columns[name][known] for name in places]))
+    stale[known] = held(np.stack([columns[name][known] for name in places]), recording.time[known])
     if stale.any():
         rows = len(known) / max(len(known) - int(stale.sum()), 1)
         remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
@@ -126,7 +130,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
         values = columns[name]
         known = np.flatnonzero(np.isfinite(values))
         repeated = np.zeros(len(values), bool)
-        repeated[known] = held(values[None, known])
+        repeated[known] = held(values[None, known], recording.time[known])
         if name in HEIGHTS:
             repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
             missing = _missing_heights(values)
@@ -212,11 +216,15 @@ def _leaps(time: Array, places: Array) -> NDArray[np.bool_]:
 
 @record
 class LineCrossing:
-    """A crossing of the line across an element: when (s), along which of its axes (rad), how far to the right (m)."""
+    """A crossing of the line across an element: when (s), along which of its axes (rad), how far to the right (m).
+
+    `slant` is one minus the cosine of the angle between path and axis.
+    """
 
     time: float
     axis: float
     aside: float
+    slant: float = 0.0
 
 
 @record
@@ -267,7 +275,10 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         aside = right[rows] + share * (right[rows + 1] - right[rows])
         when = time[rows] + share * (time[rows + 1] - time[rows])
         near = (np.abs(aside) <= PASSINGS.aside + reach) & (time[rows + 1] - time[rows] <= PASSINGS.silence)
-        found += [LineCrossing(float(t), axis, float(a)) for t, a in zip(when[near], aside[near], strict=True)]
+        forwards, sideways = along[rows + 1] - along[rows], right[rows + 1] - right[rows]
+        slant = 1.0 - forwards / np.hypot(forwards, sideways)
+        columns = (one[near].tolist() for one in (when, aside, slant))
+        found += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
     return sorted(found, key=lambda one: one.time)
 
 
@@ -332,7 +343,8 @@ def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tu
     when = np.array([one.time for one in row], np.float64)
     off = np.array([one.aside for one in row], np.float64) / PASSINGS.scale
     at = np.searchsorted(times, when)
-    mine = np.minimum(off * off, PASSINGS.worst) + later[at + 1] + PASSINGS.pace * when
+    slant = PASSINGS.slanted * np.maximum(np.array([one.slant for one in row], np.float64) - PASSINGS.straight, 0.0)
+    mine = np.minimum(off * off + slant, PASSINGS.worst) + later[at + 1] + PASSINGS.pace * when
     cost, index = np.full(len(times), np.inf), np.full(len(times), -1)
     worst_first = np.argsort(mine, kind="stable")[::-1]  # of several at one time the last that is written stays
     cost[at[worst_first]], index[at[worst_first]] = mine[worst_first], worst_first

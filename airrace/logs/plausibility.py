@@ -31,6 +31,7 @@ class PlausibilitySettings:
         turning: load factor from which on bank and load factor of the path are certain enough, 1.
         load: difference of load factors, 1.
         bank, climb, course: differences of angles, rad.
+        stuck: scatter of a roll that moves at all, rad.
         banked: sine of the bank from which on its side is certain.
         full_turn: rad, which no angle in degrees stays below in a race.
         high: by which passings are too high for heights to be doubted, m.
@@ -46,6 +47,7 @@ class PlausibilitySettings:
     turning: float = 2.5
     load: float = 1.5
     bank: float = math.radians(45.0)
+    stuck: float = math.radians(5.0)
     banked: float = 0.35
     climb: float = math.radians(30.0)
     course: float = math.radians(60.0)
@@ -169,10 +171,13 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             columns[name] = np.degrees(columns[name])
         remarks.append("angles are taken in radians, for none is larger than a full turn of these")
     banked = turning & (np.abs(np.sin(mu)) > PLAUSIBLE.banked)
+    rolled = columns.get("phi", np.zeros(1))
     off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
     if turned < PLAUSIBLE.bank < off:
         columns["phi"] = -columns["phi"]
         remarks.append("the recorded roll is taken with the other sign: so it fits the turns of the path")
+    elif off > PLAUSIBLE.bank and np.nanstd(rolled) > PLAUSIBLE.stuck:
+        drop(("phi",), f"in turns it is off the path's by {math.degrees(off):.0f} deg")
     for name, true, most in (("theta", gamma, PLAUSIBLE.climb), ("psi", chi, PLAUSIBLE.course)):
         if name in columns and (off := difference(name, true, fast, _around)) > most:
             drop((name,), f"it is off the path's by {math.degrees(off):.0f} deg")

@@ -33,6 +33,8 @@ class SmoothingSettings:
         mostly: share of positions that are no outliers, at least; with fewer the noise was misjudged, and all count.
         noise_min, noise_max: bounds of the noise that is estimated from the positions themselves, m.
         usual_noise: what is taken where there are too few positions for an estimate, m.
+        missing: times the usual step between samples, beyond which some are missing.
+        hard: percentile of the weights that stands for hard turns.
         edge: for which the path goes on before the first position and behind the last one, s: it may begin at a gate.
         duration_max: of the longest path that is smoothed, s.
     """
@@ -46,6 +48,8 @@ class SmoothingSettings:
     noise_min: float = 0.02
     noise_max: float = 30.0
     usual_noise: float = 1.5
+    missing: float = 1.5
+    hard: float = 5.0
     edge: float = 0.5
     duration_max: float = 1200.0
 
@@ -128,13 +132,11 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
     nodes = time[0] - settings.edge + settings.step * np.arange(count)
     equations = _NormalEquations(nodes, time)
     weights, near = np.ones(count - 1), np.ones(len(time), np.bool_)
-    states, factors, off = np.zeros((3, count, 3)), list[Array](), np.zeros_like(places)
+    states, off = np.zeros((3, count, 3)), np.zeros_like(places)
     for _ in range(settings.iterations):
-        factors = list[Array]()
         for axis, density in enumerate(settings.density):
             certainty = (near & known[axis]) / sigma[axis] ** 2
-            states[axis], factor = equations.solve(places[axis], certainty, weights / density)
-            factors.append(factor)
+            states[axis], _ = equations.solve(places[axis], certainty, weights / density)
         surprise = np.sum(
             [equations.surprise(one) / q for one, q in zip(states, settings.density, strict=True)], axis=0
         )
@@ -143,9 +145,31 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
         near = np.logical_and.reduce(np.abs(off) < settings.outlying * sigma[:, None], axis=0)
         if near.mean() <= settings.mostly:
             near = np.ones_like(near)
+    factors = [
+        equations.solve(
+            places[axis],
+            (near & known[axis]) / sigma[axis] ** 2,
+            _cautious(weights, nodes, time[known[axis]]) / density,
+        )[1]
+        for axis, density in enumerate(settings.density)
+    ]
     scatter = np.sqrt(np.sum(off**2 * (near & known), axis=1) / np.maximum(np.sum(near & known, axis=1), 1))
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
     return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
+
+
+def _cautious(weights: Array, nodes: Array, time: Array) -> Array:
+    """Return the weights for standard deviations: where samples are missing the aircraft may have turned hard.
+
+    Nothing tells of a jerk there, so that the most probable path is a calm one.
+    """
+    steps = np.diff(time, prepend=nodes[0], append=nodes[-1])
+    behind = np.searchsorted(time, 0.5 * (nodes[1:] + nodes[:-1]))
+    missing = steps[behind] > SMOOTHING.missing * np.median(steps)
+    if missing.all() or not missing.any():
+        return weights
+    hard = float(np.percentile(weights[~missing], SMOOTHING.hard))
+    return np.where(missing, np.minimum(weights, hard), weights)
 
 
 def _estimate_noise(time: Array, places: Array) -> Array:

@@ -5,7 +5,8 @@ standard deviations of its measurement is uncertain.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -102,9 +103,17 @@ class Violation:
     penalty: float
 
     @property
+    def deviations(self) -> float:
+        """By how many standard deviations it exceeds what is allowed; 0 where that is not known."""
+        off = abs(self.value - self.limit)
+        if not math.isfinite(off + self.deviation):
+            return 0.0
+        return off / self.deviation if self.deviation > 0.0 else math.inf
+
+    @property
     def certain(self) -> bool:
         """Whether the violation is larger than what the measurement may be wrong by."""
-        return abs(self.value - self.limit) >= CERTAIN_DEVIATIONS * self.deviation  # never where that is not known
+        return self.deviations >= CERTAIN_DEVIATIONS  # never where that is not known
 
 
 @record
@@ -150,12 +159,31 @@ def violations(
     found: list[Violation] = []
     for crossing in flight.crossings:
         known = deviations(crossing.time) if crossing.found else NOT_KNOWN
+        if not crossing.found and (missed := _missed(flight, crossing, deviations, penalties)):
+            found.append(missed)
+            continue
         broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties)
         for rule, value, limit, deviation, unit, penalty in broken:
             price = math.nan if penalty is None else penalty
             found.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
     found += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
     return tuple(sorted(found, key=lambda one: not one.certain))
+
+
+def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
+    """Return the violations that people are shown, certain ones first, and a sentence on the near misses beside them.
+
+    An optimum touches its limits everywhere, and so does every good flight within what its measurement may be wrong by:
+    of ten near misses the one is shown that comes closest to certain.
+    """
+    certain = [one for one in violations if one.certain]
+    near = sorted((one for one in violations if not one.certain), key=lambda one: -one.deviations)
+    listed, others = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
+    rules = Counter(one.rule for one in others).most_common()
+    words = ", ".join(f"{count} {rule}" for rule, count in rules)
+    misses = "near miss is" if len(others) == 1 else "near misses are"
+    sentence = f"{len(others)} more {misses} within what the measurement may be wrong by: {words}" if others else ""
+    return [*certain, *listed], sentence
 
 
 def as_judged(element: Element) -> Element:
@@ -239,6 +267,26 @@ def _passing_violations(
 def beyond(value: float, allowed: Interval) -> float:
     """Return by how much a value lies above (positive) or below (negative) what is allowed; 0 where it does not."""
     return max(value - allowed.upper, 0.0) + min(value - allowed.lower, 0.0)
+
+
+def _missed(
+    flight: Flight, crossing: TimedCrossing, deviations: DeviationsAt, penalties: Penalties
+) -> Violation | None:
+    """Return how far from an element the flight went by between the passings around it; None where it is not known."""
+    element: Element = crossing.passage.element
+    index = flight.crossings.index(crossing)
+    before = max((one.time for one in flight.crossings[:index] if one.found), default=math.nan)
+    after = min((one.time for one in flight.crossings[index:] if one.found), default=math.nan)
+    rows = np.flatnonzero((flight.time > before) & (flight.time < after))
+    allowed = getattr(element, "reach", 0.5 * getattr(element, "width", math.inf))
+    if not element.stands or element.place is None or not len(rows):
+        return None
+    away = np.hypot(flight["x"][rows] - element.place[0], flight["y"][rows] - element.place[1])
+    nearest, when = float(away.min()), float(flight.time[rows[int(np.argmin(away))]])
+    if nearest <= allowed:
+        return None
+    penalty = math.nan if penalties.missed is None else penalties.missed
+    return Violation(crossing.name, "missed", when, nearest, allowed, deviations(when).across, "m", penalty)
 
 
 def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt) -> Iterator[Violation]:

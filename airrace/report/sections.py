@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from airrace.inputs import Inputs
-from airrace.logs.violations import Violation
+from airrace.logs.violations import CERTAIN_DEVIATIONS, Violation, shown
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
@@ -151,9 +151,10 @@ def violations_section(violations: Sequence[Violation], penalty: float) -> str:
         return section("Rules", note("Every passing keeps the rules of the course."))
     notes = (
         f"Penalties of what is certain: {penalty_text(penalty)}.",
-        "A violation smaller than three standard deviations of its measurement (+-) is not certain.",
+        f"A violation smaller than {CERTAIN_DEVIATIONS:g} standard deviations of its measurement (+-) is not certain.",
     )
-    return table_section(_violations_table(violations, notes))
+    listed, others = shown(violations)
+    return table_section(_violations_table(listed, (*notes, *[f"{others}."] * bool(others))))
 
 
 def recording_section(pairs: Sequence[tuple[str, str]], remarks: Sequence[str]) -> str:

@@ -43,7 +43,7 @@ class LogView:
 
     @property
     def violations(self) -> tuple[Violation, ...]:
-        """The rules that the flight would break, in the order of the course."""
+        """The rules that the flight would break, certain ones first, each in the order of the course."""
         return self.recorded.violations
 
     @property

@@ -232,3 +232,17 @@ def test_five_million_rows_are_read(tmp_path: Path) -> None:
         file.writelines(race[1:])
     flown = airrace.import_log(path, "rovinj_2014")
     assert flown.flight().race_time == pytest.approx(list(known().passings.values())[-1], abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["csv", "gpx", "acmi"])
+def test_an_exported_optimum_is_imported_again_and_breaks_no_rule(tmp_path: Path, name: str) -> None:
+    run_file, exported = tmp_path / "run.h5", tmp_path / f"optimum.{name}"
+    optimum = airrace.optimize("rovinj_2014", until="point-mass")
+    optimum.save(run_file)
+    assert run("export", name, run_file, "--output", exported, "-q")[0] == 0
+    again, flight = airrace.import_log(exported, "rovinj_2014"), optimum.stages[-1].flight()
+    assert [one for one in again.violations if one.certain] == []
+    assert [one.time for one in again.flight().crossings] == pytest.approx(
+        [one.time for one in flight.crossings], abs=0.005
+    )

@@ -12,7 +12,7 @@ from airrace.inputs import load_inputs
 from airrace.inputs.rules import preset_names
 from airrace.logs.histories import between_samples
 from airrace.logs.recording import Recording
-from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties, Violation, shown
 from airrace.results import Basis
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
@@ -135,6 +135,60 @@ def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> Non
     assert math.isnan(one.flight.race_time)
     assert "not passed: 1:g0#2" in one.remarks
     assert ("1:g0#2", "missed", 4.0) in [(b.passing, b.rule, b.penalty) for b in one.violations]
+
+
+def test_a_gate_that_was_flown_around_is_missed_by_its_distance() -> None:
+    side = known().at("chi", np.array([known().passings["1:g4"]]))[0] + math.pi / 2
+    bump = 110.0 * near("1:g4", 2.5)
+    around = replace(EXACT, north=EXACT.north + math.cos(side) * bump, east=EXACT.east + math.sin(side) * bump)
+    one = imported(csv_text(around), RULES)
+    assert "not passed: 1:g4" in one.remarks
+    (missed,) = [breach for breach in one.violations if breach.passing == "1:g4"]
+    assert (missed.rule, missed.certain, missed.penalty, missed.unit) == ("missed", True, 4.0, "m")
+    assert 60.0 < missed.value < 115.0
+    assert missed.limit < 20.0
+
+
+def test_nothing_is_certain_without_a_deviation_and_less_than_five_of_them() -> None:
+    breach = Violation("1:g4", "too-high", 1.0, 30.0, 25.0, 1.0, "m", 2.0)
+    assert breach.certain
+    assert replace(breach, deviation=0.0).certain
+    assert not replace(breach, deviation=1.01).certain
+    assert not replace(breach, deviation=math.nan).certain
+    assert not replace(breach, value=math.nan).certain
+
+
+@pytest.mark.parametrize(("certain", "near_misses"), [(0, 0), (2, 0), (1, 9), (3, 31)])
+def test_nine_of_ten_near_misses_are_one_sentence_and_certain_ones_come_first(certain: int, near_misses: int) -> None:
+    sure = [Violation("a", "bank", 1.0, 20.0 + row, 10.0, 1.0, "deg", 2.0) for row in range(certain)]
+    near_by = [Violation("b", "pylon", 1.0, 1.0 + 0.1 * row, 1.0, 1.0, "m", 3.0) for row in range(near_misses)]
+    listed, sentence = shown([*near_by, *sure])
+    assert listed[:certain] == sure
+    assert len(listed) - certain == math.ceil(near_misses / 10)
+    assert [one.value for one in listed[certain:]] == sorted((one.value for one in listed[certain:]), reverse=True)
+    others = near_misses - (len(listed) - certain)
+    assert sentence == (
+        ""
+        if not others
+        else f"{others} more near misses are within what the measurement may be wrong by: {others} pylon"
+    )
+
+
+def test_violations_come_with_the_certain_ones_first() -> None:
+    found = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), RULES).violations
+    assert [one.certain for one in found] == sorted((one.certain for one in found), reverse=True)
+    assert found[0].certain
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.5])
+def test_passings_are_known_worse_where_samples_are_missing(noise: float) -> None:
+    gap = (known().passings["1:g4"] - 0.6, known().passings["1:g4"] + 0.6)
+    whole, broken = (imported(csv_text(fixes(10.0, noise=noise, gap=one))) for one in ((0.0, 0.0), gap))
+    for name in ("across", "up", "time"):
+        assert getattr(broken.known["1:g4"], name) > 2.0 * getattr(whole.known["1:g4"], name)
+        assert getattr(broken.known["1:g1#2"], name) == pytest.approx(getattr(whole.known["1:g1#2"], name), rel=0.05)
+    off = broken.flight.crossings[4].time - known().passings["1:g4"] + known().passings["0:g0"]
+    assert abs(off) < 5.0 * broken.known["1:g4"].time
 
 
 @pytest.mark.parametrize("name", preset_names())
