@@ -46,7 +46,7 @@ from airrace.runs.stage_view import Sensitivities
 from airrace.runs.verification import Verification, verify_run
 from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching
-from airrace.views.units import units_named
+from airrace.views.tables import units_named
 
 if TYPE_CHECKING:
     from airrace.runs.reserve import ReserveCase

@@ -95,7 +95,7 @@ def import_log(
 
 
 class UnitsName(StrEnum):
-    """Units of speed and length for people; those of `airrace.views.units`."""
+    """Units of speed and length for people; those of `airrace.views.tables`."""
 
     KT_M = "kt-m"
     KT_FT = "kt-ft"
@@ -123,7 +123,7 @@ def brief(
         from airrace.errors import UsageError
         from airrace.runs.brief import Brief
         from airrace.runs.flight_sources import open_flight
-        from airrace.views.units import units_named
+        from airrace.views.tables import units_named
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")
@@ -206,7 +206,7 @@ def plot(
         flight = open_flight(name, stage=stage)
         from airrace.views.flight_figures import flight_figure
         from airrace.views.kneeboard import kneeboard_figure
-        from airrace.views.units import units_named
+        from airrace.views.tables import units_named
 
         save_figure(kneeboard_figure(flight, units_named(units)) if kneeboard else flight_figure(flight), path)
         answer_with_files(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])

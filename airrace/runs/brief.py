@@ -10,8 +10,7 @@ from airrace.results.cues import Cue, cues_of
 from airrace.runs.json_objects import flight_object
 from airrace.runs.output import write_text
 from airrace.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text
-from airrace.views.tables import Table
-from airrace.views.units import RACE, Units
+from airrace.views.tables import RACE, Table, Units
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -23,8 +23,7 @@ from airrace.views.flight_figures import draw_coloured, race_time_text
 from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapModel, map_model, round_length
 from airrace.views.stage_tables import cue_text, place_text
-from airrace.views.tables import Column, Table
-from airrace.views.units import RACE, Units
+from airrace.views.tables import RACE, Column, Table, Units
 
 PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5
 POINTS = 72.0  # per inch

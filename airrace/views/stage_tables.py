@@ -9,8 +9,7 @@ from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.clearances import NEAR_MISS, least_distances
 from airrace.results.cues import Action, Cue, Pull, RollAction
-from airrace.views.tables import Cell, Column, Table, Value
-from airrace.views.units import RACE, Units
+from airrace.views.tables import RACE, Cell, Column, Table, Units, Value
 
 _SPLITS = (
     Column("gate", key="passage"),

@@ -1,4 +1,4 @@
-"""Tables: one model, shown as text, on a terminal, as HTML and Markdown, and written as CSV and JSON."""
+"""Tables: one model, shown as text, on a terminal, as HTML and Markdown, written as CSV and JSON; units for people."""
 
 import csv
 import io
@@ -13,6 +13,8 @@ from airrace.views.plain_text import escape_html
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
+from airrace.errors import UsageError
+from airrace.quantities import FOOT, KNOT
 
 Value = str | float | None
 """What stands in a cell: words, or a number that the column formats; None or NaN where nothing is known."""
@@ -231,3 +233,37 @@ def _style(column: Column, inline: bool, *, bad: bool = False) -> str:
         return f' style="{STYLE.format("right" if column.form else "left")}"'
     classes = " ".join(name for name, applies in (("text", not column.form), ("no", bad)) if applies)
     return f' class="{classes}"' if classes else ""
+
+
+"""The international foot, m."""
+
+
+@record
+class Units:
+    """Units of speed and length.
+
+    Attributes:
+        speed, length: how they are written.
+        per_m_s, per_m: how many of them are one metre per second, and one metre.
+    """
+
+    speed: str
+    length: str
+    per_m_s: float
+    per_m: float
+
+
+RACE = Units("kt", "m", 1.0 / KNOT, 1.0)
+UNITS = {"kt-m": RACE, "kt-ft": Units("kt", "ft", 1.0 / KNOT, 1.0 / FOOT), "kmh-m": Units("km/h", "m", 3.6, 1.0)}
+"""The choices by name; `kt-m` are those of the rules of air races."""
+
+
+def units_named(name: str) -> Units:
+    """Return the units of a name.
+
+    Raises:
+        UsageError: there are none.
+    """
+    if name not in UNITS:
+        raise UsageError(f"there are no units {name!r}; known are {', '.join(UNITS)}")
+    return UNITS[name]

@@ -24,7 +24,7 @@ from airrace.results.flight import PATH_ATTITUDE
 from airrace.runs.brief import Brief
 from airrace.trajectory import Array
 from airrace.views.stage_tables import action_table, cue_text, place_text
-from airrace.views.units import UNITS
+from airrace.views.tables import UNITS
 
 SPEED, STEP, PASSED = 90.0, 0.01, (0.0, 6.0, 12.0, 18.0)
 """Of the history below: m/s, s, and when it makes its passings, s."""

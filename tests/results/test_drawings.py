@@ -19,7 +19,7 @@ from airrace.results.comparison import compare_flights
 from airrace.views.drawing import Figure, save_figure
 from airrace.views.flight_figures import STRIPS, comparison_figure, flight_figure
 from airrace.views.kneeboard import PAGE_HEIGHT, PAGE_WIDTH, fitting_turn, kneeboard_figure
-from airrace.views.units import UNITS
+from airrace.views.tables import UNITS
 
 
 def test_plan_and_profile_show_the_line_that_was_flown() -> None:

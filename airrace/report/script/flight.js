@@ -1,6 +1,18 @@
-// One flight: its histories, read off at any instant.
+// One flight: its histories, read off at any instant, and its aircraft, to scale.
 
-import { Quaternion, Vector3 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  CircleGeometry,
+  DoubleSide,
+  Group,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  Quaternion,
+  SphereGeometry,
+  Vector3,
+} from "three";
 import { indexBefore, numbersOf } from "./numbers.js";
 
 /** The rotation that takes north, east, down to the scene's axes: east, up, south. */
@@ -76,4 +88,154 @@ export class Flight {
     for (let i = 0; i < this.passings.length; i += 1) if (this.passings[i].time <= time + 1e-4) number = i;
     return number;
   }
+}
+
+const SPAN = 7.43; // m, of the drawing below
+const AROUND = 14; // faces around the fuselage
+const EYE = [-0.75, 0, -0.9]; // m, the pilot's
+const PAINT = { body: "#173f86", wing: "#f7f8fa", mark: "#ef6a1a", glass: "#1d2b38", dark: "#2a2f36" };
+
+// Fuselage: distance to the nose, half width, half height, height of the middle (down is positive), m.
+const FUSELAGE = [
+  [2.05, 0.05, 0.05, 0.0],
+  [1.98, 0.16, 0.16, 0.0],
+  [1.72, 0.25, 0.25, 0.0],
+  [1.7, 0.42, 0.4, 0.02],
+  [1.2, 0.48, 0.46, 0.02],
+  [0.4, 0.44, 0.48, 0.02],
+  [-0.6, 0.4, 0.46, 0.0],
+  [-1.6, 0.32, 0.38, -0.02],
+  [-2.8, 0.18, 0.25, -0.06],
+  [-3.9, 0.07, 0.14, -0.1],
+  [-4.15, 0.02, 0.05, -0.1],
+];
+
+// Wings and tail: leading edge, chord, half thickness, and where the section stands, from inboard to outboard, m.
+const WING = [
+  [0.62, 1.62, 0.13, 0.0],
+  [0.6, 1.3, 0.1, 2.2],
+  [0.57, 1.0, 0.07, 3.3],
+  [0.55, 0.85, 0.05, 3.715],
+];
+const TAILPLANE = [
+  [-3.12, 0.95, 0.05, 0.0],
+  [-3.28, 0.62, 0.03, 1.3],
+];
+const FIN = [
+  [-3.05, 1.1, 0.05, 0.1],
+  [-3.5, 0.72, 0.03, 1.3],
+];
+
+/**
+ * An aerobatic monoplane of few faces, to scale by its wing span, in body axes: x to the nose, y to the right wing, z down.
+ *
+ * The aircraft as a group; `eye` is the pilot's, in body axes, and `inside(is)` hides what would be in its way. A ghost is
+ * translucent, and of one colour, which `paint(colour)` gives it.
+ */
+export function aircraftOf(span, ghost) {
+  const group = new Group();
+  const scale = span / SPAN;
+  const pale = new MeshLambertMaterial({ side: DoubleSide, transparent: true, opacity: 0.62 });
+  const look = (name) => (ghost ? pale : new MeshLambertMaterial({ color: PAINT[name], side: DoubleSide }));
+  const body = new Mesh(loft(FUSELAGE.map(ring)), look("body"));
+  const canopy = new Mesh(new SphereGeometry(1, 14, 10), look("glass"));
+  canopy.scale.set(0.95, 0.3, 0.42);
+  canopy.position.set(-0.55, 0, -0.36);
+  group.add(body, canopy, ...lifting(look), ...gear(look), propeller());
+  group.scale.setScalar(scale);
+  group.eye = EYE.map((one) => one * scale);
+  group.paint = (colour) => pale.color.set(colour);
+  group.inside = (is) => {
+    canopy.visible = !is;
+  };
+  return group;
+}
+
+/** Wings with coloured tips, tailplane and fin. */
+function lifting(look) {
+  const parts = [];
+  for (const side of [-1, 1]) {
+    const flat = (sections) => loft(sections.map((one) => section(one, (across) => [side * across, -0.02])));
+    parts.push(new Mesh(flat(WING.slice(0, 3)), look("wing")), new Mesh(flat(WING.slice(2)), look("mark")));
+    const tail = TAILPLANE.map((one) => section(one, (across) => [side * across, -0.12]));
+    parts.push(new Mesh(loft(tail), look("wing")));
+  }
+  const fin = FIN.map(([edge, chord, thick, up]) =>
+    section([edge, chord, thick, 0], () => [0, 0]).map(([x, , z]) => [x, z, -0.1 - up]),
+  );
+  parts.push(new Mesh(loft(fin), look("mark")));
+  return parts;
+}
+
+/** Two legs and two wheels in spats. */
+function gear(look) {
+  return [-1, 1].flatMap((side) => {
+    const leg = [
+      [0.55, 0.3 * side, 0.4],
+      [0.75, 0.95 * side, 1.05],
+    ];
+    const spat = new Mesh(new SphereGeometry(1, 10, 8), look("body"));
+    spat.scale.set(0.42, 0.1, 0.19);
+    spat.position.set(0.72, 0.98 * side, 1.12);
+    const thick = (x, y, z, half) => [
+      [x - half, y, z],
+      [x, y, z - 0.04],
+      [x + half, y, z],
+      [x, y, z + 0.04],
+    ];
+    const strut = loft([thick(...leg[0], 0.14), thick(...leg[1], 0.09)]);
+    return [new Mesh(strut, look("dark")), spat];
+  });
+}
+
+/** The disc that a turning propeller looks like. */
+function propeller() {
+  const look = { color: "#5a6670", transparent: true, opacity: 0.14, side: DoubleSide, depthWrite: false };
+  const disc = new Mesh(new CircleGeometry(1.0, 28), new MeshBasicMaterial(look));
+  disc.rotation.y = Math.PI / 2;
+  disc.position.x = 1.85;
+  return disc;
+}
+
+/** A ring around the fuselage, an ellipse. */
+function ring([x, wide, high, middle]) {
+  return Array.from({ length: AROUND }, (_, i) => {
+    const angle = (2 * Math.PI * i) / AROUND;
+    return [x, wide * Math.cos(angle), middle + high * Math.sin(angle)];
+  });
+}
+
+/** A symmetric profile; `where` puts it beside the middle of the aircraft. */
+function section([edge, chord, thick, across], where) {
+  const [y, z] = where(across);
+  const upper = [0, 0.08, 0.28, 0.6, 1].map((share) => [share, share === 0 || share === 1 ? 0 : profile(share)]);
+  const lower = upper.slice(1, -1).reverse();
+  const sided = [...upper.map(([s, t]) => [s, -t]), ...lower.map(([s, t]) => [s, t])];
+  return sided.map(([share, t]) => [edge - share * chord, y, z + thick * t]);
+}
+
+/** Thickness along the chord, of its half. */
+function profile(share) {
+  return share < 0.28 ? Math.sqrt(share / 0.28) : (1 - share) / 0.72;
+}
+
+/** The skin over closed sections of as many points, with flat ends. */
+function loft(sections) {
+  const around = sections[0].length;
+  const places = [];
+  const triangle = (a, b, c) => places.push(...a, ...b, ...c);
+  for (let s = 0; s + 1 < sections.length; s += 1) {
+    for (let i = 0; i < around; i += 1) {
+      const j = (i + 1) % around;
+      const [a, b, c, d] = [sections[s][i], sections[s][j], sections[s + 1][i], sections[s + 1][j]];
+      triangle(a, b, c);
+      triangle(b, d, c);
+    }
+  }
+  for (const end of [sections[0], sections[sections.length - 1]])
+    for (let i = 1; i + 1 < around; i += 1) triangle(end[0], end[i], end[i + 1]);
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(places), 3));
+  geometry.computeVertexNormals();
+  return geometry;
 }

@@ -1,12 +1,61 @@
-// The page comes to life: what it carries is read, and its parts are linked by one clock.
+// The page comes to life: what it carries is read, its parts are linked by one clock, and it is printed.
 
-import { Clock, linkFlights, linkTables, showReadings, Transport, watchKeys } from "./clock.js";
+import { Clock, Transport, linkFlights, linkTables, showReadings, watchKeys } from "./clock.js";
 import { Controls } from "./controls.js";
 import { Flight } from "./flight.js";
+import { written } from "./numbers.js";
 import { watchTheme } from "./palette.js";
-import { watchPrinting } from "./printing.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
+
+const PICTURES = [
+  ["above", 540, 390],
+  ["orbit", 540, 390],
+  ["side", 1080, 260],
+];
+const WIDTH = 700; // pixels: what a page takes between its margins
+
+/** Make the page ready before it is printed, and put it back afterwards. */
+export function watchPrinting(element, scene, controls, strips, clock, forceTheme) {
+  window.addEventListener("beforeprint", () => {
+    clock.stop();
+    forceTheme("light");
+    if (scene !== null)
+      element.replaceChildren(...PICTURES.map((one) => pictured(scene, ...one, clock.time)), keyOf(controls));
+    document.documentElement.classList.add("printing");
+    strips.resize(WIDTH, 2);
+  });
+  window.addEventListener("afterprint", () => {
+    document.documentElement.classList.remove("printing");
+    element.replaceChildren();
+    forceTheme(null);
+    strips.resize();
+    scene?.invalidate();
+  });
+}
+
+function pictured(scene, name, width, height, time) {
+  const figure = document.createElement("figure");
+  const image = document.createElement("img");
+  image.src = scene.picture(name, width, height);
+  image.alt = "";
+  const caption = document.createElement("figcaption");
+  caption.textContent = `${name}, ${scene.scaleOf(name, width)}; the aircraft at ${written(time, 2)} s`;
+  figure.className = name;
+  figure.append(image, caption);
+  return figure;
+}
+
+/** What the colours of the line mean. */
+function keyOf(controls) {
+  const key = document.createElement("p");
+  const ramp = document.createElement("i");
+  ramp.style.background = controls.ramp;
+  key.className = "key";
+  const [before, behind] = controls.legend;
+  key.append(before, ramp, behind);
+  return key;
+}
 
 function begin() {
   const contents = JSON.parse(document.getElementById("contents").textContent);

@@ -14,11 +14,9 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { aircraftOf } from "./aircraft.js";
-import { courseOf } from "./course.js";
-import { placed } from "./flight.js";
+import { courseOf, groundOf } from "./course.js";
+import { aircraftOf, placed } from "./flight.js";
 import { watchGestures } from "./controls.js";
-import { groundOf } from "./ground.js";
 import { labelsOver, writeLabels } from "./labels.js";
 import { roundStep, written } from "./numbers.js";
 import { ghostColour, themed } from "./palette.js";
