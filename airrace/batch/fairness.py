@@ -228,7 +228,7 @@ class Fairness:
         }
 
 
-class _Solver:
+class _OptimumStore:
     """Optima by their inputs, each found once.
 
     Args:
@@ -332,7 +332,7 @@ def fairness(
     folder = None if output is None else Path(output)
     if folder is not None:
         make_folder(folder)
-    solver = _Solver(stage, folder, threads or available_cores(), cold, tell)
+    solver = _OptimumStore(stage, folder, threads or available_cores(), cold, tell)
     columns: list[list[Optimum]] = []
     for name, inputs in planned.items():
         solved, column = list[tuple[Combination, RunState]](), list[Optimum]()
@@ -401,7 +401,7 @@ class _FlightToNormalise:
         return cls(source_of(opened, name.stage).flight(), stem_of(name.path), start, *airs)
 
 
-def _normalise(flights: Sequence[_FlightToNormalise], solver: _Solver) -> tuple[NormalisedFlight, ...]:
+def _normalise(flights: Sequence[_FlightToNormalise], solver: _OptimumStore) -> tuple[NormalisedFlight, ...]:
     """Return flights and the optima of their aircraft, the fastest first."""
     found: list[NormalisedFlight] = []
     for one in flights:

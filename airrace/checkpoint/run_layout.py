@@ -1,27 +1,4 @@
-"""The layout of a checkpoint as a tree, with `N` intervals and `N + 1` nodes:
-
-/                                   attribute schema
-/inputs/track, aircraft, settings   path, text (settings only where there was a file)
-/inputs/overrides, resolved
-/versions                           table: name, version
-/stages/STAGE/
-    outcome, message, inputs_hash, chain_hash
-    notes                           table: kind, text
-    time, interval_time             s, dimension scales: the nodes, the beginnings of the intervals
-    states/NAME, controls/NAME      (N + 1,) and (N,), each with its declaration: units, long_name, scale,
-                                    lower, upper, its row in the vector, and rate_of where it is the time
-                                    derivative of a state: that state's name
-    phases                          table: one name per row
-    first_node, durations
-    constraint_multipliers, bound_multipliers
-    mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
-    certificate/solver_status, items, second_order   (absent where the stage is not certified by design)
-    splits, attempts, timings, provenance    tables, SI and radians
-    search/routes, loops, summary         tables: other routes that were tried
-    pylon_conditions                    table: what keeps the wing clear of pylons; only where anything does
-    suggested_changes                   table: what would resolve conflicts of limits; only where there are any
-    alternatives/N/                     flights on other routes, but for the hashes like the stage itself
-"""
+"""The layout of a checkpoint as a tree, as `docs/reference/checkpoint.md` has it; a test holds the two together."""
 
 import math
 import re

@@ -24,7 +24,7 @@ alone."""
 
 
 @record
-class Limit:
+class LimitPlaces:
     """A limit on one quantity, in n places.
 
     Attributes:
@@ -38,7 +38,7 @@ class Limit:
     weights: Array
 
 
-Limits = Mapping[tuple[Extent, str], Limit]
+Limits = Mapping[tuple[Extent, str], LimitPlaces]
 """All limits of a problem, by their extents and names."""
 
 
@@ -73,7 +73,7 @@ def limits_of(layout: Layout) -> Limits:
     at_end = np.zeros(layout.intervals + 1, dtype=np.bool_)
     stretch[layout.first_node], at_end[layout.first_node] = 1.0, True
     along[layout.first_node] = np.arange(len(layout.first_node))  # exact where phases meet
-    limits: dict[tuple[Extent, str], Limit] = {}
+    limits: dict[tuple[Extent, str], LimitPlaces] = {}
     rows = layout.rows
     sources, source = _number([*(one.name for one in layout.output_samples), "path"])  # the path is the last: -1
     names, name = _number([one.quantity.name for one in rows.limits])
@@ -87,7 +87,7 @@ def limits_of(layout: Layout) -> Limits:
         which, end = divmod(int(number[members[0]]), 2)
         sampled = sources[which // len(names)]
         key = f"{sampled}: {names[which % len(names)]}"
-        limit = Limit(layout.row_index[members], along[rows.node[members]], weight[members])
+        limit = LimitPlaces(layout.row_index[members], along[rows.node[members]], weight[members])
         if sampled in alone:
             limits["one node", key] = replace(limit, weights=rows.scale[members])
         else:
@@ -96,13 +96,13 @@ def limits_of(layout: Layout) -> Limits:
     for component, quantity in enumerate(layout.problem.system.states):
         places, weights = layout.constraints + layout.state_index[:, component], stretch * quantity.scale
         for extent, nodes in by_extent.items():
-            limits[extent, f"state: {quantity.name}"] = Limit(places[nodes], along[nodes], weights[nodes])
+            limits[extent, f"state: {quantity.name}"] = LimitPlaces(places[nodes], along[nodes], weights[nodes])
     ends = along[:-1] + layout.fractions  # the last interval of a phase ends where the next phase begins
     for component, quantity in enumerate(layout.problem.system.controls):
         places, weights = layout.constraints + layout.control_index[:, component], layout.fractions * quantity.scale
-        limits["interval", f"control: {quantity.name}"] = Limit(places, (along[:-1] + ends) / 2.0, weights)
+        limits["interval", f"control: {quantity.name}"] = LimitPlaces(places, (along[:-1] + ends) / 2.0, weights)
     places = layout.constraints + layout.phase_durations
-    limits["duration", "duration"] = Limit(places, np.arange(float(len(places))), np.ones(len(places)))
+    limits["duration", "duration"] = LimitPlaces(places, np.arange(float(len(places))), np.ones(len(places)))
     return limits
 
 

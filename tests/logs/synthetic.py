@@ -31,7 +31,7 @@ GAP = (20.0, 20.3)
 
 
 @dataclass(frozen=True)
-class PrimalDualPoint:
+class InitialPoint:
     """The flight as it was: histories by name over its time, SI and radians, and when it made its passings."""
 
     histories: Mapping[str, Array]
@@ -67,14 +67,14 @@ def race() -> Race:
 
 
 @functools.cache
-def known() -> PrimalDualPoint:
+def known() -> InitialPoint:
     table = _rows(HERE / "rovinj_2014.csv")
     columns = {name: np.array([float(row[name]) for row in table]) for name in table[0]}
     names = {"time_s": "time", "x_m": "x", "y_m": "y", "height_m": "height", "V_K_m_s": "V_K", "n_z": "n_z"}
     angles = {"mu_deg": "mu", "gamma_deg": "gamma", "chi_deg": "chi", "p_Kbar_deg_s": "p_Kbar"}
     histories = {names[name]: columns[name] for name in names}
     histories |= {angles[name]: np.radians(columns[name]) for name in angles}
-    return PrimalDualPoint(
+    return InitialPoint(
         histories, {row["passing"]: float(row["time_s"]) for row in _rows(HERE / "rovinj_2014.splits.csv")}
     )
 

@@ -18,7 +18,7 @@ from airrace.optimal_control.solvers import predictor_corrector
 from airrace.optimal_control.solvers.fatrop.stages import (
     INEQUALITIES,
     LEAST_FACTOR,
-    PrimalDualPoint,
+    InitialPoint,
     Rows,
     Stages,
     scale_by_multipliers,
@@ -115,8 +115,8 @@ def solve_from(
     return solved(problem, guess, multipliers, barrier, near=False, tolerance=1e-9)
 
 
-def known(values: list[float], multipliers: list[float]) -> PrimalDualPoint:
-    return PrimalDualPoint(np.array(values), np.array(multipliers), BARRIER)
+def known(values: list[float], multipliers: list[float]) -> InitialPoint:
+    return InitialPoint(np.array(values), np.array(multipliers), BARRIER)
 
 
 def test_multiplier_of_a_weighed_side_is_one() -> None:
@@ -133,7 +133,7 @@ def test_weighed_sides_ask_for_the_same() -> None:
     generator = np.random.default_rng(1)
     for _ in range(50):
         at, lam = generator.uniform(-1.0, 1.0, 4), generator.normal(size=4) * generator.integers(0, 2, 4)
-        sides = scale_by_multipliers(ROWS, LOWER, UPPER, PrimalDualPoint(at, lam, BARRIER))
+        sides = scale_by_multipliers(ROWS, LOWER, UPPER, InitialPoint(at, lam, BARRIER))
         for v in (-1.5, -1.0, -0.2, 0.0, 0.9, 1.0, 1.7, 2.0, 2.5):
             values = sides.factors * v + sides.shifts
             within = (sides.lower - 1e-12 <= values) & (values <= sides.upper + 1e-12)
@@ -143,7 +143,7 @@ def test_weighed_sides_ask_for_the_same() -> None:
 
 @pytest.mark.parametrize("slack", [0.2, 0.4])
 def test_slack_times_multiplier_is_the_barrier_where_nothing_presses(slack: float) -> None:
-    given = PrimalDualPoint(np.array([slack]), np.zeros(1), barrier=0.01)
+    given = InitialPoint(np.array([slack]), np.zeros(1), barrier=0.01)
     sides = scale_by_multipliers(ROWS[:1], LOWER[:1], UPPER[:1], given)
     assert sides.factors * slack == pytest.approx(given.barrier)
     assert sides.factors[0] > LEAST_FACTOR
@@ -299,7 +299,7 @@ def rows_of(functions: Evaluation, *, weighed: bool) -> Rows:
     known = None
     if weighed:
         values = np.concatenate([functions.g, functions.w])
-        known = PrimalDualPoint(values, np.random.default_rng(2).normal(size=len(values)), 1e-3)
+        known = InitialPoint(values, np.random.default_rng(2).normal(size=len(values)), 1e-3)
     return Rows(Stages(functions.assembly), bounds, known)
 
 

@@ -213,10 +213,10 @@ class PredictorCorrector:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        return _Iteration(self._functions, self._system, bounds, options).solve(guess, multipliers)
+        return _Solve(self._functions, self._system, bounds, options).solve(guess, multipliers)
 
 
-class _Iteration:
+class _Solve:
     def __init__(self, functions: Evaluation, system: StageSystem, bounds: Bounds, options: SolverOptions) -> None:
         layout = functions.assembly.layout
         self._functions, self._system, self._options = functions, system, options

@@ -32,7 +32,7 @@ from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.fatrop.creeping import CreepingDetector
 from airrace.optimal_control.solvers.fatrop.library import OUTPUT, Callback, doubles_at, fatrop, interface
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, memory_of
-from airrace.optimal_control.solvers.fatrop.stages import PrimalDualPoint, Rows, Stages
+from airrace.optimal_control.solvers.fatrop.stages import InitialPoint, Rows, Stages
 from airrace.optimal_control.solvers.interface import Bounds, Ending, SolverResult
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.sparse_assembly import Memory
@@ -130,7 +130,7 @@ class FatropSolver:
             self._functions.w[:] = guess
             self._functions.values()
             barrier = float(options["mu_init"])
-            start = PrimalDualPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
+            start = InitialPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
             options = options | {
                 "bound_push": WARM_START.bound_push * barrier,
                 "lam_max": WARM_START.largest_costate,

@@ -44,7 +44,7 @@ INEQUALITIES = 2
 
 
 @record
-class PrimalDualPoint:
+class InitialPoint:
     """The point that a solve begins with, scaled.
 
     Attributes:
@@ -76,7 +76,7 @@ class ScaledInequalities:
     upper: Array
 
 
-def scale_by_multipliers(rows: Indices, lower: Array, upper: Array, start: PrimalDualPoint) -> ScaledInequalities:
+def scale_by_multipliers(rows: Indices, lower: Array, upper: Array, start: InitialPoint) -> ScaledInequalities:
     """Scale inequalities so that their known multipliers become 1.
 
     fatrop begins with multipliers of 1 for all bounds, whatever it is given, and finds those of the dynamics from them
@@ -203,7 +203,7 @@ class Rows:
     """
 
     def __init__(
-        self, stages: Stages, bounds: Bounds, start: PrimalDualPoint | None = None, *, exact: bool = False
+        self, stages: Stages, bounds: Bounds, start: InitialPoint | None = None, *, exact: bool = False
     ) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
