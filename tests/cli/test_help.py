@@ -18,8 +18,6 @@ from typer.testing import CliRunner
 from airrace.cli import installation
 from airrace.cli.courses import Language
 from airrace.cli.main import app
-from airrace.inputs import Document, load_inputs
-from airrace.inputs.batch import read_batch
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 ROOT = Path(__file__).parents[2]
@@ -77,11 +75,6 @@ def test_every_option_is_documented() -> None:
     assert {option for option in known if f"`{option}" not in TEXTS and f", `{option}" not in TEXTS} == set()
 
 
-def examples() -> list[str]:
-    """All YAML in the documentation."""
-    return re.findall(r"```yaml\n(.+?)```", TEXTS, re.DOTALL)
-
-
 def test_the_action_calls_commands_as_they_are() -> None:
     action = yaml.safe_load((ROOT / ".github" / "actions" / "fly" / "action.yml").read_text(encoding="utf-8"))
     scripts = "\n".join(step.get("run", "") for step in action["runs"]["steps"])
@@ -91,21 +84,6 @@ def test_the_action_calls_commands_as_they_are() -> None:
         options = {word for word in shlex.split(arguments) if word.startswith("--")}
         assert options <= set(dict(commands())[f"airrace {command}"])
         assert options
-
-
-def test_the_inputs_of_the_documentation_are_valid(tmp_path: Path) -> None:
-    (batch,) = [text for text in examples() if text.startswith("schema: airrace/batch/1")]
-    entry, reporter = read_batch(Document("batch.yaml", batch))
-    assert reporter.findings == []
-    assert len(entry.sweep) == 2
-    found = [text for text in examples() if text.startswith("schema: airrace/track/1")]
-    assert len(found) == 2  # in the README, and explained in docs/course.md
-    for example in found:
-        track = tmp_path / "example.yaml"
-        track.write_text(example, encoding="utf-8")
-        inputs = load_inputs(track, aircraft=ROOT / "configs" / "edge540.yaml")
-        assert inputs.race.course.name == "Harbour sprint"
-        assert len(inputs.race.course.passages) == 5
 
 
 def examined() -> tuple[int, dict[str, dict[str, str]], dict[str, Any]]:  # Any: JSON
