@@ -24,7 +24,6 @@ from typer.testing import CliRunner
 from airrace import resources
 from airrace.cli.main import app
 from airrace.errors import UsageError
-from airrace.export import flight_table
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import Format, formats, register
@@ -415,18 +414,6 @@ def test_a_format_of_an_extension_is_a_subcommand_that_writes(tmp_path: Path) ->
         register(Format("kml", "", lambda flights, begin: b""))
 
 
-def test_the_table_of_a_flight_is_the_same_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    def written() -> str:
-        stream = io.StringIO(newline="")
-        export_flight_csv(half_cuban().flight(), stream, rate_hz=50.0)
-        return stream.getvalue()
-
-    whole = written()
-    assert whole.count("\n") > 400
-    monkeypatch.setattr(flight_table, "ROWS_AT_ONCE", 7)
-    assert written() == whole
-
-
 def test_the_table_in_a_file_is_the_one_on_stdout_and_that_of_python(tmp_path: Path) -> None:
     stored, path = half_cuban().save(tmp_path / "run.h5"), tmp_path / "run.csv"
     stage = half_cuban()["point-mass"]
@@ -506,22 +493,6 @@ def test_results_lie_beside_the_run_and_are_not_overwritten(
     assert os.listdir(tmp_path) == []
     refused = CliRunner().invoke(app, [*words, flight])
     assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
-
-
-@pytest.mark.parametrize("words", [("report",), ("export", "kml", "--origin", "45,13"), ("export", "csv")])
-def test_no_command_overwrites_the_run_that_it_reads(folder: Path, words: tuple[str, ...]) -> None:
-    run = folder / "eight.h5"
-    before = run.read_bytes()
-    for name in (f"{run}", f"{run}:point-mass"):
-        output = folder / ".." / folder.name / run.name
-        refused = CliRunner().invoke(app, [*words, name, "--output", str(output), "--force"])
-        assert refused.exit_code == 2
-        assert "is read by this command; write into another file" in refused.stderr
-        assert run.read_bytes() == before
-    log = folder.parent / "log.csv"
-    log.write_text("time,latitude,longitude,altitude\n")
-    refused = CliRunner().invoke(app, ["import", str(log), "--course", "rovinj_2014", "--output", str(log), "--force"])
-    assert (refused.exit_code, refused.stderr.count("is read by this command")) == (2, 1)
 
 
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:

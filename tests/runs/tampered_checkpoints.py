@@ -323,6 +323,8 @@ FOUND: dict[str, Tampering] = {
         mesh(lambda _: MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0), np.zeros(0)))
     ),
     "multipliers of limits": last(one_number("constraint_multipliers", 1.01)),
+    "multipliers of another problem": last(lambda result: replace(result, constraint_multipliers=np.zeros(1))),
+    "no multipliers": at(POINT_MASS, lambda result: replace(result, constraint_multipliers=np.zeros(0))),
     "multipliers of bounds": last(one_number("bound_multipliers", 1.01)),
     "no multipliers of bounds": last(lambda result: replace(result, bound_multipliers=np.zeros(0))),
     "version of airrace": versions(airrace="9.0.0"),
