@@ -14,7 +14,6 @@ import airrace
 from airrace.errors import InputError, UsageError
 from airrace.export.globe import features
 from airrace.inputs import load_inputs
-from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point
@@ -174,36 +173,6 @@ def test_two_points_are_a_gate_and_one_is_a_pylon(tmp_path: Path) -> None:
     assert math.cos(start.heading) > 0.99  # to the north, where the way leads
     assert math.sin(end.heading) > 0.99  # to the east
     assert math.cos(turn.side) > 0.7  # the way turns back to the south: outside is north
-
-
-def test_areas_are_people_and_airspace(tmp_path: Path) -> None:
-    def area(name: str, east: float, size: float) -> str:
-        corners = [(east, -size), (east + size, -size), (east + size, size), (east, size), (east, -size)]
-        places = " ".join(f"{13.0 + e / 78_850.0:.9f},{45.0 + n / 111_130.0:.9f}" for e, n in corners)
-        ring = f"<outerBoundaryIs><LinearRing><coordinates>{places}</coordinates></LinearRing></outerBoundaryIs>"
-        return f"<Placemark><name>{name}</name><Polygon>{ring}</Polygon></Placemark>"
-
-    gates = point("a left", -6.0, 0.0) + point("a right", 6.0, 0.0) + point("b", 0.0, 500.0)
-    course = coarse(tmp_path, kml(gates + area("North stand", 400.0, 100.0) + area("Airspace", -2000.0, 4000.0)))
-    assert [crowd.name for crowd in course.crowd] == ["North_stand"]
-    assert len(course.airspace) == 4
-
-
-def test_waypoints_of_gpx_are_read(tmp_path: Path) -> None:
-    path = tmp_path / "marks.gpx"
-    path.write_text('<gpx><wpt lat="45" lon="13"><name>a</name></wpt><rte><rtept lat="45.01" lon="13"/></rte></gpx>')
-    marks = read_placemarks(path)
-    assert [(mark.name, mark.shape, mark.places) for mark in marks] == [
-        ("a", PlacemarkShape.POINT, ((45.0, 13.0),)),
-        ("", PlacemarkShape.POINT, ((45.01, 13.0),)),
-    ]
-
-
-def test_what_is_no_gate_is_told(tmp_path: Path) -> None:
-    ends = "<LineString><coordinates>13,45 13.01,45</coordinates></LineString>"
-    line = f"<Placemark><name>shore: [x]</name>{ends}</Placemark>"
-    coarse(tmp_path, kml(point("a", 0.0, 0.0) + line + point("b", 0.0, 500.0)))
-    assert "# not taken over: 'shore: [x]', a line of 2 places" in (tmp_path / "sketched.yaml").read_text()
 
 
 def test_hostile_names_stay_names(tmp_path: Path) -> None:
