@@ -85,19 +85,19 @@ class Optimum:
 class NormalisedFlight:
     """A flight, and the optima of its aircraft in the air that it flew in (`there`) and in still standard air, s.
 
-    `flown` is its race time without penalties, s.
+    `race_time` is without penalties, s.
     """
 
     label: str
     aircraft: str
-    flown: float
+    race_time: float
     there: float
     standard: float
 
     @property
     def time(self) -> float:
         """What it would have taken in still standard air, s."""
-        return self.standard + self.flown - self.there
+        return self.standard + self.race_time - self.there
 
 
 @record
@@ -193,11 +193,11 @@ class Fairness:
         for name in ("flown", "optimum", "gap", "standard", "normalised"):
             columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
         rows = [
-            [one.label, one.aircraft, one.flown, one.there, one.flown - one.there, one.standard, one.time]
+            [one.label, one.aircraft, one.race_time, one.there, one.race_time - one.there, one.standard, one.time]
             for one in self.flights
         ]
         notes = ["normalised: standard + gap; penalties are not in it"]
-        if any(one.flown < one.there for one in self.flights):
+        if any(one.race_time < one.there for one in self.flights):
             notes.append("a flight that is faster than its optimum breaks a limit of it, or its air was another")
         return Table("flights as of still standard air", columns, rows, notes)
 

@@ -145,9 +145,9 @@ def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progres
 
     assert run.inputs.reserve is not None
     case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads)
-    kept = replace(case.run, path=run.path, sign=run.sign)
-    _store(kept)
-    return Executed(kept, kept.results[-1], replace(case, run=kept))
+    renewed = replace(case.run, path=run.path, sign=run.sign)
+    _store(renewed)
+    return Executed(renewed, renewed.results[-1], replace(case, run=renewed))
 
 
 def _execute_locked(
