@@ -192,6 +192,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     elif timed.unit in _NUMBERS:
         notation = "number"
     indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
+    garbled = 0  # times that are there and cannot be read
     for at, line in _rows(samples, itertools.chain(rest, numbered)):
         row = _cells(line, delimiter)
         if len(row) <= max(indices) and not line.endswith("\n"):
@@ -206,7 +207,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         except (ValueError, OverflowError):
             example = "12.35, 14:03:07.25 or 2016-03-12T14:03:07.25Z"
             samples.leave_out(at, f"`{when[:40]}` is no time; expected one such as {example}", timed.header)
-            notation = notation if samples.lines else ""
+            notation, garbled = notation if samples.lines else "", garbled + bool(when)
             continue
         if not samples.lines and notation == "iso":
             zoned = datetime.fromisoformat(when).tzinfo is not None
@@ -214,7 +215,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
             samples.number(at, cell, one.header) if cell else math.nan for one, cell in zip(others, cells, strict=True)
         ]
         samples.append(at, seconds, *values)
-    if len(samples.lines) < 2 or len(samples.lines) <= _unread(samples, timed.header):
+    if len(samples.lines) < 2 or len(samples.lines) <= garbled:
         samples.refuse_first_fault()
     numbers, (time, *values) = samples.arrays(
         "holds no samples; expected one row for every instant, below a row of headers"

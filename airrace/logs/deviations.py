@@ -35,6 +35,9 @@ class ErrorModel:
         time: likewise of the position, for the time of a passing, so that 68 and 95 % lie within one and two of them.
         wings: of the angle by which the wings may lie otherwise across the path, for there is sideslip, rad.
         sideslip: rad, at most; it rolls a body that is pitched up, which a roll without heading does not tell.
+        pull: acceleration that nobody knows of where samples are missing, m/s^2.
+        onset, load_onset: s, in which an aircraft comes to its greatest rate of roll, and of the load factor.
+        load_rate: the latter, 1/s.
         barometer: standard deviation of heights by the standard atmosphere, m: of 8 hPa.
     """
 
@@ -44,6 +47,10 @@ class ErrorModel:
     acceleration: float = 4.0
     time: float = 1.5
     sideslip: float = math.radians(15.0)
+    pull: float = 25.0
+    onset: float = 0.1
+    load_onset: float = 0.2
+    load_rate: float = 25.0
     wings: float = math.radians(0.1)
     barometer: float = 70.0
 
@@ -79,24 +86,24 @@ def deviations_of(
         offset: of the flight's clock on that of the recording, s.
         doubt: by which all heights may be off together, m.
     """
-    roll = _History(part, "phi") if is_measured(flight, "phi") else None
-    load = _History(part, "n_z") if is_measured(flight, "n_z") else None
+    limits = flight_limits(flight.aircraft, flight.course.rules)
+    roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, ERRORS.sideslip)
+    roll = _History(part, "phi", roll_rate, ERRORS.onset) if is_measured(flight, "phi") else None
+    load = _History(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
     zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0)
     half_span = 0.5 * flight.aircraft.airframe.b
-    limits = flight_limits(flight.aircraft, flight.course.rules)
-    roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, ERRORS.sideslip)
     places = part.time[np.isfinite(part.columns["x"])]
-
-    def step_around(time: float) -> float:
-        row = min(max(int(np.searchsorted(places, time)), 1), len(places) - 1)
-        return float(places[row] - places[row - 1])
+    usual = float(np.median(np.diff(places)))
 
     def at(time: float) -> StandardDeviations:
         raw = path.deviations(np.array([offset + time]))[:, :, 0]
-        across = float(np.hypot(ERRORS.across * raw[0, :2], least[:2]).max())
-        along = float(np.hypot(ERRORS.time * raw[0, :2], least[:2]).max())
-        up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero)
+        place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
+        step = float(places[place] - places[place - 1])
+        lost = ERRORS.pull * step**2 / 8.0 if step > SMOOTHING.missing * usual else 0.0
+        across = math.hypot(*(float(one.max()) for one in (ERRORS.across * raw[0, :2], least[:2])), lost)
+        along = math.hypot(*(float(one.max()) for one in (ERRORS.time * raw[0, :2], least[:2])), lost)
+        up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero, lost)
         velocity, acceleration = ERRORS.velocity * raw[1], ERRORS.acceleration * raw[2]
         row = int(np.argmin(np.abs(flight.time - time)))
         V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
@@ -110,8 +117,8 @@ def deviations_of(
             own, seen = roll.deviation(offset + time, when), direction * math.sin(gamma)
             bank = math.hypot(own, seen, slipping, ERRORS.wings)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
-            step = max(step_around(offset + time), SMOOTHING.step)
-            bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), roll_rate * step), math.pi)
+            rolled = roll_rate * max(step, SMOOTHING.step)
+            bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
         pull = float(acceleration.max()) / g0 if load is None else load.deviation(offset + time, when)
         return StandardDeviations(across, math.hypot(across, tip), up, bank, direction, speed, pull, when)
@@ -125,10 +132,12 @@ class _History:
     Args:
         recording: with samples of the history.
         name: of the history.
+        fastest: its greatest rate, in its unit per second.
+        onset: in which it comes to that, s.
     """
 
-    def __init__(self, recording: Recording, name: str) -> None:
-        self.recording, self.name = recording, name
+    def __init__(self, recording: Recording, name: str, fastest: float, onset: float) -> None:
+        self.recording, self.name, self.fastest, self.onset = recording, name, fastest, onset
         self.time, self.values = samples_of(recording, name)
         third = np.abs(np.diff(self.values, 3))
         noise = float(np.median(third)) / (0.6745 * math.sqrt(20.0)) if len(third) else 0.0
@@ -138,7 +147,8 @@ class _History:
         """Return the standard deviation at a time that is known to `when`, in the unit of the history.
 
         It is that of the samples, of what is lost between them, and of the rate of the history times that of the time.
-        NaN where there are no samples around.
+        What is lost shows in the bend of the samples, but not all of it where they are far apart: of what the greatest
+        rate and its onset allow a third counts. NaN where there are no samples around.
         """
         t, v = self.time, self.values
         row = int(np.searchsorted(t, time))
@@ -146,5 +156,7 @@ class _History:
             return math.nan
         around = np.clip(np.arange(row - 2, row + 3), 0, len(t) - 1)
         rates = np.abs(np.diff(v[around])) / np.maximum(np.diff(t[around]), 1e-6)
-        lost = float(between_samples(self.recording, self.name, np.array([time]))[0])
-        return math.hypot(lost, float(rates.max()) * when, self.noise)
+        bend = float(between_samples(self.recording, self.name, np.array([time]))[0])
+        step = float(t[row] - t[row - 1])
+        lost = self.fastest * min(step / 2.0, step**2 / (8.0 * self.onset)) / 3.0
+        return math.hypot(bend, lost, float(rates.max()) * when, self.noise)

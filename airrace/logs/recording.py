@@ -1,6 +1,5 @@
 """A log as recorded: its samples, and how they are collected from a file that nobody vouches for."""
 
-import contextlib
 import math
 from array import array
 from collections.abc import Mapping, Sequence
@@ -100,10 +99,10 @@ def refuse(path: str, line: int, message: str, key: str = "") -> Never:
     raise InputError([Finding(path, line, 0 if line == 0 else 1, key, message)])
 
 
-def count_of(number: int, what: str) -> str:
-    """Return a number of things with their verb, `1 outlier is` or `3 outliers are`."""
+def count_of(number: int, what: str, more: str = "") -> str:
+    """Return a number of things with their verb, `1 outlier is` or `3 fixes of ... are`."""
     several = f"{what}es" if what.endswith("x") else f"{what}s"
-    return f"1 {what} is" if number == 1 else f"{number} {several} are"
+    return f"1 {what}{more} is" if number == 1 else f"{number} {several}{more} are"
 
 
 def enumerate_words(words: Sequence[str], most: int = 12) -> str:
@@ -139,15 +138,18 @@ class SampleTable:
     def leave_out(self, line: int, message: str, key: str = "", *, whole: bool = True) -> None:
         """Count something that cannot be read: a whole sample, or only its value of a column."""
         if key not in self.faults:
-            self.faults[key] = LogFault(key, line, message, whole)
+            printable = "".join(one if one.isprintable() else "\ufffd" for one in message)
+            self.faults[key] = LogFault(key, line, printable, whole)
         self.faults[key].count += 1
 
     def number(self, line: int, text: str, key: str) -> float:
         """Return the number that a text holds; NaN where it holds none, which is counted."""
-        with contextlib.suppress(ValueError):
+        try:
             value = float(text)
-            if not abs(value) >= LARGEST:
-                return value
+        except ValueError:
+            value = math.inf
+        if not abs(value) >= LARGEST:
+            return value
         hint = "; say `decimal: comma` in the mapping" if "," in text else ""
         self.leave_out(line, f"`{text[:40]}` is no number{hint}", key, whole=False)
         return math.nan
@@ -197,5 +199,5 @@ class LogFault:
         """Return what is told of it; `what` is the word for a sample."""
         thing = what if self.whole else "value"
         column = f" of `{self.key[:60]}`" if self.key and not self.whole else ""
-        counted = f"1 {thing}{column} is" if self.count == 1 else f"{self.count} {thing}s{column} are"
+        counted = count_of(self.count, thing, column)
         return f"{counted} left out, the first one in line {self.line}: {self.message.partition(';')[0]}"

@@ -175,7 +175,7 @@ class Count:
     refused: int = 0
     false: list[str] = field(default_factory=list[str])
     raised: int = 0
-    found: int = 0
+    lost: list[str] = field(default_factory=list[str])
     passings: list[Mapping[str, float]] = field(default_factory=list[Mapping[str, float]])
 
     def take(self, flown: LogFlight, known: Flight, draw: LogDraw, label: str) -> None:
@@ -191,7 +191,9 @@ class Count:
         excess = crossing.value("height") + by - window.upper
         if crossing.name in flown.known and excess > 8.0 * flown.known[crossing.name].up:
             self.raised += 1
-            self.found += any((one.passing, one.rule) == (crossing.name, "too-high") for one in certain)
+            if not any((one.passing, one.rule) == (crossing.name, "too-high") for one in certain):
+                seen = next(one.value("height") for one in flown.flight.crossings if one.name == crossing.name)
+                self.lost.append(f"{label}: seen {seen:.2f} m, +- {flown.known[crossing.name].up:.2f} m")
 
 
 def main() -> None:
@@ -214,13 +216,15 @@ def main() -> None:
         count.take(flown, flights[which], draw, label)
     print("| logs | refused | false certain violations | gates passed too high by 8 deviations | found |")
     print("|---|---|---|---|---|")
-    print(f"| {count.logs} | {count.refused} | {len(count.false)} | {count.raised} | {count.found} |\n")
+    print(
+        f"| {count.logs} | {count.refused} | {len(count.false)} | {count.raised} | {count.raised - len(count.lost)} |\n"
+    )
     print("| errors, in deviations | within 1 | within 2 | within 5 | greatest |\n|---|---|---|---|---|")
     for name in QUANTITIES:
         values = np.abs([one[name] for one in count.passings])
         shares = " | ".join(f"{100.0 * np.mean(values <= most):.2f} %" for most in (1.0, 2.0, 5.0))
         print(f"| {name} | {shares} | {values.max():.1f} |")
-    print("\n".join(["", *count.false]))
+    print("\n".join(["", "false:", *count.false, "", "not found:", *count.lost]))
 
 
 def _arguments() -> argparse.Namespace:
