@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
+    from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
     from airrace.runs.courses import CourseCheck, init
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_view import StageView
@@ -54,6 +55,7 @@ __all__ = [
     "AirraceError",
     "BatchResult",
     "Certificate",
+    "ComparedAircraft",
     "Course",
     "CourseCheck",
     "Crowd",
@@ -88,6 +90,7 @@ __all__ = [
     "Trajectory",
     "Turning",
     "check",
+    "estimate_aircraft",
     "fairness",
     "import_log",
     "init",
@@ -115,6 +118,7 @@ _HOMES = {
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
+    "airrace.runs.aircraft": ("ComparedAircraft", "estimate_aircraft"),
     "airrace.runs.courses": ("CourseCheck", "init"),
     "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
     "airrace.runs.log_view": ("LogView",),

@@ -25,6 +25,7 @@ NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=nul
 FLIGHTS: dict[str, tuple[str, ...]] = {
     "rovinj": ("rovinj_2014", *PLAN),
     "pc9": ("rovinj_2014", "--aircraft", "pc9", *POINT_MASS),
+    "extra": ("rovinj_2014", "--aircraft", "extra330sc", *POINT_MASS),
     "wind_240": ("rovinj_2014", *WIND, "environment.wind.from_deg=240", *POINT_MASS),
     "wind_280": ("rovinj_2014", *WIND, "environment.wind.from_deg=280", *POINT_MASS),
     "over_the_top": ("abu_dhabi_2016", *POINT_MASS),
@@ -60,6 +61,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "abu_dhabi_2016": ("check", "abu_dhabi_2016", "--plot"),
     "sixteen_phases": ("check", "sixteen_phases", "--plot"),
     "aircraft": ("compare", "rovinj.h5:point-mass", "pc9.h5", "--plot"),
+    "own_aircraft": ("compare", "rovinj.h5:point-mass", "extra.h5", "--plot"),
     "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
     "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
     "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),

@@ -4,6 +4,8 @@
     python scripts/tables.py stages RUNS       docs/evidence/races.md: what every stage found
     python scripts/tables.py courses RUNS      docs/evidence/races.md: optima and winners
     python scripts/tables.py evidence RUNS     the largest value of every item of the certificates, by stage
+    python scripts/tables.py published RUNS    docs/evidence/aircraft.md: figures of the aircraft beside published ones
+    python scripts/tables.py aircraft RUNS     docs/evidence/aircraft.md: optima of runs called AIRCRAFT_TRACK.h5
 
 A run that is missing, or a stage that is not certified, ends the script.
 """
@@ -15,11 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import airrace
+from airrace.inputs.document import AIRCRAFT
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = ("point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
 REAL = ("rovinj_2014", "gdynia_2014", "chiba_2015", "abu_dhabi_2016", "san_diego_2017", "air_race_x_2024")
 COURSES = (*REAL, "sixteen_phases", "half_cuban_eight")
+FLOWN = tuple(name for name in AIRCRAFT.names if name not in ("edge540", "pc9"))
+"""The aircraft that are estimated from published figures."""
 Row = tuple[str, ...]
 Answer = dict[str, Any]  # Any: a stage as `--json` prints it
 
@@ -72,8 +77,34 @@ def evidence_table(runs: Path) -> Iterator[Row]:
         yield (*about, *(f"{values[one]:.2g}" if one in values else "" for one in STAGES))
 
 
+def published_table(_: Path) -> Iterator[Row]:
+    """One row per aircraft and figure that is published of it."""
+    yield ("aircraft", "figure", "published", "computed", "difference")
+    for name in AIRCRAFT.names:
+        for row in airrace.estimate_aircraft(name).table.objects():
+            if row["published"] is not None:
+                figures = (f"{row[key]:.1f} {row['unit']}" for key in ("published", "computed"))
+                yield (f"`{name}`", str(row["figure"]), *figures, f"{row['difference_percent']:+z.1f} %")
+
+
+def aircraft_table(runs: Path) -> Iterator[Row]:
+    """One row per course: the race time at the last stage of every aircraft that was flown."""
+    yield ("course", *(f"`{name}`" for name in FLOWN))
+    for course in COURSES:
+        yield (f"`{course}`", *(_last_stage(runs / f"{name}_{course}.h5") for name in FLOWN))
+
+
+def _last_stage(path: Path) -> str:
+    """The race time of a run, or how far it came."""
+    last = airrace.open(path).as_object()["stages"][-1] if path.exists() else {"stage": "none", "certified": False}
+    if last["certified"] and last["stage"] == STAGES[-1]:
+        return f"{last['race_time_s']:.3f}"
+    return f"not certified: `{last['stage']}`"
+
+
 def main() -> None:
     tables = {"stages": stage_table, "courses": course_table, "evidence": evidence_table}
+    tables |= {"published": published_table, "aircraft": aircraft_table}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=tables)
     parser.add_argument("runs", type=Path, metavar="RUNS", help="folder of checkpoints")

@@ -27,7 +27,9 @@ def fairness(
     track: TrackFile,
     aircraft: Annotated[
         list[Path] | None,
-        file_option("FILE", "An aircraft: a file, edge540 or pc9; as often as you like.", complete=complete_aircraft),
+        file_option(
+            "FILE", "An aircraft: a file or a name, e.g. pc9; as often as you like.", complete=complete_aircraft
+        ),
     ] = None,
     winds: Annotated[
         str | None,

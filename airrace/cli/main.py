@@ -9,6 +9,7 @@ from typing import Annotated, cast
 
 import typer
 
+from airrace.cli.aircraft import aircraft
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
 from airrace.cli.fairness import fairness
@@ -47,6 +48,7 @@ for _name, _command in {
     "fairness": fairness,
     "tracks": tracks,
     "init": init,
+    "aircraft": aircraft,
     "schema": schema,
     "doctor": doctor,
 }.items():

@@ -105,7 +105,7 @@ AircraftFile = Annotated[
     Path | None,
     file_option(
         "FILE",
-        "Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
+        "Fly this aircraft instead of the one the track names: a file, or a name that `airrace tracks` lists.",
         complete=complete_aircraft,
     ),
 ]

@@ -187,6 +187,25 @@ class EnvelopeEntry(Schema):
     n_z_max: Annotated[float, Gt(1), Le(25)] = Field(description="largest load factor")
 
 
+class PublishedEntry(Schema):
+    """Figures of the flight manual, with which those of the aircraft are compared; no flight depends on them."""
+
+    what: ClassVar[str] = "the group of published figures"
+    source: str = Field(default="", description="where they are published")
+    manual_mass: Annotated[float, Gt(0), Le(1e5)] | None = optional("at which they hold, if not the own", "mass_kg")
+    manual_power: Annotated[float, Gt(0), Le(10_000)] | None = optional(
+        "at which they hold, if not the own", "power_kW"
+    )
+    stall: Annotated[float, Gt(0), Le(300)] | None = optional("in level flight, without flaps", "stall_m_s")
+    speed_max: Annotated[float, Gt(0), Le(300)] | None = optional("of level flight at sea level", "speed_max_m_s")
+    climb: Annotated[float, Gt(0), Le(100)] | None = optional("best rate of climb at sea level", "climb_m_s")
+    roll_rate: Annotated[float, Gt(0), Le(1000)] | None = optional("of full ailerons", "roll_rate_deg_s")
+    roll_speed: Annotated[float, Gt(0), Le(300)] | None = optional(
+        "of that roll rate; V_A by default", "roll_speed_m_s"
+    )
+    turn: Annotated[float, Gt(1), Le(25)] | None = optional("of the tightest level turn that is held", "n_z_turn")
+
+
 class AircraftEntry(Schema):
     """A whole aircraft file."""
 
@@ -210,6 +229,7 @@ class AircraftEntry(Schema):
     envelope: EnvelopeEntry = Field(description="limits of speed and load factor")
     propeller: PropellerEntry | None = optional("what the propeller does besides pulling")
     linear: LinearEntry | None = optional("constants of the linear models that replace those of the derivatives")
+    published: PublishedEntry | None = optional("figures of the flight manual, to compare with")
 
 
 def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:

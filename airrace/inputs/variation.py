@@ -6,7 +6,7 @@ from functools import cached_property, partial
 from typing import TypeVar, cast
 
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs.aircraft import AircraftEntry
+from airrace.inputs.aircraft import AircraftEntry, PublishedEntry
 from airrace.inputs.inputs import DocumentReader, Inputs, build_course_and_air, check_together, read_aircraft
 from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
 from airrace.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
@@ -128,7 +128,7 @@ def _fill(entry: AnySchema, numbers: Mapping[str, float | None]) -> AnySchema:
 def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
     """Yield all numbers by their keys; whole numbers that count (laps) and absent ones are left out."""
     match value:
-        case ReserveEntry():
+        case ReserveEntry() | PublishedEntry():
             return  # no number of the race that is flown
         case float():
             yield path, value

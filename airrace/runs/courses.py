@@ -7,6 +7,7 @@ from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Inputs, load_inputs
+from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.inputs.course_import import ImportRemark, sketch_course
 from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
@@ -85,8 +86,7 @@ def _track(name: str) -> ShippedTrack:
 
 
 def _aircraft(name: str) -> ShippedAircraft:
-    any_track = _file(TRACKS, TRACKS.names[0])
-    aircraft = load_inputs(any_track, aircraft=_file(AIRCRAFT, name)).race.aircraft
+    aircraft = read_aircraft_file(_file(AIRCRAFT, name)).aircraft
     return ShippedAircraft(name, aircraft.name, aircraft.airframe.m)
 
 

@@ -22,7 +22,7 @@ TITLES = {
 }
 GUIDES = {
     "track": "[Describing a course](../course.md) explains the language by examples.",
-    "aircraft": "[Adding an aircraft](../how_to/aircraft.md) tells where the numbers come from.",
+    "aircraft": "[My own aircraft](../how_to/aircraft.md) tells where the numbers come from.",
     "settings": "[Settings](../settings.md) says how they are given.",
     "batch": "[Many courses at once](../batches.md) explains batches by examples.",
     "log": "[Flight logs](../flown_logs.md) explains mappings by examples.",

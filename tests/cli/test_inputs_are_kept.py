@@ -46,6 +46,7 @@ COMMANDS: dict[str, str] = {
     f"{LOG} --output OUT": "plane.yaml extension.py",
     "init OUT.yaml --like course.yaml": "course.yaml",
     "init OUT.yaml --from places.kml": "places.kml",
+    "aircraft mine --from plane.yaml --stall 57kt --output OUT": "plane.yaml",
     **{
         f"batch course.yaml {INPUTS} batch.yaml {report} OUT": (
             "course.yaml other.yaml settings.yaml batch.yaml second.yaml extension.py"
@@ -167,7 +168,7 @@ def test_every_option_that_names_an_input_of_a_command_that_writes_is_tried() ->
         if words.partition(" ")[2] in ("", "csv", "kml")  # which stands for all formats of several flights
         and any(one.name in WRITES for one in parameters)
     }
-    assert len(writing) == 14
+    assert len(writing) == 15
     for words, options in writing.items():
         tried = " ".join(command for command in COMMANDS if command.startswith(f"{words} "))
         assert tried

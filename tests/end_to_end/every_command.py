@@ -35,6 +35,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("check", COURSE),
     ("tracks",),
     ("init", "mine"),
+    ("aircraft", "mine", "--from", "edge540", "--stall", "57kt"),
     ("schema", "track"),
     ("--help",),
 )

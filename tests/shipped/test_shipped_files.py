@@ -92,7 +92,7 @@ def test_the_sideslip_limit_binds_before_the_lateral_load_factor_does(flown: Air
     assert n_y < flown.point_mass.n_y
 
 
-AIRCRAFT = ("edge540", "pc9")
+AIRCRAFT = ("corvus540", "edge540", "extra330lx", "extra330sc", "mxs_r", "pc9", "zlin50")
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
 FROM_AXES = ("abu_dhabi_2016", "chiba_2015", "gdynia_2014", "rovinj_2014", "san_diego_2017")
 """Courses whose source gives no direction, but an axis per gate."""

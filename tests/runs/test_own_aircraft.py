@@ -1,0 +1,115 @@
+"""Aircraft of one's own by `airrace aircraft`: the file, what it says of its numbers, and the comparison."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from command import run as airrace
+
+from airrace import estimate_aircraft
+from airrace.dynamics.handling import faults, remarks
+from airrace.errors import UsageError
+from airrace.inputs.aircraft_file import read_aircraft_file
+from airrace.inputs.document import AIRCRAFT
+
+MANUAL = ("--mass", "730kg", "--span", "24.6ft", "--area", "10.44m2", "--power", "315hp", "--stall", "55kt")
+SPEEDS = ("--speed-max", "343km/h", "--climb", "3200ft/min", "--roll-rate", "400", "--n-z", "10g")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_manual_makes_a_file_that_says_where_every_number_comes_from(folder: Path) -> None:
+    ran = airrace("aircraft", "My Extra", "--from", "edge540", *MANUAL, *SPEEDS, "--manual-mass", "820kg")
+    assert (ran.code, ran.err) == (0, "")
+    text = (folder / "my_extra.yaml").read_text(encoding="utf-8")
+    groups, _, published = text.partition("published:")
+    values = re.findall(r"^  (\w+): .*$", groups, re.MULTILINE)
+    assert len(values) == len(re.findall(r"^  \w+: \S+ +# \S", groups, re.MULTILINE)) > 50
+    assert re.search(r"C_L_max: 1\.5\d+ +# stall speed: 2 m g0/\(rho V_S\^2 S\)", groups)
+    assert re.search(r"C_Ybeta: -0\.55 +# edge540", groups)
+    assert re.search(r"mass_kg: 730 +# given", groups)
+    assert re.search(r"mass_kg: 820", published)
+    assert "stall                kt          55.0      55.0        +0.0" in ran.out
+    assert airrace("check", "rovinj_2014", "--aircraft", "my_extra.yaml").code == 0
+
+
+def test_a_file_that_is_written_is_compared_with_its_own_figures(folder: Path) -> None:
+    made = estimate_aircraft("mine", from_="edge540", stall="55kt", speed_max="210kt", turn="4g")
+    read = estimate_aircraft("mine.yaml")
+    assert (made.path, read.path) == (Path("mine.yaml"), None)
+    for before, after in zip(made.table.rows, read.table.rows, strict=True):
+        assert after[3] == pytest.approx(before[3], rel=1e-4)
+        assert after[2] == pytest.approx(before[2], rel=1e-4, nan_ok=True)
+    assert read.figures.turn == 4.0
+    (folder / "mine.yaml").write_text("schema: airrace/track/1\n")
+    assert airrace("aircraft", "mine.yaml").code == 3
+
+
+def test_a_name_of_any_signs_stays_a_name(folder: Path) -> None:
+    name = 'Jim\'s "Extra": #1 \\ ü'
+    made = estimate_aircraft(name, from_="edge540", output="mine.yaml", stall="58kt")
+    assert yaml.safe_load((folder / "mine.yaml").read_text(encoding="utf-8"))["name"] == made.aircraft.name == name
+
+
+def test_constants_of_linear_loops_are_not_taken_over(folder: Path) -> None:
+    text = (AIRCRAFT.path / "edge540.yaml").read_text(encoding="utf-8")
+    (folder / "start.yaml").write_text(text + "\nlinear:\n  speed_m_s: 90\n  tau_p_s: 0.07\n", encoding="utf-8")
+    assert estimate_aircraft("mine", from_="start.yaml", stall="58kt").aircraft.linear is None
+    assert "linear:" not in (folder / "mine.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["X", "--from", "edge540", "--stall", "57"], 2, "--stall: '57' has no unit"),
+        (["X", "--from", "edge540", "--stall", "27kt"], 2, "takes a C_L_max of 6.37"),
+        (["X", "--from", "edge540"], 2, "no figure of the aircraft is given"),
+        (["X", "--stall", "57kt"], 2, "name that, too, e.g. --from edge540"),
+        (["X", "--from", "edge54", "--stall", "57kt"], 3, "did you mean `edge540`, which comes with airrace?"),
+        (["edge54"], 3, "did you mean `edge540`, which comes with airrace?"),
+        (["X", "--from", "edge540", "--speed-limit", "60kt"], 2, "no aircraft that flies: envelope.speed_max_m_s"),
+    ],
+)
+def test_what_makes_no_aircraft_gets_one_clear_error_and_no_file(
+    folder: Path, words: list[str], code: int, message: str
+) -> None:
+    ran = airrace("aircraft", *words)
+    assert (ran.code, ran.out) == (code, "")
+    assert message in ran.err
+    assert "Traceback" not in ran.err
+    assert list(folder.iterdir()) == []
+
+
+def test_a_file_that_exists_is_kept_and_figures_have_names(folder: Path) -> None:
+    (folder / "x.yaml").write_text("mine")
+    assert airrace("aircraft", "X", "--from", "edge540", "--stall", "57kt").code == 2
+    assert (folder / "x.yaml").read_text() == "mine"
+    with pytest.raises(UsageError, match="there is no figure 'stal'; known are mass"):
+        estimate_aircraft("Y", from_="edge540", stal="57kt")
+
+
+@pytest.mark.parametrize("name", AIRCRAFT.names)
+def test_aircraft_that_come_along_have_their_published_figures_within_five_per_cent(name: str) -> None:
+    compared = estimate_aircraft(name)
+    published = [row for row in compared.table.objects() if row["published"] is not None]
+    assert len(published) >= 2
+    for row in published:
+        difference = row["difference_percent"]
+        assert isinstance(difference, float)
+        assert abs(difference) < 5.0, row
+
+
+@pytest.mark.parametrize("name", AIRCRAFT.names)
+def test_nothing_is_wrong_with_aircraft_that_come_along_and_all_name_their_sources(name: str) -> None:
+    file = read_aircraft_file(name)
+    assert faults(file.aircraft) == ()
+    assert remarks(file.aircraft) == ()
+    assert file.entry.published is not None
+    assert file.entry.published.source
+    text = (AIRCRAFT.path / f"{name}.yaml").read_text(encoding="utf-8")
+    assert re.search(r"^  mass_kg: \S+ +# [SE]", text, re.MULTILINE)
