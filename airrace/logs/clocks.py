@@ -125,9 +125,7 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
         InputError: the unit that is named cannot be true.
     """
     speed = usual_speed(time, places)
-    if math.isnan(
-        speed
-    ):  # what does not move has no speed to tell the unit by: since 1970 the size of its numbers does
+    if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
         large = float(np.median(np.abs(time)))
         found = next((one for one, tick in TICKS.items() if large * tick < CLOCKS.since_1970_most), "s")
         return TICKS[unit or found], ()
@@ -220,7 +218,7 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
     if not keep.all():
         first = int(lines[np.flatnonzero(~keep)[0]])
         left = count_of(int((~keep).sum()), "sample")
-        remarks.append(f"{left} left out for times that fit those around them not, the first one in line {first}")
+        remarks.append(f"{left} left out for times that do not fit those around them, the first one in line {first}")
     if len(cuts) > 1:
         parts = list(zip(cuts, [*cuts[1:], len(time)], strict=True))
         begin, end = max(parts, key=lambda part: int(keep[part[0] : part[1]].sum()))

@@ -16,7 +16,7 @@ import numpy as np
 
 from airrace.environment.atmosphere import g0
 from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, parse_time, unwrap_days
-from airrace.logs.recording import LIMITS, Recording, SampleTable, enumerate_words, refuse
+from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.trajectory import Array
@@ -91,7 +91,6 @@ _SUFFIXED = re.compile(
     r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|us|usec|ns|g)$", re.IGNORECASE
 )
 _DELIMITERS = (",", ";", "\t", "|")
-_EARTH = 6.371e6  # radius, m
 _PREAMBLE = 200
 """Lines that may come before the headers."""
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
@@ -252,7 +251,7 @@ def _ground(histories: Mapping[str, Array]) -> Array:
     if "x" in histories and "y" in histories:
         return np.stack([histories["x"], histories["y"]])
     north, east = histories["latitude"], histories["longitude"]
-    return _EARTH * np.stack([north, east * np.cos(north)])
+    return EARTH_RADIUS * np.stack([north, east * np.cos(north)])
 
 
 def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:

@@ -9,7 +9,7 @@ from airrace.dynamics.limits import flight_limits
 from airrace.environment.atmosphere import g0
 from airrace.logs.freshness import rounding
 from airrace.logs.histories import HOLE, between_samples, samples_of
-from airrace.logs.recording import Recording
+from airrace.logs.recording import EARTH_RADIUS, Recording
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.logs.violations import StandardDeviations
 from airrace.records import record
@@ -17,14 +17,12 @@ from airrace.results import Flight
 from airrace.results.flight import Basis
 from airrace.trajectory import Array
 
-_EARTH = 6.371e6  # radius, m
-
 
 @record
 class ErrorModel:
     """By how much passings are less certain than the smoother's own equations say, which take its weights for known.
 
-    Measured on optima, recorded at 1 to 50 Hz with 0 to 3 m of noise (`scripts/experiments/calibrated_logs.py`).
+    Measured on optima, recorded at 1 to 50 Hz with 0 to 3 m of noise (`scripts/experiments/noisy_logs.py`).
 
     Their errors, divided by those deviations, had root mean squares of 0.5 to 2 and tails beyond that of a normal
     distribution: the greatest ones of a thousand were 8 (over ground), 8 (height), 13 (velocity) and 13 (acceleration).
@@ -41,8 +39,8 @@ class ErrorModel:
         barometer: standard deviation of heights by the standard atmosphere, m: of 8 hPa.
     """
 
-    across: float = 2.0
-    up: float = 2.2
+    across: float = 2.3
+    up: float = 2.7
     velocity: float = 3.0
     acceleration: float = 4.0
     time: float = 1.5
@@ -64,7 +62,7 @@ def place_roundings(placed: Recording) -> Array:
     found = [rounding(columns[name]) for name in ("x", "y")]
     if "latitude" in columns:
         narrow = math.cos(float(np.nanmedian(columns["latitude"])))
-        found = [_EARTH * rounding(columns["latitude"]), _EARTH * narrow * rounding(columns["longitude"])]
+        found = [EARTH_RADIUS * rounding(columns["latitude"]), EARTH_RADIUS * narrow * rounding(columns["longitude"])]
     return np.array([*found, rounding(columns["height"])])
 
 

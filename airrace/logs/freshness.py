@@ -24,6 +24,8 @@ _LEAP = 3.0
 def resolution(values: Array) -> float:
     """Return the step that all values are multiples of but for a common offset; 0 where there is none.
 
+    A step that is much finer than the values are apart is not found; it does not matter.
+
     Args:
         values: shape (n,); NaN where nothing is known.
     """

@@ -148,6 +148,10 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
     found = find_runs(race, *_coarse_path(framed))
     if not found:
         count = sum(stands(one) for one in race.course.passages)
+        if count == 0:
+            refuse(
+                framed.path, 0, f"cannot be told from others: {race.course.name} has no gate and no pylon that stands"
+            )
         refuse(
             framed.path,
             0,

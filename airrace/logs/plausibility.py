@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.logs.csv_log import FIELDS
 from airrace.logs.histories import path_histories
 from airrace.logs.passings import HEIGHTS, CourseRun
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
 from airrace.logs.violations import beyond, height_window
 from airrace.planning.race import Race
-from airrace.quantities import KNOT, Interval
+from airrace.quantities import Interval
 from airrace.records import record
 from airrace.results import Flight, attitude
 from airrace.results.flight import PATH_ATTITUDE
@@ -60,8 +61,8 @@ class PlausibilitySettings:
 
 
 PLAUSIBLE = PlausibilitySettings()
-_SPEEDS = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
-_FOOT = 0.3048
+_SPEEDS = FIELDS["true_airspeed"].units
+_FOOT = FIELDS["altitude"].units["ft"]
 _ANGLES = ("phi", "theta", "psi")
 
 

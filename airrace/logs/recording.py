@@ -39,6 +39,8 @@ class LogLimits:
 
 
 LIMITS = LogLimits()
+EARTH_RADIUS = 6.371e6
+"""Near enough for speeds and deviations, m."""
 LARGEST = 1e18
 """Beyond all numbers that a log records."""
 

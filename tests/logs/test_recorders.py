@@ -91,11 +91,11 @@ BAD_ROWS: dict[str, tuple[list[str], str]] = {
     "zeros behind the end": ([*LINES, "\0" * 4000], "1 sample is left out, the first one in line"),
     "a time that runs back": (
         replaced(LINES, {500: moved(500, -3.0)}),
-        "1 sample is left out for times that fit those",
+        "1 sample is left out for times that do not fit those",
     ),
     "a time that runs ahead": (
         replaced(LINES, {500: moved(500, 900.0)}),
-        "1 sample is left out for times that fit those",
+        "1 sample is left out for times that do not fit those",
     ),
     "two rows in the wrong order": (
         replaced(LINES, {500: LINES[501], 501: LINES[500]}),
@@ -103,7 +103,7 @@ BAD_ROWS: dict[str, tuple[list[str], str]] = {
     ),
     "many times that run ahead": (
         replaced(LINES, {row: moved(row, 3600.0) for row in range(1200, 1240)}),
-        "40 samples are left out for times that fit those around them not, the first one in line 1202",
+        "40 samples are left out for times that do not fit those around them, the first one in line 1202",
     ),
     "recorded twice": ([*LINES, *LINES], "time runs backwards for good in line 1273: only the longest part is read"),
     "the last time far ahead": ([*LINES, "1e9,45.08,13.6,20"], "positions come at 20 Hz"),
@@ -317,7 +317,10 @@ BAD_FIXES: dict[str, tuple[list[str], str]] = {
         "1 fix is left out, the first one in line 501: is no fix",
     ),
     "no time of day": (replaced(IGC, {500: "B99" + IGC[500][3:]}), "1 fix is left out, the first one in line 501"),
-    "a false midnight": (replaced(IGC, {500: "B01" + IGC[500][3:]}), "1 sample is left out for times that fit those"),
+    "a false midnight": (
+        replaced(IGC, {500: "B01" + IGC[500][3:]}),
+        "1 sample is left out for times that do not fit those",
+    ),
     "fixes that are not valid": (
         [line.replace("EA", "EV") if row % 40 == 20 else line for row, line in enumerate(IGC)],
         "fixes are left out as not valid (`V`)",
@@ -378,7 +381,7 @@ PLAN = "<trk><name>plan</name><trkseg>" + '<trkpt lat="45.08" lon="13.62"></trkp
             GPX.replace("</trkpt>", "<extensions><time>2014-01-01T00:00:00Z</time><ele>9</ele></extensions></trkpt>"),
             "20 Hz",
         ),
-        (GPX.replace("14:00:20.0", "14:00:60.0"), "left out for times that fit those around them not"),
+        (GPX.replace("14:00:20.0", "14:00:60.0"), "left out for times that do not fit those around them"),
         (GPX.replace('lat="45', 'lat="x', 1), "1 value of `lat` is left out, the first one in line 3"),
         (
             GPX.replace(
