@@ -19,7 +19,7 @@ from airrace.runs.plan import Changes
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
 from airrace.safety.pilot import PilotModel
-from airrace.safety.reserve import Allocation, Limit, allocate, limits_of
+from airrace.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
 from airrace.safety.result import LOAD, Count
 from airrace.safety.safety import closed_loop_of
 from airrace.sensitivity.lagrangian import sensitivities_to
@@ -40,6 +40,8 @@ class ReserveIteration:
         tolerance: by how much the lower end of the interval of confidence may lie below the probability.
         excess: the share of the breaches that are allowed below which margins are too large.
         aim: the share of them that is aimed at.
+        linear: how many times as many flights as predicted may break a limit before the stall is blamed.
+        lift: the share of the full margin of the lift coefficient that is added then.
         change: by how much the risk is scaled at most.
         flights: closed-loop flights.
     """
@@ -50,6 +52,8 @@ class ReserveIteration:
     tolerance: float = 0.01
     excess: float = 0.4
     aim: float = 0.8
+    linear: float = 3.0
+    lift: float = 0.5
     change: float = 8.0
     flights: int = 1000
 
@@ -222,6 +226,7 @@ class _Search:
         self.risks = {"": 1.0 - wanted.probability}  # of all but the load factor, and of that
         if wanted.load_factor:
             self.risks[LOAD] = 1.0 - wanted.load_factor
+        self.lift = 0.0  # the share of the full margin of the lift coefficient
         self.found: list[ReserveCase] = []
 
     def run(self) -> ReserveCase:
@@ -234,7 +239,7 @@ class _Search:
             flown = solved
             case = flown.stages[-1].safety(flights=SETTINGS.flights, **self.options)
             self._note(flown, limits, case)
-            if not enough or self._satisfied(case):
+            if self._is_done(case, limits, enough=enough):
                 break
         if not self.found:
             raise UsageError("no flight keeps any reserve on this course")
@@ -250,6 +255,8 @@ class _Search:
         for _ in range(SETTINGS.passes):
             allocations = self._allocate(limits, _prices(flown))
             margins = {key: value for one in allocations for key, value in one.margins.items()}
+            lift = lift_margin(limits, self.pilot, self.lift)
+            margins |= {"rules.C_L_max": lift} if lift else {}
             enough = all(one.reaches for one in allocations)
             values = [f"margins.{key}={margins.get(key, 0.0):.4g}" for key in sorted({*margins, *flown.inputs.margins})]
             try:
@@ -269,8 +276,9 @@ class _Search:
         return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, flown.inputs.margins)
 
     def _allocate(self, limits: Sequence[Limit], prices: Mapping[str, float]) -> list[Allocation]:
+        judged = [one for one in limits if one.kind != STALL]
         return [
-            allocate([one for one in limits if (one.kind == LOAD) is (kind == LOAD)], prices, risk)
+            allocate([one for one in judged if (one.kind == LOAD) is (kind == LOAD)], prices, risk)
             for kind, risk in self.risks.items()
         ]
 
@@ -288,7 +296,7 @@ class _Search:
             for key, margin in flown.inputs.margins.items()
             if margin > 0.0
         ]
-        pairs = sorted(zip(risks, limits, strict=True), key=lambda one: -one[0])
+        pairs = sorted(((risk, one) for risk, one in zip(risks, limits, strict=True)), key=lambda one: -one[0])
         reached = all(_is_rare(count, risk) for count, risk in self._counts(case))
         self.found.append(
             ReserveCase(
@@ -296,7 +304,7 @@ class _Search:
                 wanted=self.wanted,
                 optimum=self.optimum.race_time,
                 margins=tuple(sorted(margins, key=lambda one: -one.cost)),
-                predicted=1.0 - sum(risk for one, risk in zip(limits, risks, strict=True) if one.kind != LOAD),
+                predicted=1.0 - sum(risk for risk, one in pairs if one.kind not in (LOAD, STALL)),
                 case=case,
                 reached=reached,
                 binding=() if reached else tuple(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in pairs[:3])),
@@ -308,17 +316,28 @@ class _Search:
         if self.wanted.load_factor:
             yield case.result.counts[LOAD], 1.0 - self.wanted.load_factor
 
-    def _satisfied(self, case: SafetyCase) -> bool:
-        """Tell whether flights break neither too much nor too little; else scale the risks."""
-        satisfied = True
+    def _is_done(self, case: SafetyCase, limits: Sequence[Limit], *, enough: bool) -> bool:
+        """Tell whether flights break neither too much nor too little; else keep off the stall, or scale the risks.
+
+        Args:
+            case: the flights.
+            limits: of what they follow.
+            enough: whether margins sufficed for the risks.
+        """
+        found, outside = self.found[-1], case.result.outside
+        scattered = outside.lower > SETTINGS.linear * (1.0 - found.predicted)
+        if not found.reached and scattered and lift_margin(limits, self.pilot, self.lift + SETTINGS.lift):
+            self.lift += SETTINGS.lift
+            return False
+        done = True
         for kind, (count, risk) in zip(self.risks, list(self._counts(case)), strict=True):
             allowed = _allowed(count, risk)
             if _is_rare(count, risk) and count.flights >= SETTINGS.excess * allowed:
                 continue
-            satisfied = False
+            done = not enough  # smaller margins are no answer, and larger ones there are not
             factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
             self.risks[kind] *= min(max(factor, 1.0 / SETTINGS.change), SETTINGS.change)
-        return satisfied
+        return done
 
 
 def _is_rare(count: Count, risk: float) -> bool:

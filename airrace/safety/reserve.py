@@ -12,6 +12,9 @@ and one flight in Phi(-room / sigma) breaks the limit. The margins are those of
 the sum over all limits of a race, an upper bound of the chance that any is broken (Boole); a margin belongs to one key
 of the inputs and tightens all limits that come from it. `price` is what it costs in race time. The Lagrangian falls
 apart into one search along each margin.
+
+A pilot at the stall cannot pull harder when he is off the line, so that a flight that stays there for long scatters
+more than its covariance says. A margin of the lift coefficient leaves him that.
 """
 
 import math
@@ -33,12 +36,15 @@ from airrace.safety.closed_loop import ClosedLoop, Scatter
 from airrace.safety.covariance import covariance
 from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
 from airrace.safety.nominal import ERRORS, gradients, instants
+from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE
 from airrace.safety.result import LOAD
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
 
 SIZE = len(ERRORS)
+STALL = "stall"
+"""The kind of the limit of lift, which is no breach."""
 
 
 @record
@@ -53,6 +59,8 @@ class ReserveSettings:
         steps: the number of margins that are compared for one key.
         far: the distance beyond which a pylon is no limit, m.
         binding: the room beyond its margin, in standard deviations, with which a limit counts as one that binds.
+        lift: the room to the stall that leaves a pilot all he can do, in standard deviations of the angle of attack
+            beyond where he begins to pull less.
     """
 
     most: float = 4.0
@@ -61,6 +69,7 @@ class ReserveSettings:
     steps: int = 81
     far: float = 12.0
     binding: float = 0.5
+    lift: float = 2.0
 
 
 SETTINGS = ReserveSettings()
@@ -223,10 +232,11 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     clock = instants(loop.pilot.sample, len(P))
     line, course, rules = loop.nominal.at(clock), race.course, race.course.rules
     line[4:8] /= np.linalg.norm(line[4:8], axis=0)
-    load = loop.plant.path_row("n_z")
+    rows = [loop.plant.path_row(name) for name in ("n_z", "alpha_A")]
+    stall_angle = loop.plant.system.path[rows[1]].upper
     keys = [
         *(("rules.floor_m", "floor"), ("rules.ceiling_m", "ceiling"), ("rules.floor_m", "ground")),
-        *(("rules.n_z_max", LOAD), ("rules.n_z_min", LOAD)),
+        *(("rules.n_z_max", LOAD), ("rules.n_z_min", LOAD), ("rules.C_L_max", STALL)),
         *((f"crowd.{one.name}.distance_m", "crowd") for one in course.crowd),
         *((f"safety_lines.{one.name}.margin_m", "safety line") for one in course.safety_lines),
         *([("", "airspace")] if course.airspace else []),
@@ -235,9 +245,9 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     def rooms(x: Array, d: Array) -> Array:
         height, places = -x[STATE["z"]], np.stack([x[0], x[1]], axis=-1)
         _, half = wing_of(x, judge.semispan)
-        n_z = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[load]
+        n_z, alpha_A = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[rows]
         found = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
-        found += [judge.load.upper - n_z, n_z - judge.load.lower]
+        found += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
             away = ground_distance(places, crowd)
             found.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
@@ -258,14 +268,25 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
                 continue
             inside = slice(begin, max(end, begin + 1))
             at = int(np.argmin(room[row, inside] - 3.0 * sigma[row, inside])) + begin
-            allowed = {LOAD: ALLOWED.load, "ground": 0.0}.get(kind, ALLOWED.length)
-            if math.isfinite(room[row, at]):
-                yield Limit(key, kind, place.name, float(room[row, at]) + allowed, float(sigma[row, at]), allowed)
+            allowed = {LOAD: ALLOWED.load, "ground": 0.0, STALL: 0.0}.get(kind, ALLOWED.length)
+            rate = 1.0 / race.aircraft.lift.C_Lalpha if kind == STALL else 1.0
+            numbers = float(room[row, at]) + allowed, float(sigma[row, at]), allowed, rate
+            if math.isfinite(numbers[0]):
+                yield Limit(key, kind, place.name, *numbers)
 
 
 def _at(P: Array, loop: ClosedLoop, time: float) -> Array:
     """Return the covariance at a time, that of the next sample."""
     return P[min(round(time / loop.pilot.sample), len(P) - 1)]
+
+
+def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> float:
+    """Return the margin of the lift coefficient for a share of the room to the stall that leaves a pilot all he can do.
+
+    It is none where the flight does not stay near the stall.
+    """
+    near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.kept * one.rate]
+    return max((share * (pilot.stall_margin + SETTINGS.lift * one.sigma) / one.rate for one in near), default=0.0)
 
 
 @record
