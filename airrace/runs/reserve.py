@@ -138,10 +138,9 @@ class ReserveCase:
             f"of {measured.of} closed-loop flights {measured.flights} break no limit but perhaps the load factor's: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
-            "cost: by the sensitivities with and without margins, which add up to "
-            f"{sum(one.cost for one in self.margins):.3f} s",
+            f"cost: by the sensitivities with and without margins; in sum {sum(one.cost for one in self.margins):.3f} s",
         ]
-        title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:.3f} s above the optimum"
+        title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
         return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
 
     def as_object(self) -> dict[str, object]:
@@ -325,6 +324,8 @@ class _Search:
             enough: whether margins sufficed for the risks.
         """
         found, outside = self.found[-1], case.result.outside
+        if found.reached and not found.margins:
+            return True
         scattered = outside.lower > SETTINGS.linear * (1.0 - found.predicted)
         if not found.reached and scattered and lift_margin(limits, self.pilot, self.lift + SETTINGS.lift):
             self.lift += SETTINGS.lift
