@@ -138,7 +138,7 @@ class ReserveCase:
             f"of {measured.of} closed-loop flights {measured.flights} break no limit but perhaps the load factor's: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
-            f"cost: by the sensitivities with and without margins; in sum {sum(one.cost for one in self.margins):.3f} s",
+            f"cost: by the sensitivities with and without margins, {sum(one.cost for one in self.margins):.3f} s in all",
         ]
         title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
         return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
