@@ -1,6 +1,6 @@
 """Measure the tables of docs/evidence/safety.md: closed-loop flights of stored runs, one disturbance at a time.
 
-python scripts/measure_safety.py RUN.h5... [--flights 1000]
+python scripts/measure_safety.py RUN.h5... [--flights 1000] [--reserve 0.9 0.99]
 """
 
 import argparse
@@ -34,13 +34,40 @@ CASES = {
 KINDS = ("pylon", "ground", "missed", "lost", "clearance", "height", "bank", "flight clearance", "floor", "load factor")
 
 
+def measure_reserves(run: airrace.Run, path: str, probabilities: list[float]) -> None:
+    """Print the reserves of a run in light gusts, and store each beside it."""
+    print(
+        f"\n| {run.name}, {run.race_time:.3f} s | predicted | measured | load factor | cost | margin of C_L | seconds |"
+    )
+    print("|---|---|---|---|---|---|---|", flush=True)
+    for probability in probabilities:
+        begin = time.perf_counter()
+        case = run.reserve(probability, **{**CALM, "gusts": "light"})
+        case.run.save(path.replace(".h5", f"_{probability:g}.h5"))
+        measured, loads = case.measured, case.case.result.counts["load factor"]
+        cells = [
+            f"{probability:g}" + ("" if case.reached else " (not reached)"),
+            f"{case.predicted:.3f}",
+            f"{measured.share:.3f} ({measured.lower:.3f}-{measured.upper:.3f})",
+            f"{100.0 * loads.share:.0f} %",
+            f"{case.run.race_time - case.optimum:.3f}",
+            f"{case.run.inputs.margins.get('rules.C_L_max', 0.0):.2f}",
+            f"{time.perf_counter() - begin:.0f}",
+        ]
+        print(f"| {' | '.join(cells)} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("runs", nargs="+")
     parser.add_argument("--flights", type=int, default=1000)
+    parser.add_argument("--reserve", type=float, nargs="*", default=[], help="probabilities, measured instead")
     given = parser.parse_args()
     for path in given.runs:
         run = airrace.open(path)
+        if given.reserve:
+            measure_reserves(run, path, given.reserve)
+            continue
         alone = [one.deviations for one in run.safety(flights=1, **CALM).result.gates]
         off = 1000.0 * max(abs(one[key].mean) for one in alone for key in ("lateral", "height"))
         bank = np.degrees(max(abs(one["bank"].mean) for one in alone))
