@@ -29,6 +29,7 @@ pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 
 
+@pytest.mark.slow
 def test_whatever_one_job_does_the_others_are_flown_as_on_one_machine(
     cluster: Cluster, tmp_path: Path, log: Log
 ) -> None:
@@ -317,6 +318,7 @@ def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path
     wait_until_gone(*log.processes())
 
 
+@pytest.mark.slow
 def test_jobs_are_accounted_for_when_the_scheduler_dies(tmp_path: Path, log: Log) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         cluster.worker(2)

@@ -60,6 +60,7 @@ def test_an_attempt_ends_with_its_answer_or_with_why_there_is_none(
 
 
 @linux_only
+@pytest.mark.slow
 def test_a_process_that_does_not_listen_is_killed_with_its_family(tmp_path: Path) -> None:
     ended = fly(tmp_path, "deaf", timeout=5.0)
     assert ended.fault is FailureKind.TIMED_OUT

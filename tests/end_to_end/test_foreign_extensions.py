@@ -150,6 +150,7 @@ def test_own_kind_is_shown_reviewed_and_refused_like_any_other(tmp_path: Path) -
     assert "unknown key `wide`" in airrace("check", track, cwd=tmp_path, environment=WITH_RING).err
 
 
+@pytest.mark.slow
 def test_own_kind_has_sensitivities(ring_run: tuple[Ran, Path]) -> None:
     _, run = ring_run
     ran = airrace("sensitivity", run, "--json", cwd=run.parent, environment=WITH_RING)

@@ -61,6 +61,7 @@ def test_run_stopped_in_the_joint_solve_keeps_its_homotopy_and_goes_on_to_the_sa
     assert airrace("verify", "run.h5", cwd=tmp_path).code == 0
 
 
+@pytest.mark.slow
 def test_run_that_is_out_of_time_keeps_what_is_finished_and_goes_on_to_the_same_time(
     tmp_path: Path, uninterrupted: Ran
 ) -> None:
@@ -76,7 +77,7 @@ def test_run_that_is_out_of_time_keeps_what_is_finished_and_goes_on_to_the_same_
         assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-9)
 
 
-@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
+@pytest.mark.parametrize("seconds", ["0", "nan"])
 def test_a_run_without_any_time_is_wrong_usage(seconds: str, tmp_path: Path) -> None:
     refused = airrace("optimize", SIXTEEN, "--output", "run.h5", "--timeout", seconds, cwd=tmp_path)
     assert refused.code == 2

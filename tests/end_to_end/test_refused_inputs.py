@@ -74,6 +74,7 @@ def test_missing_file_is_named(arguments: tuple[str | Path, ...], tmp_path: Path
     assert "nowhere.yaml" in ran.err
 
 
+@pytest.mark.slow
 def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path: Path) -> None:
     limit = ("--set", "rules.ceiling_m=100")
     ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *limit, "--json", cwd=tmp_path)

@@ -178,6 +178,7 @@ def straight(gate: Gate) -> Gate:
     return dataclasses.replace(gate, tolerances=dataclasses.replace(gate.tolerances, crossing=40.0 * DEGREE))
 
 
+@pytest.mark.slow
 def test_independent_conflicts_are_all_told_and_the_first_suggestions_together_fly() -> None:
     race = Race(avenue(beside("west", 375.0, 106.0), beside("east", 875.0, 108.0)), EDGE_540, Air())
     result = result_of(race)

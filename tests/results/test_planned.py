@@ -75,6 +75,7 @@ def test_what_is_drawn_is_the_planned_flight(tmp_path: Path) -> None:
             assert np.isin(way.line[:, 1], planned["y"]).all()
 
 
+@pytest.mark.slow
 def test_no_line_is_drawn_through_the_zone_of_a_crowd_without_a_remark(tmp_path: Path) -> None:
     """Crowds are put beside and onto the drawn lines; the pictures and the remarks are measured independently."""
     met = 0

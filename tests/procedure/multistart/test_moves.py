@@ -102,6 +102,7 @@ def moves(base: CoarseSolution, race: Race) -> list[Move]:
     return list(generator(base, race).moves(set(range(len(base.problem.phases)))))
 
 
+@pytest.mark.slow
 def test_some_move_unwinds_a_wound_flight_and_fits_into_it() -> None:
     base = planned_coarse_solution(SLALOM)
     tried = [one for one in moves(base, SLALOM) if one.plan_penalty <= BUDGET.plan_penalty_max]

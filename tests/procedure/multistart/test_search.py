@@ -119,6 +119,7 @@ def search_with(budget: SearchBudget, race: Race) -> FoundRoutes:
         return search_routes(prepared(race), race.course, session, budget)
 
 
+@pytest.mark.slow
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     wide = dataclasses.replace(BUDGET, radii=(Radius(1.0),))
     unimproved = search_with(dataclasses.replace(wide, iterations=0), SLALOM).report(0)
