@@ -265,9 +265,9 @@ def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progre
     return Run.of(steps[-1] if steps else plan.run)
 
 
-def _flies_again(texts: Sequence[str], **how: Any) -> Callable[[RunState, Sequence[str]], "Run"]:
-    """Return what flies a run again with some values set, and these texts."""
-    return lambda run, values: resume(run, set=[*values, *texts], **how)
+def _flies_again(**how: Any) -> Callable[[RunState, Sequence[str]], "Run"]:
+    """Return what flies a run again with some values set."""
+    return lambda run, values: resume(run, set=values, **how)
 
 
 @contextmanager
@@ -407,7 +407,7 @@ class Run(RunState):
         from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
 
         texts = reserve_texts({"probability": probability, **options})
-        fly_again = _flies_again(texts, threads=threads, progress=progress)
+        fly_again = _flies_again(threads=threads, progress=progress)
         return fly_reserve(self, reserve_named(self, texts), fly_again, threads=threads)
 
     def safety_in_winds(
@@ -426,7 +426,7 @@ class Run(RunState):
         """
         from airrace.runs.safety_rose import fly_rose  # takes what flies
 
-        fly_again = _flies_again((), threads=threads, progress=progress)
+        fly_again = _flies_again(threads=threads, progress=progress)
         return fly_rose(self, winds, fly_again, {**options, "threads": threads})
 
     def brief(self, stage: str | Stage | None = None) -> Brief:

@@ -17,7 +17,7 @@ from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, Sca
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
-from airrace.inputs.reserve import ReserveEntry, tightened
+from airrace.inputs.reserve import ReserveEntry, check_reserve, tightened
 from airrace.inputs.rules import penalties_of
 from airrace.inputs.schema import Schema, language_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
@@ -238,7 +238,9 @@ def _inputs(
         settings = build_settings(settings_entry, opened_settings.reporter)
     if track and aircraft and scene and model and settings and not reader.findings:
         race = Race(scene.course, model, scene.air)
-        race = tightened(race, entry.margins, track.reporter) if entry else race
+        if entry:
+            check_reserve(entry.rules.reserve, entry.margins, race, track.reporter)
+            race = tightened(race, entry.margins, track.reporter)
         check_together(race, track.reporter)
         if not reader.findings:
             passed = {passage.element.base_name for passage in race.course.passages}

@@ -8,10 +8,10 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
 from airrace.inputs.nodes import Reporter
-from airrace.inputs.schema import Schema
+from airrace.inputs.schema import Schema, optional
 from airrace.planning.parameters import course_limits, with_margins
 from airrace.planning.race import Race
-from airrace.track.course import Course
+from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Tolerant
 
 Margin = Annotated[float, Ge(0), Le(5000)]
@@ -71,6 +71,15 @@ def _without_room(course: Course) -> Iterator[tuple[str, ...]]:
             yield "gates", element.base_name
 
 
+class FoundEntry(Schema):
+    """What the search for a reserve has found, as it is stored with the flight."""
+
+    what: ClassVar[str] = "what was found"
+    measured: Annotated[float, Ge(0), Le(1)] = Field(description="share of closed-loop flights that break no limit")
+    lower: Annotated[float, Ge(0), Le(1)] = Field(description="lower end of its interval of confidence 95 %")
+    reached: bool = Field(description="whether that is what was asked for")
+
+
 class ReserveEntry(Schema):
     """How probable it is to be that a flight in disturbances breaks no limit of the course."""
 
@@ -94,3 +103,23 @@ class ReserveEntry(Schema):
         default=0.02, description="that of the time by which rolls are late or early"
     )
     delay_s: Annotated[float, Ge(0), Le(1)] = Field(default=0.1, description="from what the pilot sees to the stick")
+    found: FoundEntry | None = optional("what the search has found; written with its flight")
+
+    def texts(self) -> list[str]:
+        """Return what sets this reserve, as `key=value`."""
+        plain = self.model_dump(exclude_none=True)
+        found = plain.pop("found", {})
+        values = {**plain, **{f"found.{key}": value for key, value in found.items()}}
+        words = {key: str(value).lower() if isinstance(value, bool) else value for key, value in values.items()}
+        return ["rules.reserve=null", *(f"rules.reserve.{key}={value}" for key, value in words.items())]
+
+
+def check_reserve(reserve: ReserveEntry | None, margins: MarginsEntry, race: Race, reporter: Reporter) -> None:
+    """Report a reserve that cannot be searched for."""
+    if reserve is None or reserve.found is not None:
+        return
+    if margins.by_key():
+        reporter.value(("margins",), "a reserve finds its own margins; leave out either these or `rules.reserve`")
+    if race.course.rules.clearance is ClearanceRule.CROSSING:
+        message = "needs `clearance: flight`: by `crossing` a wing may touch pylons right before and after its gates"
+        reporter.value(("rules", "reserve"), message)

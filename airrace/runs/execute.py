@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
 from airrace.errors import OutOfTime, UsageError
+from airrace.inputs.reserve import ReserveEntry
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.progress import Progress
@@ -124,11 +125,11 @@ def _execute(
 
 
 def _asks_for_reserve(plan: ExecutionPlan, run: RunState) -> bool:
-    """Tell whether margins are still to be found: the run has none yet, or those for another reserve."""
+    """Tell whether a reserve is still to be searched for: nothing was found yet, or for another one."""
     wanted, start = run.inputs.reserve, plan.start
     if wanted is None or plan.until is not procedure.STAGES[-1] or not run.certified:
         return False
-    return not run.inputs.margins or (start is not None and start.inputs.reserve != wanted)
+    return wanted.found is None or (start is not None and start.inputs.reserve != wanted)
 
 
 def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progress: Progress) -> Executed:
@@ -138,7 +139,9 @@ def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progres
     until = None if timeout is None else time.monotonic() + timeout
 
     def fly_again(before: RunState, values: Sequence[str]) -> RunState:
-        left = None if until is None else max(until - time.monotonic(), 1e-3)
+        left = None if until is None else until - time.monotonic()
+        if left is not None and left <= 0.0:
+            raise OutOfTime
         plan = plan_changed_run(before, Changes(overrides=values))
         *_, last = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
         return last.run
@@ -196,6 +199,8 @@ def execute_for_command(
     try:
         for done in _execute(plan, threads=threads, timeout=timeout, progress=progress):
             finished[done.result.stage], run, reserve = done.result, done.run, done.reserve
+        if reserve is not None:
+            finished = {one.stage: one for one in run.results}
     except OutOfTime:
         answer.fail(
             ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(plan, tuple(finished.values()))}"
@@ -213,13 +218,23 @@ def execute_for_command(
             if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
         if plan.start is not None:
-            compared = plan.compare(results)
+            compared = replace(plan, run=run).compare(results)
             answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
     if reserve is not None:
         answer.fields["reserve"] = reserve.as_object()
-        if not reserve.reached:
-            answer.fail(ExitCode.NOT_CERTIFIED, reserve.message)
+    message = unreached(run.inputs.reserve)
+    if message:
+        answer.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
     return run, results, reserve
+
+
+def unreached(reserve: ReserveEntry | None) -> str:
+    """Return a sentence where a flight keeps less of a reserve than was asked for; else an empty text."""
+    if reserve is None or reserve.found is None or reserve.found.reached:
+        return ""
+    found = reserve.found
+    most = f"the most is {found.measured:.3f} (from {found.lower:.3f})"
+    return f"a reserve of {reserve.probability:g} was not reached: {most}"
 
 
 def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:

@@ -154,7 +154,17 @@ class Changes:
             settings = read_document(Path(self.settings), findings)
         if findings or track is None or aircraft is None:
             raise InputError(findings)
-        return inputs_from_documents(track, aircraft, settings, (*stored.overrides, *self.overrides))
+        return inputs_from_documents(track, aircraft, settings, in_force([*stored.overrides, *self.overrides]))
+
+
+def in_force(overrides: Sequence[str]) -> tuple[str, ...]:
+    """Return overrides, `key=value`, without those that a later one replaces, itself or what it is part of."""
+    keys = [text.partition("=")[0].strip() for text in overrides]
+    return tuple(
+        text
+        for place, (text, key) in enumerate(zip(overrides, keys, strict=True))
+        if not any(key == later or key.startswith(f"{later}.") for later in keys[place + 1 :])
+    )
 
 
 def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
@@ -212,6 +222,8 @@ def plan_new_run(
         CheckpointError: the other run cannot be read.
     """
     last = stage_by_name(until)
+    if inputs.reserve is not None and last is not procedure.STAGES[-1]:
+        raise UsageError(f"a reserve is kept from {procedure.STAGES[-1].value}, the last stage: leave out --until")
     run = new_run(inputs, path)
     before = start.path if isinstance(start, RunState) else start
     ensure_unread([] if path is None else [path], [*documents_of(inputs), before])

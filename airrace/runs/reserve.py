@@ -7,11 +7,12 @@ much more than was asked for, the risk that is allocated is scaled by what was w
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from airrace.errors import AirraceError, UsageError
-from airrace.inputs.reserve import ReserveEntry
+from airrace.errors import InputError, UsageError
+from airrace.inputs.objects import is_of_objects
+from airrace.inputs.reserve import FoundEntry, ReserveEntry
 from airrace.planning.parameters import course_limits
 from airrace.procedure.result import Stage
 from airrace.records import record
@@ -52,13 +53,15 @@ class ReserveIteration:
     tolerance: float = 0.01
     excess: float = 0.4
     aim: float = 0.8
-    linear: float = 3.0
+    linear: float = 2.0
     lift: float = 0.5
     change: float = 8.0
     flights: int = 1000
 
 
 SETTINGS = ReserveIteration()
+REQUEST = ("probability", "load_factor", "found")
+"""The keys of a reserve that are no options of closed-loop flights."""
 
 
 @record
@@ -113,6 +116,13 @@ class ReserveCase:
     reached: bool
     binding: tuple[str, ...] = ()
 
+    def stored(self) -> "ReserveCase":
+        """Return this with a run that says what was asked for and found."""
+        measured = self.measured
+        found = FoundEntry(measured=round(measured.share, 4), lower=round(measured.lower, 4), reached=self.reached)
+        texts = self.wanted.model_copy(update={"found": found}).texts()
+        return replace(self, run=self.run.with_inputs(Changes(overrides=texts).inputs(self.run)))
+
     @property
     def measured(self) -> Count:
         """The flights that break nothing but perhaps the load factor."""
@@ -138,7 +148,7 @@ class ReserveCase:
             f"of {measured.of} closed-loop flights {measured.flights} break no limit but perhaps the load factor's: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
-            f"cost: by the sensitivities with and without margins, {sum(one.cost for one in self.margins):.3f} s in all",
+            f"cost: by the sensitivities at both ends; {sum(one.cost for one in self.margins):.3f} s in all",
         ]
         title = f"reserve {self.wanted.probability:g}: {time:.3f} s, {time - self.optimum:+.3f} s to the optimum"
         return Table(title, COLUMNS, rows, [*notes, *([self.message] if self.message else [])])
@@ -174,9 +184,10 @@ def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
     Raises:
         InputError: they make no sense.
     """
-    wanted = Changes(overrides=texts).inputs(run).reserve
-    if wanted is None:
-        raise UsageError("a reserve is asked of courses in files: this one was built in Python")
+    if is_of_objects(run.inputs.track):
+        raise UsageError("margins have keys in files alone: this course was built in Python")
+    wanted = Changes(overrides=["margins=null", "rules.reserve=null", *texts]).inputs(run).reserve
+    assert wanted is not None  # its texts say so
     return wanted
 
 
@@ -201,9 +212,12 @@ def fly_reserve(
             f"a reserve is kept from a certified optimum of six-dof: {run.message or 'resume goes on to it'}"
         )
     if run.inputs.margins:
-        run = fly_again(run, [f"margins.{key}=0" for key in run.inputs.margins])
-    search = _Search(run, wanted, fly_again, seed, threads)
-    return search.run()
+        run = fly_again(run, UNSEARCHED)
+    return _Search(run, wanted, fly_again, seed, threads).run()
+
+
+UNSEARCHED = ("rules.reserve=null", "margins=null")
+"""What makes a race one without a reserve."""
 
 
 class _Search:
@@ -213,11 +227,8 @@ class _Search:
         self, run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, seed: int, threads: int | None
     ) -> None:
         self.optimum, self.wanted, self.fly_again = run, wanted, fly_again
-        self.options: dict[str, Any] = {
-            **wanted.model_dump(exclude={"probability", "load_factor"}),
-            "seed": seed,
-            "threads": threads,
-        }
+        self.seed = seed
+        self.options: dict[str, Any] = {**wanted.model_dump(exclude=set(REQUEST)), "threads": threads}
         errors = (wanted.mass_error_percent, wanted.power_error_percent, wanted.density_error_percent)
         self.scatter = scatter_of(wanted.gusts, (wanted.wind_error_kt, *errors, wanted.roll_timing_s))
         self.pilot = PilotModel(delay=wanted.delay_s)
@@ -230,45 +241,53 @@ class _Search:
 
     def run(self) -> ReserveCase:
         flown = self.optimum
-        for _ in range(SETTINGS.attempts):
-            solved, enough, limits = self._with_margins(flown)
+        for attempt in range(SETTINGS.attempts):
+            enough, solved, limits = self._with_margins(flown)
             if solved is None:  # no flight with such margins
                 self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
+                self.lift = max(self.lift - SETTINGS.lift, 0.0)
                 continue
+            if self.found and solved.inputs.margins == self.found[-1].run.inputs.margins:
+                break
             flown = solved
-            case = flown.stages[-1].safety(flights=SETTINGS.flights, **self.options)
-            self._note(flown, limits, case)
-            if self._is_done(case, limits, enough=enough):
+            if self._is_done(self._measure(flown, limits, attempt), limits, enough=enough):
                 break
         if not self.found:
-            raise UsageError("no flight keeps any reserve on this course")
+            self._measure(self.optimum, self._limits(self.optimum), 0)
         reached = [one for one in self.found if one.reached]
         if reached:
-            return min(reached, key=lambda one: one.run.race_time)
-        return max(self.found, key=lambda one: one.measured.share)
+            best = min(reached, key=lambda one: one.run.race_time)
+        else:
+            best = max(self.found, key=lambda one: one.measured.share)
+        return best.stored()
 
-    def _with_margins(self, flown: RunState) -> tuple[RunState | None, bool, list[Limit]]:
-        """Fly with the margins that the risks need, until they stay; tell whether they suffice."""
-        enough = True
-        limits = self._limits(flown)
+    def _with_margins(self, flown: RunState) -> tuple[bool, RunState | None, list[Limit]]:
+        """Fly with the margins that the risks need, until they stay.
+
+        Returns:
+            Whether such margins suffice, the flight, and its limits; None where there is no flight.
+        """
+        enough, limits = True, self._limits(flown)
         for _ in range(SETTINGS.passes):
             allocations = self._allocate(limits, _prices(flown))
             margins = {key: value for one in allocations for key, value in one.margins.items()}
             lift = lift_margin(limits, self.pilot, self.lift)
             margins |= {"rules.C_L_max": lift} if lift else {}
             enough = all(one.reaches for one in allocations)
-            values = [f"margins.{key}={margins.get(key, 0.0):.4g}" for key in sorted({*margins, *flown.inputs.margins})]
+            values = [f"margins.{key}={value:.4g}" for key, value in sorted(margins.items())]
+            if not values and not flown.inputs.margins:
+                break
             try:
-                after = self.fly_again(flown, values)
-            except AirraceError:
-                return None, enough, limits
+                after = self.fly_again(flown, [*UNSEARCHED, *values])
+                limits = self._limits(after) if after.certified else []
+            except (InputError, UsageError):  # no room between limits; a flight that no pilot can hold
+                return enough, None, []
             if not after.certified:
-                return None, enough, limits
+                return enough, None, []
             change, flown = abs(after.race_time - flown.race_time), after
-            limits = self._limits(flown)
             if change < SETTINGS.same:
                 break
-        return flown, enough, limits
+        return enough, flown, limits
 
     def _limits(self, flown: RunState) -> list[Limit]:
         race, result = flown.inputs.race.by_rules, flown.stages[-1].result
@@ -281,7 +300,9 @@ class _Search:
             for kind, risk in self.risks.items()
         ]
 
-    def _note(self, flown: RunState, limits: Sequence[Limit], case: SafetyCase) -> None:
+    def _measure(self, flown: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
+        """Fly a line in closed loop, each attempt in other disturbances, and note what it is worth."""
+        case = flown.stages[-1].safety(flights=SETTINGS.flights, seed=self.seed + attempt, **self.options)
         after, units = _prices(flown), {one.key: one.unit for one in course_limits(flown.inputs.race)}
         risks = [float(one.risk_now) for one in limits]
         margins = [
@@ -295,7 +316,8 @@ class _Search:
             for key, margin in flown.inputs.margins.items()
             if margin > 0.0
         ]
-        pairs = sorted(((risk, one) for risk, one in zip(risks, limits, strict=True)), key=lambda one: -one[0])
+        ignored = {STALL} if LOAD in self.risks else {STALL, LOAD}
+        pairs = [(risk, one) for risk, one in zip(risks, limits, strict=True) if one.kind not in ignored]
         reached = all(_is_rare(count, risk) for count, risk in self._counts(case))
         self.found.append(
             ReserveCase(
@@ -303,12 +325,13 @@ class _Search:
                 wanted=self.wanted,
                 optimum=self.optimum.race_time,
                 margins=tuple(sorted(margins, key=lambda one: -one.cost)),
-                predicted=1.0 - sum(risk for risk, one in pairs if one.kind not in (LOAD, STALL)),
+                predicted=max(1.0 - sum(risk for risk, one in pairs if one.kind != LOAD), 0.0),
                 case=case,
                 reached=reached,
-                binding=() if reached else tuple(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in pairs[:3])),
+                binding=() if reached else tuple(_told(pairs)),
             )
         )
+        return case
 
     def _counts(self, case: SafetyCase) -> Iterator[tuple[Count, float]]:
         yield case.result.outside, 1.0 - self.wanted.probability
@@ -339,6 +362,12 @@ class _Search:
             factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
             self.risks[kind] *= min(max(factor, 1.0 / SETTINGS.change), SETTINGS.change)
         return done
+
+
+def _told(pairs: Sequence[tuple[float, Limit]]) -> list[str]:
+    """Return the limits that are broken most probably, in words."""
+    first = sorted((one for one in pairs if one[0] > 1e-3), key=lambda one: -one[0])
+    return list(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in first[:3]))
 
 
 def _is_rare(count: Count, risk: float) -> bool:

@@ -143,6 +143,10 @@ class RunState:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
+    def with_inputs(self, inputs: Inputs) -> Self:
+        """Return this run with inputs by which the same race is flown, so that its stages stand."""
+        return replace(self, inputs=inputs, checkpoint=replace(self.checkpoint, inputs=stored_inputs(inputs)))
+
     def with_mesh_check(self, result: StageResult) -> Self:
         """Return this run with a finished stage as its mesh check left it; later stages stay."""
         return replace(self, checkpoint=self.checkpoint.with_mesh_check(result))

@@ -139,7 +139,8 @@ def fly_rose(
 
     def case_in(wind: Wind) -> SafetyCase | str:
         try:
-            last = fly_again(run, [f"{key}={value}" for key, value in overrides_of(wind)]).stages[-1]
+            values = [f"{key}={value}" for key, value in overrides_of(wind)]
+            last = fly_again(run, ["rules.reserve=null", *values]).stages[-1]  # the margins stay
             if last.name != run.stages[-1].name or not last.result.is_flight:
                 return f"no flight was found: {last.message or last.status}"
             named: dict[str, Any] = {**options, "label": wind.text}

@@ -26,9 +26,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.planning.parameters import course_limits
 from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import SEARCH, Wing, closest_approaches, kept_clear, wing_distance
+from airrace.planning.wing_clearance import Wing, closest_approaches, wing_distance
 from airrace.points import at_points
 from airrace.procedure.result import StageResult
 from airrace.records import record
@@ -145,7 +146,8 @@ def limits_of(
     judge, P = Judge.of(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
     found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
     near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * SETTINGS.most * one.sigma)
-    return [replace(one, kept=margins.get(one.key, 0.0)) for one in near]
+    known = {one.key for one in course_limits(race) if math.isfinite(one.value)}  # a `point` has no tolerances
+    return [replace(one, key=one.key if one.key in known else "", kept=margins.get(one.key, 0.0)) for one in near]
 
 
 def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
@@ -200,18 +202,21 @@ def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[
 
 
 def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
-    """Yield the distances of the wing from pylons and obstacles, one per leg on which it comes near."""
+    """Yield the distances of the wing from pylons and obstacles, one per leg on which it comes near.
+
+    The course keeps it clear of all of them at any time.
+    """
     nominal = loop.nominal
     clock = instants(loop.pilot.sample, len(P))
     line = nominal.at(clock)
-    wing, kept = Wing(clock, *wing_of(line, judge.semispan)), kept_clear(judge.course)
+    wing = Wing(clock, *wing_of(line, judge.semispan))
     legs = np.searchsorted(clock, nominal.passings).tolist()
     legs[-1] = min(legs[-1], len(clock) - 1)
     elements = {one.element.name: one.element for one in judge.course.passages}
     for approach in closest_approaches(wing, judge.pylons, legs):
         pylon, place = approach.pylon, judge.waypoints[approach.leg + 1].passage.name
-        least, allowed = (pylon.required, ALLOWED.length) if pylon in kept else (pylon.radius + ALLOWED.touch, 0.0)
-        room = approach.distance - least + allowed
+        allowed = ALLOWED.length
+        room = approach.distance - pylon.required + allowed
         if room > SETTINGS.far:
             continue
         at = nominal.at(np.array([approach.time]))
@@ -223,7 +228,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
         element, key, idle = elements[pylon.name], "", 0.0
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             key = f"gates.{element.base_name}.clearance_m"
-            idle = max((SEARCH.least_clearance if pylon in kept else ALLOWED.touch) - element.tolerances.clearance, 0.0)
+            idle = max(pylon.required - element.tolerances.clearance, 0.0)  # of another element's, or the least of all
         yield Limit(key, "flight clearance", place, room, sigma, allowed, idle=idle)
 
 
@@ -256,6 +261,13 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
             found.append(beside_border(places, course.airspace))
         return np.stack(found)
 
+    lift = race.aircraft.lift  # what is stricter than the rules: the aircraft's load factor, an angle of attack
+    reached = lift.C_L0 + lift.C_Lalpha * stall_angle
+    idle = {
+        "rules.n_z_max": max(rules.n_z.upper - judge.load.upper, 0.0),
+        "rules.n_z_min": max(judge.load.lower - rules.n_z.lower, 0.0),
+        "rules.C_L_max": max(min(rules.C_L.upper, lift.C_L_max) - reached, 0.0),
+    }
     with np.errstate(invalid="ignore"):  # of limits that nobody has set
         slopes = np.nan_to_num(gradients(rooms, line))
     sigma = np.sqrt(np.maximum(np.einsum("qni,nij,qnj->qn", slopes, P, slopes), 0.0))
@@ -272,7 +284,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
             rate = 1.0 / race.aircraft.lift.C_Lalpha if kind == STALL else 1.0
             numbers = float(room[row, at]) + allowed, float(sigma[row, at]), allowed, rate
             if math.isfinite(numbers[0]):
-                yield Limit(key, kind, place.name, *numbers)
+                yield Limit(key, kind, place.name, *numbers, idle=idle.get(key, 0.0))
 
 
 def _at(P: Array, loop: ClosedLoop, time: float) -> Array:
@@ -286,7 +298,8 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
     It is none where the flight does not stay near the stall.
     """
     near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.kept * one.rate]
-    return max((share * (pilot.stall_margin + SETTINGS.lift * one.sigma) / one.rate for one in near), default=0.0)
+    wanted = (one.idle + share * (pilot.stall_margin + SETTINGS.lift * one.sigma) / one.rate for one in near)
+    return max(wanted, default=0.0) if share else 0.0
 
 
 @record
