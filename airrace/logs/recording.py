@@ -165,7 +165,7 @@ class SampleTable:
         if len(self.lines) < 2:
             self.refuse_first_fault()
             refuse(self.path, 0, missing)
-        return np.array(self.lines, np.int64), [np.array(one, np.float64) for one in self.columns]
+        return np.frombuffer(self.lines, np.int64), [np.frombuffer(one, np.float64) for one in self.columns]
 
     def refuse_first_fault(self, *keys: str) -> None:
         """Refuse the log for the first thing that could not be read, if there is any; of some columns where named."""

@@ -174,10 +174,12 @@ def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
     """Return the violations that people are shown, certain ones first, and a sentence on the near misses beside them.
 
     An optimum touches its limits everywhere, and so does every good flight within what its measurement may be wrong by:
-    of ten near misses the one is shown that comes closest to certain.
+    of ten near misses the one is shown that comes closest to certain. What the log does not tell, such as gates behind
+    its end, is no near miss.
     """
     certain = [one for one in violations if one.certain]
-    near = sorted((one for one in violations if not one.certain), key=lambda one: -one.deviations)
+    told = [one for one in violations if not one.certain and math.isfinite(one.value)]
+    near = sorted(told, key=lambda one: -one.deviations)
     listed, others = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
     rules = Counter(one.rule for one in others).most_common()
     words = ", ".join(f"{count} {rule}" for rule, count in rules)

@@ -162,7 +162,8 @@ def test_nothing_is_certain_without_a_deviation_and_less_than_five_of_them() -> 
 def test_nine_of_ten_near_misses_are_one_sentence_and_certain_ones_come_first(certain: int, near_misses: int) -> None:
     sure = [Violation("a", "bank", 1.0, 20.0 + row, 10.0, 1.0, "deg", 2.0) for row in range(certain)]
     near_by = [Violation("b", "pylon", 1.0, 1.0 + 0.1 * row, 1.0, 1.0, "m", 3.0) for row in range(near_misses)]
-    listed, sentence = shown([*near_by, *sure])
+    unknown = Violation("c", "missed", math.nan, math.nan, math.nan, math.nan, "", 4.0)
+    listed, sentence = shown([*near_by, *sure, unknown])
     assert listed[:certain] == sure
     assert len(listed) - certain == math.ceil(near_misses / 10)
     assert [one.value for one in listed[certain:]] == sorted((one.value for one in listed[certain:]), reverse=True)
