@@ -32,10 +32,27 @@ from airrace.runs.command_result import ExitCode
 from airrace.runs.output import ensure_unread
 from airrace.standard_streams import STANDARD, name_of
 
-FOLDERS_MAX = 10_000
-"""The largest number of folders that one pattern is looked for in; a tenth of a second's work on most disks."""
-MATCHES_MAX = 20_000
-"""The largest number of files that one pattern may mean; each of them is read before any job runs."""
+
+@record
+class PlanningLimits:
+    """The sizes of what is planned.
+
+    Attributes:
+        folders_max: the largest number of folders that one pattern is looked for in; a tenth of a second's work
+            on most disks.
+        matches_max: the largest number of files that one pattern may mean; each of them is read before any job
+            runs.
+        jobs_max: the largest number of jobs of a batch.
+        checked_max: the largest number of jobs that are checked.
+    """
+
+    folders_max: int = 10_000
+    matches_max: int = 20_000
+    jobs_max: int = 100_000
+    checked_max: int = 300
+
+
+LIMITS = PlanningLimits()
 
 
 class TooWideError(Exception):
@@ -48,9 +65,9 @@ def matching(pattern: str) -> list[str]:
     Raises:
         TooWideError: too many folders or files would have to be looked at.
     """
-    found = list(islice((name for name in _expand(pattern) if not os.path.isdir(name)), MATCHES_MAX + 1))
-    if len(found) > MATCHES_MAX:
-        raise TooWideError(f"matches more than {MATCHES_MAX} files; name fewer of them")
+    found = list(islice((name for name in _expand(pattern) if not os.path.isdir(name)), LIMITS.matches_max + 1))
+    if len(found) > LIMITS.matches_max:
+        raise TooWideError(f"matches more than {LIMITS.matches_max} files; name fewer of them")
     return sorted(found)
 
 
@@ -72,8 +89,8 @@ def _folders(pattern: str) -> Iterator[str]:
     for top in glob.iglob(pattern) if pattern else [""]:
         for folder, within, _ in os.walk(top or os.curdir, followlinks=False):
             looked_at += 1
-            if looked_at > FOLDERS_MAX:
-                raise TooWideError(f"leads through more than {FOLDERS_MAX} folders; name one further down")
+            if looked_at > LIMITS.folders_max:
+                raise TooWideError(f"leads through more than {LIMITS.folders_max} folders; name one further down")
             within[:] = sorted(name for name in within if not name.startswith("."))
             yield folder if top else os.path.relpath(folder).removeprefix(os.curdir)
 
@@ -247,11 +264,6 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
 
 Findings = tuple[Finding, ...]
 
-JOBS_MAX = 100_000
-"""The largest number of jobs of a batch."""
-CHECKED_MAX = 300
-"""The largest number of jobs that are checked."""
-
 
 @record
 class RouteSummary:
@@ -411,8 +423,8 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
         len(group.courses) * max(1, len(group.manner.aircraft)) * prod(len(one.values) for one in group.manner.sweeps)
         for group in sources.groups
     )
-    if total > JOBS_MAX:
-        raise UsageError(f"these are {total} jobs; at most {JOBS_MAX} are allowed in a batch")
+    if total > LIMITS.jobs_max:
+        raise UsageError(f"these are {total} jobs; at most {LIMITS.jobs_max} are allowed in a batch")
     planner = _Planner(until, versions)
     families = [family for group in sources.groups for family in planner.families(group)]
     refuse_clashes((step.name, _origin(step)) for _, steps in families for step in steps)
@@ -519,7 +531,7 @@ def refused_jobs(families: Sequence[tuple[Manner, Sequence[Job]]]) -> Mapping[st
     found: dict[str, Findings] = {}
     checked: list[set[Findings]] = [set() for _ in families]
     in_turn = ((number, job) for jobs in zip_longest(*chosen) for number, job in enumerate(jobs) if job is not None)
-    for number, job in islice(in_turn, CHECKED_MAX):
+    for number, job in islice(in_turn, LIMITS.checked_max):
         findings = findings_of(job, families[number][0].places)
         checked[number].add(findings)
         if findings:

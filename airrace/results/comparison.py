@@ -27,8 +27,21 @@ from airrace.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, wa
 from airrace.track.course import PilotLimits, Rules
 from airrace.trajectory import Array
 
-DIFFERENCES_MAX = 4
-"""The greatest number of differences that are reported of one leg."""
+
+@record
+class ComparisonSizes:
+    """The sizes of what is told of a comparison.
+
+    Attributes:
+        differences_max: the greatest number of differences that are reported of one leg.
+        names_max: the greatest number of gates that are named as standing elsewhere.
+    """
+
+    differences_max: int = 4
+    names_max: int = 3
+
+
+SIZES = ComparisonSizes()
 
 
 @record
@@ -76,7 +89,7 @@ class Measure:
 
 
 def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
-    """Return what the other flight does otherwise on a leg that both completed, at most `DIFFERENCES_MAX`.
+    """Return what the other flight does otherwise on a leg that both completed, at most `SIZES.differences_max`.
 
     The most telling difference comes first.
     """
@@ -88,7 +101,7 @@ def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tu
             words = measure.more if second > first else measure.less
             text = words.format(f"{apart:.{measure.digits}f}")
             found.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
-    return tuple(sorted(found, key=lambda one: -one.weight)[:DIFFERENCES_MAX])
+    return tuple(sorted(found, key=lambda one: -one.weight)[: SIZES.differences_max])
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
@@ -177,7 +190,7 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
     pairs = zip(reference.course.passages, other.course.passages, strict=True)
     moved = list(dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element))
     if moved:
-        names = [*moved[:NAMES_MAX], *(["..."] if len(moved) > NAMES_MAX else [])]
+        names = [*moved[: SIZES.names_max], *(["..."] if len(moved) > SIZES.names_max else [])]
         yield "gates", "as in its course", f"otherwise: {', '.join(names)}"
 
 
@@ -204,8 +217,6 @@ def _rule_text(value: Interval | Enum | float) -> str:
             return f"{value:g}" if math.isfinite(value) else "none"
 
 
-NAMES_MAX = 3
-"""The greatest number of gates that are named as standing elsewhere."""
 TIE = 0.005
 """The difference of time below which two flights are a tie, s.
 

@@ -93,7 +93,7 @@ def test_a_swept_value_that_is_wrong_costs_only_its_own_jobs(
 
 
 def test_all_is_checked_before_it_is_flown_up_to_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning, "CHECKED_MAX", 2)
+    monkeypatch.setattr(planning, "LIMITS", replace(planning.LIMITS, checked_max=2))
     courses = [write_course(tmp_path, name) for name in ("a", "b", "c")]
     for course in courses[1:]:
         course.write_text(course.read_text().replace("n_z_max", "n_z_mx"))
@@ -234,15 +234,15 @@ def test_pattern_may_begin_where_one_is(tree: Path, monkeypatch: pytest.MonkeyPa
 def test_links_in_a_circle_lead_nowhere(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one/up", "one/two/up"):
         (tree / name).symlink_to(tree)
-    monkeypatch.setattr(planning, "FOLDERS_MAX", 3)  # as many as there are
+    monkeypatch.setattr(planning, "LIMITS", replace(planning.LIMITS, folders_max=3))  # as many as there are
     assert names(matching(str(tree / "**" / "*.yaml")), tree) == ["a.yaml", "one/b.yaml", "one/two/c.yaml"]
 
 
 def test_pattern_that_is_too_wide_is_refused_in_words(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning, "FOLDERS_MAX", 2)
+    monkeypatch.setattr(planning, "LIMITS", replace(planning.LIMITS, folders_max=2))
     with pytest.raises(TooWideError, match="leads through more than 2 folders"):
         matching(str(tree / "**" / "*.yaml"))
-    monkeypatch.setattr(planning, "MATCHES_MAX", 1)
+    monkeypatch.setattr(planning, "LIMITS", replace(planning.LIMITS, matches_max=1))
     with pytest.raises(TooWideError, match="matches more than 1 files"):
         matching(str(tree / "one" / "two" / "*"))
 
@@ -257,10 +257,10 @@ def test_files_of_the_system_are_no_courses_and_soon_given_up(monkeypatch: pytes
 
     scanned = os.scandir
     monkeypatch.setattr(os, "scandir", scandir)
-    monkeypatch.setattr(planning, "FOLDERS_MAX", 500)
+    monkeypatch.setattr(planning, "LIMITS", replace(planning.LIMITS, folders_max=500))
     with pytest.raises(TooWideError):
         matching("/proc/**/*")
-    assert len(read) < 3 * planning.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
+    assert len(read) < 3 * planning.LIMITS.folders_max  # twice each: what lies in it, what matches; some vanish
 
 
 def test_batch_that_lists_itself_is_told_so(tmp_path: Path) -> None:
