@@ -37,4 +37,4 @@ def test_a_wind_that_fails_is_a_remark_and_the_others_are_flown(monkeypatch: pyt
     assert [row["wind"] for row in rows] == ["calm", "5 kt from 000", "5 kt from 180"]
     assert [row["contact_percent"] is None for row in rows] == [False, False, True]
     assert rows[2]["remark"] == "a pilot cannot hold this optimum"
-    assert asked[0] == ["environment.wind=null"]
+    assert asked[0] == ["rules.reserve=null", "environment.wind=null"]
