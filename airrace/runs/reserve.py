@@ -1,7 +1,7 @@
 """A flight with a reserve: margins so large that a race in disturbances breaks no limit with the probability asked for.
 
 Margins follow from the linear covariance of the closed loop along the flight, which the margins change; so the race is
-flown again with them until they stay. Closed-loop flights measure what they are worth. Where that is too little, or
+solved again with them until they stay. Closed-loop flights measure what they are worth. Where that is too little, or
 much more than was asked for, the risk that is allocated is scaled by what was wanted over what was found.
 """
 
@@ -35,7 +35,7 @@ class ReserveIteration:
     """The settings of the iteration.
 
     Attributes:
-        attempts: how often closed-loop flights are flown at most.
+        attempts: how often a line is measured at most.
         passes: how often margins are computed again for one risk at most.
         same: the change of the race time by other margins below which they stay, s.
         tolerance: by how much the lower end of the interval of confidence may lie below the probability.
@@ -240,17 +240,17 @@ class _Search:
         self.found: list[ReserveCase] = []
 
     def run(self) -> ReserveCase:
-        flown = self.optimum
+        latest = self.optimum
         for attempt in range(SETTINGS.attempts):
-            enough, solved, limits = self._with_margins(flown)
+            enough, solved, limits = self._with_margins(latest)
             if solved is None:  # no flight with such margins
                 self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
                 self.lift = max(self.lift - SETTINGS.lift, 0.0)
                 continue
             if self.found and solved.inputs.margins == self.found[-1].run.inputs.margins:
                 break
-            flown = solved
-            if self._is_done(self._measure(flown, limits, attempt), limits, enough=enough):
+            latest = solved
+            if self._is_done(self._measure(latest, limits, attempt), limits, enough=enough):
                 break
         if not self.found:
             self._measure(self.optimum, self._limits(self.optimum), 0)
@@ -261,37 +261,37 @@ class _Search:
             best = max(self.found, key=lambda one: one.measured.share)
         return best.stored()
 
-    def _with_margins(self, flown: RunState) -> tuple[bool, RunState | None, list[Limit]]:
+    def _with_margins(self, latest: RunState) -> tuple[bool, RunState | None, list[Limit]]:
         """Fly with the margins that the risks need, until they stay.
 
         Returns:
             Whether such margins suffice, the flight, and its limits; None where there is no flight.
         """
-        enough, limits = True, self._limits(flown)
+        enough, limits = True, self._limits(latest)
         for _ in range(SETTINGS.passes):
-            allocations = self._allocate(limits, _prices(flown))
+            allocations = self._allocate(limits, _prices(latest))
             margins = {key: value for one in allocations for key, value in one.margins.items()}
             lift = lift_margin(limits, self.pilot, self.lift)
             margins |= {"rules.C_L_max": lift} if lift else {}
             enough = all(one.reaches for one in allocations)
             values = [f"margins.{key}={value:.4g}" for key, value in sorted(margins.items())]
-            if not values and not flown.inputs.margins:
+            if not values and not latest.inputs.margins:
                 break
             try:
-                after = self.fly_again(flown, [*UNSEARCHED, *values])
+                after = self.fly_again(latest, [*UNSEARCHED, *values])
                 limits = self._limits(after) if after.certified else []
             except (InputError, UsageError):  # no room between limits; a flight that no pilot can hold
                 return enough, None, []
             if not after.certified:
                 return enough, None, []
-            change, flown = abs(after.race_time - flown.race_time), after
+            change, latest = abs(after.race_time - latest.race_time), after
             if change < SETTINGS.same:
                 break
-        return enough, flown, limits
+        return enough, latest, limits
 
-    def _limits(self, flown: RunState) -> list[Limit]:
-        race, result = flown.inputs.race.by_rules, flown.stages[-1].result
-        return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, flown.inputs.margins)
+    def _limits(self, latest: RunState) -> list[Limit]:
+        race, result = latest.inputs.race.by_rules, latest.stages[-1].result
+        return limits_of(race, result, closed_loop_of(race, result, self.pilot), self.scatter, latest.inputs.margins)
 
     def _allocate(self, limits: Sequence[Limit], prices: Mapping[str, float]) -> list[Allocation]:
         judged = [one for one in limits if one.kind != STALL]
@@ -300,10 +300,10 @@ class _Search:
             for kind, risk in self.risks.items()
         ]
 
-    def _measure(self, flown: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
+    def _measure(self, latest: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
         """Fly a line in closed loop, each attempt in other disturbances, and note what it is worth."""
-        case = flown.stages[-1].safety(flights=SETTINGS.flights, seed=self.seed + attempt, **self.options)
-        after, units = _prices(flown), {one.key: one.unit for one in course_limits(flown.inputs.race)}
+        case = latest.stages[-1].safety(flights=SETTINGS.flights, seed=self.seed + attempt, **self.options)
+        after, units = _prices(latest), {one.key: one.unit for one in course_limits(latest.inputs.race)}
         risks = [float(one.risk_now) for one in limits]
         margins = [
             KeptMargin(
@@ -313,7 +313,7 @@ class _Search:
                 0.5 * margin * (self.prices.get(key, 0.0) + after.get(key, 0.0)),
                 sum(risk for one, risk in zip(limits, risks, strict=True) if one.key == key),
             )
-            for key, margin in flown.inputs.margins.items()
+            for key, margin in latest.inputs.margins.items()
             if margin > 0.0
         ]
         ignored = {STALL} if LOAD in self.risks else {STALL, LOAD}
@@ -321,7 +321,7 @@ class _Search:
         reached = all(_is_rare(count, risk) for count, risk in self._counts(case))
         self.found.append(
             ReserveCase(
-                run=flown,
+                run=latest,
                 wanted=self.wanted,
                 optimum=self.optimum.race_time,
                 margins=tuple(sorted(margins, key=lambda one: -one.cost)),

@@ -83,7 +83,7 @@ class Limit:
     """A limit as an optimum meets it at one place.
 
     Attributes:
-        key: of the input from which a margin is kept; empty where none tightens it.
+        key: of the input that a margin is taken from; empty where none tightens it.
         kind: of the breach, as `airrace.safety.evaluation` counts it.
         place: the passage, or that in which the leg ends.
         room: from the optimum to what counts as a breach, in the unit of the limit.
@@ -92,7 +92,7 @@ class Limit:
         rate: by how much a margin of 1 in the unit of its key widens the room.
         between: the room from here to the opposite limit, of which margins take a share; infinite without one.
         idle: the margin up to which something else is stricter.
-        kept: the margin with which the optimum was solved.
+        present: the margin with which the optimum was solved.
     """
 
     key: str
@@ -104,7 +104,7 @@ class Limit:
     rate: float = 1.0
     between: float = math.inf
     idle: float = 0.0
-    kept: float = 0.0
+    present: float = 0.0
 
     @property
     def risk_now(self) -> float:
@@ -127,7 +127,9 @@ class Limit:
         A limit that does not bind leaves the room that it leaves now, whatever the margin; one that does, none.
         """
         needed = self.allowed + self.rate * (margin - self.idle)
-        binds = self.room - self.allowed - self.rate * max(self.kept - self.idle, 0.0) < SETTINGS.binding * self.sigma
+        binds = (
+            self.room - self.allowed - self.rate * max(self.present - self.idle, 0.0) < SETTINGS.binding * self.sigma
+        )
         return np.asarray(ndtr(-(needed if binds else np.maximum(self.room, needed)) / self.sigma))
 
 
@@ -147,7 +149,7 @@ def limits_of(
     found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
     near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * SETTINGS.most * one.sigma)
     known = {one.key for one in course_limits(race) if math.isfinite(one.value)}  # a `point` has no tolerances
-    return [replace(one, key=one.key if one.key in known else "", kept=margins.get(one.key, 0.0)) for one in near]
+    return [replace(one, key=one.key if one.key in known else "", present=margins.get(one.key, 0.0)) for one in near]
 
 
 def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
@@ -297,7 +299,7 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
 
     It is none where the flight does not stay near the stall.
     """
-    near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.kept * one.rate]
+    near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.present * one.rate]
     wanted = (one.idle + share * (pilot.stall_margin + SETTINGS.lift * one.sigma) / one.rate for one in near)
     return max(wanted, default=0.0) if share else 0.0
 

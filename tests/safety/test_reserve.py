@@ -84,7 +84,7 @@ def test_a_limit_that_does_not_bind_needs_no_margin_and_one_that_does_keeps_the_
     far = replace(limit("a"), room=2.0)
     assert allocate([far], {}, 1e-3).margins == {}
     kept = allocate([limit("a")], {}, 1e-3).margins["a"]
-    again = replace(limit("a"), room=0.1 + kept, kept=kept)
+    again = replace(limit("a"), room=0.1 + kept, present=kept)
     assert allocate([again], {}, 1e-3).margins["a"] == kept
 
 

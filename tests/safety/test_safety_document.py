@@ -117,7 +117,9 @@ def test_what_is_not_certified_is_said_first() -> None:
 
 
 def test_a_line_with_reserve_says_so() -> None:
-    overrides = ("margins.rules.floor_m=1", "rules.reserve.probability=0.5")
+    found = ("measured=0.52", "lower=0.49", "reached=true")
+    reserve = ("probability=0.5", *(f"found.{text}" for text in found))
+    overrides = ("margins.rules.floor_m=1", *(f"rules.reserve.{text}" for text in reserve))
     given = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
     one = new_run(given, None).with_stage(optimum())
     page = html.document_fromstring(safety_document(one, one.stage(), case()))
