@@ -13,10 +13,11 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics import handling
+from airrace.dynamics.performance import top_speed
 from airrace.environment.atmosphere import g0
 from airrace.frames import angle_between
 from airrace.planning.plan import ONE_PLACE, plan
-from airrace.planning.planning_model import ASSUMED, PlanningModel, top_speed
+from airrace.planning.planning_model import ASSUMED, PlanningModel
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX, place
 from airrace.quantities import KNOT

@@ -3,6 +3,7 @@
 import math
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.performance import top_speed
 from airrace.environment.atmosphere import g0
 from airrace.records import record
 from airrace.track.course import Rules
@@ -22,7 +23,7 @@ class PlanningAssumptions:
     """
 
     air_density: float = 1.225
-    share_of_top_speed: float = 0.76
+    share_of_top_speed: float = 0.77
     load_factor: float = 6.0
     share_of_limit: float = 0.6
     least_load_factor: float = 2.5
@@ -54,20 +55,3 @@ def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
     n = max(min(ASSUMED.load_factor, ASSUMED.share_of_limit * n_limit, 0.8 * n_lift), ASSUMED.least_load_factor)
     return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
-
-
-def top_speed(aircraft: Aircraft) -> float:
-    """Return the speed at which full power balances the drag of level flight, m/s (ISA, sea level).
-
-    0 where it does so at no speed: such an aircraft cannot fly level.
-    """
-    propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
-    P = propulsion.eta_p * propulsion.P_max
-    speed = (2.0 * P / (ASSUMED.air_density * S * drag.C_D0)) ** (1 / 3)
-    for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
-        if speed < 1.0:  # ever slower: what it takes to carry the weight is more than the power
-            return 0.0
-        C_L = aircraft.airframe.m * g0 / (0.5 * ASSUMED.air_density * speed**2 * S)
-        C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2
-        speed = (2.0 * P / (ASSUMED.air_density * S * C_D)) ** (1 / 3)
-    return speed

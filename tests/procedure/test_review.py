@@ -10,10 +10,10 @@ import races
 from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
+from airrace.dynamics.performance import top_speed
 from airrace.environment.air import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
-from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
 from airrace.planning.waypoints import PLANNED_MAX
 from airrace.quantities import Interval
