@@ -20,10 +20,16 @@ COMMAND = (sys.executable, "-P", "-m", "airrace")
 PLAN = ("--guess", "plan")
 POINT_MASS = ("--until", "point-mass", *PLAN)
 WIND = ("--set", "environment.wind.speed_kt=15", "--set")
+CALM = (
+    *("--set", "rules.reserve.wind_error_kt=0", "--set", "rules.reserve.mass_error_percent=0"),
+    *("--set", "rules.reserve.power_error_percent=0", "--set", "rules.reserve.density_error_percent=0"),
+    *("--set", "rules.reserve.roll_timing_s=0"),
+)
 NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
 
 FLIGHTS: dict[str, tuple[str, ...]] = {
     "rovinj": ("rovinj_2014", *PLAN),
+    "reserve": ("rovinj_2014", *PLAN, "--reserve", "0.9", *CALM),
     "pc9": ("rovinj_2014", "--aircraft", "pc9", *POINT_MASS),
     "extra": ("rovinj_2014", "--aircraft", "extra330sc", *POINT_MASS),
     "wind_240": ("rovinj_2014", *WIND, "environment.wind.from_deg=240", *POINT_MASS),
@@ -52,6 +58,8 @@ crowd:
     distance_m: 300
 """
 
+ERRORS = ("--power-error", "0", "--density-error", "0", "--roll-timing", "0")
+
 CALLS: dict[str, tuple[str, ...]] = {
     "rovinj_2014": ("plot", "rovinj.h5", "--output"),
     "kneeboard": ("plot", "rovinj.h5", "--kneeboard", "--output"),
@@ -67,6 +75,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),
     "harbour": ("check", "harbour.yaml", "--plot"),
     "envelope": ("safety", "rovinj.h5", "--output"),
+    "envelope_reserve": ("safety", "reserve.h5", *("--wind-error", "0", "--mass-error", "0"), *ERRORS, "--output"),
     "footprint": ("footprint", "stands.h5", "--output"),
     "routes": ("compare", "over_the_top.h5", "flat.h5", "--plot"),
 }
