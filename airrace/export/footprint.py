@@ -5,6 +5,7 @@ from datetime import datetime
 
 import numpy as np
 
+from airrace.export.antimeridian import Corner, cut_area
 from airrace.export.geojson import collection, feature, flight_entries
 from airrace.export.globe import add_element
 from airrace.export.kml import content_of, kml_document
@@ -28,7 +29,7 @@ def footprint_geojson(footprint: Footprint, flight: Flight, begin: datetime) -> 
     """
     entries = flight_entries([flight], begin)
     for name, outlines in _layers(footprint):
-        rings = [[_closed(ring, flight.course.origin) for ring in (one.border, *one.holes)] for one in outlines]
+        rings = [polygon for one in outlines for polygon in _polygons(one, flight.course.origin)]
         properties = {"kind": "footprint", "name": name, "note": NOT_AN_AUTHORITYS}
         entries.append(feature("MultiPolygon", rings, properties))
     return collection(entries)
@@ -78,6 +79,15 @@ def footprint_csv(footprint: Footprint) -> str:
 
 def _layers(footprint: Footprint) -> list[tuple[str, Sequence[Outline]]]:
     return [(FALLS, footprint.falls), (GLIDES, (footprint.glides,))]
+
+
+def _polygons(outline: Outline, origin: Origin) -> list[list[list[Corner]]]:
+    """Return the rings of each part of an outline on one side of the antimeridian."""
+    parts: dict[bool, list[list[Corner]]] = {}
+    for ring in (outline.border, *outline.holes):
+        for piece in cut_area(_closed(ring, origin)[:-1]):
+            parts.setdefault(sum(corner[0] for corner in piece) > 0.0, []).append([*piece, piece[0]])
+    return list(parts.values())
 
 
 def _closed(ring: Array, origin: Origin) -> list[list[float]]:

@@ -3,9 +3,11 @@
 import json
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from itertools import pairwise
 
 import numpy as np
 
+from airrace.export.antimeridian import Corner, cut_area, cut_line, unwrapped
 from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
 from airrace.results import Flight, TimedCrossing
 
@@ -41,18 +43,26 @@ def _on_course(thing: Feature) -> dict[str, object]:
         case Shape.POINT:
             return feature("Point", corners[0], properties)
         case Shape.LINE:
-            return feature("LineString", corners, properties)
+            return feature(*_line_geometry(cut_line(corners)), properties)
         case Shape.AREA:
-            following = [*corners[1:], corners[0]]
-            area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
-            ring = corners if area > 0.0 else corners[::-1]  # an outline runs counterclockwise
-            return feature("Polygon", [[*ring, ring[0]]], properties)
+            turned = unwrapped(corners)
+            area = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise([*turned, turned[0]]))
+            pieces = cut_area(corners if area > 0.0 else corners[::-1])  # an outline runs counterclockwise
+            polygons = [[[*ring, ring[0]]] for ring in pieces]
+            if len(polygons) == 1:
+                return feature("Polygon", polygons[0], properties)
+            return feature("MultiPolygon", polygons, properties)
+
+
+def _line_geometry(pieces: list[list[Corner]]) -> tuple[str, object]:
+    return ("LineString", pieces[0]) if len(pieces) == 1 else ("MultiLineString", pieces)
 
 
 def _line(flight: Flight, begin: datetime) -> dict[str, object]:
+    pieces = cut_line([[*place, when] for place, when in zip(_positions(flight), flight.time.tolist(), strict=True)])
+    times = [[round(corner[3], 4) for corner in piece] for piece in pieces]
     return feature(
-        "LineString",
-        _positions(flight),
+        *_line_geometry([[[round(one, 8) for one in corner[:3]] for corner in piece] for piece in pieces]),
         {
             "kind": "flight",
             "name": printable(flight.label),
@@ -63,7 +73,7 @@ def _line(flight: Flight, begin: datetime) -> dict[str, object]:
             "certified": flight.source.certified,
             "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
             "begin": stamp(begin, 0.0),
-            "time_s": np.round(flight.time, 4).tolist(),
+            "time_s": times[0] if len(times) == 1 else times,
         },
     )
 

@@ -7,11 +7,9 @@ a word.
 
 import io
 import json
-import lzma
 import math
 import re
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
@@ -22,7 +20,7 @@ from xml.etree.ElementTree import Element
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
 from airrace.inputs.nodes import LIMITS
-from airrace.logs.reading import xml_tree
+from airrace.logs.reading import DAMAGES, xml_tree
 from airrace.logs.recording import refuse
 from airrace.records import record
 from airrace.standard_streams import name_of
@@ -176,10 +174,7 @@ def read_placemarks(path: Path) -> list[Placemark]:
         content = _unpack(name, content)
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
         root = xml_tree(name, content)
-        try:
-            found = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
-        except RecursionError:
-            refuse(name, 0, "holds folders within folders without end")
+        found = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
     else:
         found = list(_of_geojson(name, content))
     if all(one.shape is PlacemarkShape.OTHER for one in found):
@@ -187,13 +182,6 @@ def read_placemarks(path: Path) -> list[Placemark]:
     if len(found) > LIMITS.placemarks:
         refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
     return found
-
-
-_DAMAGES = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError),  # of the archive, and of streams by their methods
-    *(NotImplementedError, RuntimeError, EOFError, ValueError),
-)
-"""What `zipfile` raises for archives that it cannot unpack."""
 
 
 def _unpack(path: str, content: bytes) -> bytes:
@@ -205,7 +193,7 @@ def _unpack(path: str, content: bytes) -> bytes:
                 refuse(path, 0, "is an archive without a KML document")
             with archive.open(entry) as file:
                 unpacked = file.read(LIMITS.size + 1)
-    except _DAMAGES as error:
+    except DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
     if len(unpacked) > LIMITS.size:
         refuse(path, 0, f"is too large unpacked: at most {LIMITS.size} bytes are read")

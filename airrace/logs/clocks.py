@@ -92,9 +92,19 @@ def iso_seconds(text: str, zone: tzinfo | None) -> float:
     Raises:
         ValueError: it is no such time.
     """
-    plain, leaps = _LEAP.subn(":59", text, count=1)
-    when = datetime.fromisoformat(plain)
+    when, leaps = _iso_time(text)
     return (when if when.tzinfo is not None else when.replace(tzinfo=zone or UTC)).timestamp() + leaps
+
+
+def names_zone(text: str) -> bool:
+    """Return whether an ISO 8601 time names its zone."""
+    return _iso_time(text)[0].tzinfo is not None
+
+
+def _iso_time(text: str) -> tuple[datetime, int]:
+    """Return a time, and 1 where it is the leap second behind it."""
+    plain, leaps = _LEAP.subn(":59", text, count=1)
+    return datetime.fromisoformat(plain), leaps
 
 
 def instant(seconds: float) -> datetime | None:

@@ -10,12 +10,12 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
-from datetime import datetime, tzinfo
+from datetime import tzinfo
 
 import numpy as np
 
 from airrace.environment.atmosphere import g0
-from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, parse_time, unwrap_days
+from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, names_zone, parse_time, unwrap_days
 from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
 from airrace.quantities import KNOT
 from airrace.records import record
@@ -93,6 +93,8 @@ _SUFFIXED = re.compile(
 _DELIMITERS = (",", ";", "\t", "|")
 _PREAMBLE = 200
 """Lines that may come before the headers."""
+_LONGEST = 20_000
+"""Letters of the longest line of headers."""
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
@@ -209,7 +211,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
             notation, garbled = notation if samples.lines else "", garbled + bool(when)
             continue
         if not samples.lines and notation == "iso":
-            zoned = datetime.fromisoformat(when).tzinfo is not None
+            zoned = names_zone(when)
         values = [
             samples.number(at, cell, one.header) if cell else math.nan for one, cell in zip(others, cells, strict=True)
         ]
@@ -283,7 +285,7 @@ def _find_headers(
     above: tuple[str, list[str]] = ("", [])
     for at, line in itertools.islice(numbered, _PREAMBLE):
         plain = line.strip().lstrip("\ufeff#%").strip()
-        if not plain:
+        if not plain or len(plain) > _LONGEST:
             continue
         delimiter, headers = _split_headers(plain, layout)
         columns = _match(headers, layout)

@@ -72,7 +72,15 @@ def is_measured(flight: Flight, name: str) -> bool:
 
 
 def deviations_of(
-    part: Recording, path: Path, least: Array, flight: Flight, offset: float, doubt: float
+    part: Recording,
+    path: Path,
+    least: Array,
+    flight: Flight,
+    offset: float,
+    *,
+    doubt: float = 0.0,
+    late: float = 0.0,
+    tilt: float = 0.0,
 ) -> Callable[[float], StandardDeviations]:
     """Return how well the flight is known at a time of its clock, s.
 
@@ -83,6 +91,7 @@ def deviations_of(
         flight: with its histories.
         offset: of the flight's clock on that of the recording, s.
         doubt: by which all heights may be off together, m.
+        late, tilt: by which all recorded rolls may be late, s, and off together, rad.
     """
     limits = flight_limits(flight.aircraft, flight.course.rules)
     roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, ERRORS.sideslip)
@@ -101,19 +110,19 @@ def deviations_of(
         lost = ERRORS.pull * step**2 / 8.0 if step > SMOOTHING.missing * usual else 0.0
         across = math.hypot(*(float(one.max()) for one in (ERRORS.across * raw[0, :2], least[:2])), lost)
         along = math.hypot(*(float(one.max()) for one in (ERRORS.time * raw[0, :2], least[:2])), lost)
-        up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero, lost)
         velocity, acceleration = ERRORS.velocity * raw[1], ERRORS.acceleration * raw[2]
         row = int(np.argmin(np.abs(flight.time - time)))
         V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
         speed = float(velocity.max())
         direction = math.atan2(speed, max(V_K, 1.0))
         when = along / max(V_K * math.cos(gamma), 1.0)
+        up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero, lost, when * V_K * math.sin(gamma))
         bank = math.nan
         if roll is not None:
             pitch = abs(gamma) + abs(float(flight.values("alpha_A")[row]))
             slipping = 0.0 if full else sideslip * math.sin(min(pitch, 0.5 * math.pi))
-            own, seen = roll.deviation(offset + time, when), direction * math.sin(gamma)
-            bank = math.hypot(own, seen, slipping, ERRORS.wings)
+            own, seen = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
+            bank = math.hypot(own, seen, slipping, tilt, ERRORS.wings)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
             rolled = roll_rate * max(step, SMOOTHING.step)
             bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), rolled), math.pi)

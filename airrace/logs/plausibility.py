@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.logs.csv_log import FIELDS
-from airrace.logs.histories import path_histories
+from airrace.logs.histories import HOLE, STEEP, path_histories, samples_of
 from airrace.logs.passings import HEIGHTS, CourseRun
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
@@ -35,11 +35,14 @@ class PlausibilitySettings:
         stuck: scatter of a roll that moves at all, rad.
         banked: sine of the bank from which on its side is certain.
         full_turn: rad, which no angle in degrees stays below in a race.
-        high: by which passings are too high for heights to be doubted, m.
+        high: by which passings are too high for heights to be taken as feet, m.
+        zero: by which almost all passings are too high, or too low, for the zero of the heights to be doubted, m.
         better: share of that which is left in feet, at most.
         mostly: share of passings that are too high, or too low, for a doubt.
         scatter: of the heights at passings, in terms of the widest window, below which they are no feet.
         windows: passings with a window of heights that are needed for such a doubt.
+        lag, lag_step: s, by which the roll may be late, and the steps in which that is looked for.
+        told: lag, s, and offset of the roll, deg, from which on they are told.
     """
 
     rows: int = 4000
@@ -54,10 +57,14 @@ class PlausibilitySettings:
     course: float = math.radians(60.0)
     full_turn: float = 6.4
     high: float = 5.0
+    zero: float = 0.2
     better: float = 0.25
-    mostly: float = 0.8
+    mostly: float = 0.7
     scatter: float = 1.5
     windows: int = 3
+    lag: float = 0.5
+    lag_step: float = 0.02
+    told: tuple[float, float] = (0.05, 3.0)
 
 
 PLAUSIBLE = PlausibilitySettings()
@@ -102,16 +109,48 @@ def height_doubt(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tupl
     """
     heights = np.array([one.value("height") for one in flight.crossings])
     off = _beyond(heights, [height_window(one.passage.element, axes.get(one.name, 0.0)) for one in flight.crossings])
-    if len(off) < PLAUSIBLE.windows or abs(np.median(off)) < PLAUSIBLE.high:
+    if len(off) < PLAUSIBLE.windows or abs(np.median(off)) < PLAUSIBLE.zero:
         return 0.0, ()
     if np.mean(np.sign(off) == np.sign(np.median(off))) < PLAUSIBLE.mostly:
         return 0.0, ()
     doubt = float(np.median(off))
     side = "high" if doubt > 0.0 else "low"
     remark = (
-        f"almost all passings are about {abs(doubt):.0f} m too {side}: are heights in another unit, or of another zero?"
+        f"almost all passings are about {abs(doubt):.2g} m too {side}: are heights in another unit, or of another zero?"
     )
     return abs(doubt), (remark,)
+
+
+def roll_offsets(
+    race: Race, part: Recording, path: Path, run: CourseRun
+) -> tuple[tuple[float, float], tuple[str, ...]]:
+    """Return by how much the recorded roll is late, s, and off, rad, both without sign, and remarks.
+
+    In turns the roll is that of the path but for two things that no sample tells: its clock may be another than that
+    of the positions, and its sensor may be mounted obliquely. They are found where roll and path agree best.
+    """
+    time = path.time[(path.time >= run.begin) & (path.time <= run.end)]
+    flown = path_histories(race, *path.at(time))
+    _, gamma, mu = attitude.euler_angles(attitude.path_axes([flown[name] for name in PATH_ATTITUDE]))
+    turning = (flown["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < STEEP)
+    if not turning.any():
+        return (0.0, 0.0), ()
+    count = round(PLAUSIBLE.lag / PLAUSIBLE.lag_step)
+    lags = PLAUSIBLE.lag_step * np.arange(-count, count + 1)
+    at, roll = samples_of(part, "phi")
+    apart = _around(np.interp(time[turning] + lags[:, None], at, roll) - mu[turning])
+    best = int(np.argmin(np.minimum(np.abs(apart), PLAUSIBLE.bank).mean(axis=1)))
+    late, tilt = float(lags[best]), float(np.median(apart[best]))
+    remarks: list[str] = []
+    if abs(late) > PLAUSIBLE.told[0]:
+        side = "late" if late > 0.0 else "early"
+        remarks.append(
+            f"the recorded roll comes {abs(late):.2f} s {side} against the positions: banks are less certain"
+        )
+    if abs(math.degrees(tilt)) > PLAUSIBLE.told[1]:
+        off = f"{math.degrees(tilt):.1f} deg"
+        remarks.append(f"the recorded roll is off the path's by {off}, so that banks are less certain")
+    return (math.hypot(late, PLAUSIBLE.lag_step / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
 
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
@@ -167,22 +206,50 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         drop(("n_z",), f"in turns it is off the path's by {difference('n_z', flown['n_z'], turning):.1f} g")
     there = [name for name in _ANGLES if name in columns and name in part.unsaid]
     largest = float(np.nanmax(np.abs(columns[there[0]]), initial=0.0)) if there else 0.0  # of the roll, if any
-    if 0.0 < math.degrees(largest) < PLAUSIBLE.full_turn and turning.any():
+    moves = bool(there) and float(np.nanstd(np.degrees(columns[there[0]]))) > PLAUSIBLE.stuck
+    if 0.0 < math.degrees(largest) < PLAUSIBLE.full_turn and turning.any() and moves:
         for name in there:
             columns[name] = np.degrees(columns[name])
         remarks.append("angles are taken in radians, for none is larger than a full turn of these")
     banked = turning & (np.abs(np.sin(mu)) > PLAUSIBLE.banked)
-    rolled = columns.get("phi", np.zeros(1))
+    if "phi" in columns:
+        stuck = _stuck(part.time, columns["phi"], part.time[rows[banked]], mu[banked])
+        if stuck.any():
+            columns["phi"] = np.where(stuck, np.nan, columns["phi"])
+            first = int(part.lines[stuck][0])
+            remarks.append(f"the recorded roll stands still in turns from line {first} on and is not used there")
     off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
     if turned < PLAUSIBLE.bank < off:
         columns["phi"] = -columns["phi"]
         remarks.append("the recorded roll is taken with the other sign: so it fits the turns of the path")
-    elif off > PLAUSIBLE.bank and np.nanstd(rolled) > PLAUSIBLE.stuck:
+    elif off > PLAUSIBLE.bank:
         drop(("phi",), f"in turns it is off the path's by {math.degrees(off):.0f} deg")
     for name, true, most in (("theta", gamma, PLAUSIBLE.climb), ("psi", chi, PLAUSIBLE.course)):
         if name in columns and (off := difference(name, true, fast, _around)) > most:
             drop((name,), f"it is off the path's by {math.degrees(off):.0f} deg")
     return replace(part, columns=columns, remarks=(*part.remarks, *remarks))
+
+
+def _stuck(time: Array, roll: Array, when: Array, bank: Array) -> NDArray[np.bool_]:
+    """Return which samples of a roll belong to one that stands still, although the path is banked otherwise.
+
+    Args:
+        time, roll: of all samples, s and rad, shape (n,).
+        when, bank: of the path where it turns hard, s and rad, shape (m,).
+    """
+    known = np.flatnonzero(np.isfinite(roll))
+    stretch = np.cumsum(np.diff(roll[known], prepend=np.inf) != 0.0) - 1
+    begins = np.flatnonzero(np.diff(stretch, prepend=-1))
+    ends = np.append(begins[1:], len(known)) - 1
+    still = time[known[ends]] - time[known[begins]] > HOLE
+    near = np.searchsorted(time[known], when, side="right") - 1
+    inside = near >= 0
+    off = np.abs(_around(roll[known][near] - bank)) > PLAUSIBLE.bank
+    wrong = np.zeros(len(begins), np.bool_)
+    wrong[stretch[near[inside & off]]] = True
+    found = np.zeros(len(roll), np.bool_)
+    found[known] = (still & wrong)[stretch]
+    return found
 
 
 def _around(angle: Array) -> Array:

@@ -4,11 +4,13 @@ import codecs
 import contextlib
 import io
 import logging
+import lzma
 import math
 import os
 import re
 import stat
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from datetime import tzinfo
 from pathlib import Path
@@ -37,6 +39,14 @@ _MULTIBYTE = frozenset(
 _PLANNED = "a point of the track has no time; only a recorded track can be imported"
 _ELSEWHERE = ((b"File created on", b"[column names]", "a Racelogic VBO file"), (b"\x0e\x10", b".FIT", "a FIT file"))
 """Logs that are recognised and not read: how they begin, what they hold near it, what they are."""
+
+DAMAGES = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError),  # of the archive, and of streams by their methods
+    *(NotImplementedError, RuntimeError, EOFError, ValueError),
+)
+"""What `zipfile` raises for archives that it cannot unpack."""
+_PACKED, _SMALL = 200, 10_000_000
+"""Times the size of an archive that a large content may have (texts of flights are packed to a tenth); bytes of one."""
 
 
 def is_log(path: Path) -> bool:
@@ -141,9 +151,11 @@ def _read_archive(path: str, file: BinaryIO, aircraft: str | None) -> Recording:
             entry = next((one for one in archive.infolist() if one.filename.lower().endswith((".acmi", ".txt"))), None)
             if entry is None:
                 refuse(path, 0, "is an archive without an ACMI recording")
+            if entry.file_size > max(_PACKED * entry.compress_size, _SMALL):
+                refuse(path, 0, f"is packed to less than a {_PACKED}th, as no flight is; unpack it and cut it to that")
             with archive.open(entry) as unpacked:
                 return read_acmi(path, _lines(path, unpacked, "utf-8-sig"), aircraft)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+    except DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
 
 
@@ -161,7 +173,9 @@ def xml_tree(path: str, content: bytes, take: Callable[[Element, int], None] = l
         InputError: it is no XML, or holds a document type.
     """
     try:
-        return _parse(path, content, take)
+        root = _parse(path, content, take)
+        assert root is not None  # all is kept
+        return root
     except expat.ExpatError as error:
         refuse(path, error.lineno, f"is no XML: {expat.ErrorString(error.code)}")
 
@@ -173,31 +187,54 @@ def _codec(name: str) -> str:
         return ""
 
 
-def _parse(path: str, content: bytes, take: Callable[[Element, int], None]) -> Element:
-    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML."""
+def _parse(path: str, content: bytes, take: Callable[[Element, int], None], kept: str = "") -> Element | None:
+    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
+
+    Where only elements of one name are to be `kept` with what they hold, all others are taken empty and there is no
+    root: whatever else a document holds needs no memory.
+    """
     encoding = None
     if (declared := _DECLARED.match(content)) and (known := _codec(declared[1].decode())) in _MULTIBYTE:
         content, encoding = content.decode(known, "replace").encode(), "utf-8"
     builder, parser = TreeBuilder(), expat.ParserCreate(encoding, namespace_separator=" ")
+    depth, inside = 0, 0  # of all elements, and of those that are kept
 
     def begin(name: str, attributes: Mapping[str, str]) -> None:
-        builder.start(name.rpartition(" ")[2], dict(attributes))
+        nonlocal depth, inside
+        tag, depth = name.rpartition(" ")[2], depth + 1
+        if depth > LIMITS.depth:
+            refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {LIMITS.depth} deep")
+        if inside or not kept or tag == kept:
+            inside += 1
+            builder.start(tag, dict(attributes))
 
     def end(name: str) -> None:
-        take(builder.end(name.rpartition(" ")[2]), parser.CurrentLineNumber)
+        nonlocal builder, depth, inside
+        tag, depth = name.rpartition(" ")[2], depth - 1
+        if not inside:
+            take(Element(tag), parser.CurrentLineNumber)
+            return
+        inside -= 1
+        take(builder.end(tag), parser.CurrentLineNumber)
+        if kept and not inside:
+            builder = TreeBuilder()
+
+    def data(text: str) -> None:
+        if inside:
+            builder.data(text)
 
     def doctype(*_: object) -> None:
         refuse(path, parser.CurrentLineNumber, "holds a document type; such a file needs none")
 
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = begin, end
-    parser.CharacterDataHandler = builder.data
+    parser.CharacterDataHandler = data
     parser.StartDoctypeDeclHandler = doctype
     try:
         parser.Parse(content, True)
     except (LookupError, ValueError):  # Python's codecs, of which expat takes those of a byte per letter
         refuse(path, 1, "declares an encoding that is not read; save it as UTF-8")
-    return builder.close()
+    return None if kept else builder.close()
 
 
 def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
@@ -215,7 +252,7 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
     tracks = [SampleTable(path, 4)]
 
     def take(element: Element, line: int) -> None:
-        if element.tag == "trk":
+        if element.tag == "trk" and tracks[-1].lines:
             tracks.append(SampleTable(path, 4))
         if element.tag == "trkpt":
             height, when = ((element.findtext(key) or "").strip() for key in ("ele", "time"))
@@ -224,16 +261,13 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
             except (ValueError, OverflowError):
                 message = f"`{when[:40]}` is no time; expected one such as 2016-03-12T14:03:07Z"
                 read.leave_out(line, message if when else _PLANNED, "time")
-                element.clear()
                 return
             place = [read.number(line, element.get(key, ""), key) for key in ("lat", "lon")]
             read.append(line)
             tracks[-1].append(line, time, *place, read.number(line, height, "ele") if height else math.nan)
-        if element.tag in ("trk", "trkpt"):
-            element.clear()
 
     try:
-        _parse(path, content, take)
+        _parse(path, content, take, "trkpt")
     except expat.ExpatError as error:
         broken = f"is no XML: {expat.ErrorString(error.code)}"
         if len(read.lines) < 2:

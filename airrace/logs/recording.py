@@ -27,6 +27,7 @@ class LogLimits:
         idle: lines that hold no sample.
         objects: of an ACMI recording.
         text: letters of what an ACMI recording tells of an object.
+        depth: of elements within elements of an XML document.
     """
 
     size: int = 1024**3
@@ -36,6 +37,7 @@ class LogLimits:
     idle: int = 1_000_000
     objects: int = 10_000
     text: int = 200
+    depth: int = 200
 
 
 LIMITS = LogLimits()

@@ -391,7 +391,7 @@ def test_an_archive_with_any_byte_flipped_is_read_or_refused(tmp_path: Path, met
         (archive_of("readme.txt", b""), "is an archive without a KML document"),
         (archive_of("doc.kml", b"<kml/>")[:40], "is a damaged archive"),
         (archive_of("doc.kml", b"<kml>" + b" " * 3_000_000), "is too large unpacked"),
-        (b"<kml>" + b"<Folder>" * 5_000 + b"</Folder>" * 5_000 + b"</kml>", "folders within folders"),
+        (b"<kml>" + b"<Folder>" * 5_000 + b"</Folder>" * 5_000 + b"</kml>", "elements within elements"),
         (b'<?xml version="1.0" encoding="foo"?><kml/>', "declares an encoding that is not read; save it as UTF-8"),
         (b'{"type": "Feature", "properties": {}, "geometry": null}', "holds no placemarks"),
         (b'{"type": "MultiPoint", "coordinates": 3}', "is no GeoJSON as RFC 7946 has it"),

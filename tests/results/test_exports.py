@@ -1,6 +1,7 @@
 """Flights that are written and read back are the same flights."""
 
 import io
+import itertools
 import json
 import math
 import os
@@ -27,6 +28,7 @@ from airrace.errors import UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import Format, formats, register
+from airrace.export.geojson import geojson
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import kml
 from airrace.frames import rotation
@@ -173,6 +175,22 @@ def test_geojson_is_read_back_and_outlines_run_counterclockwise() -> None:
         ring = np.array(area["geometry"]["coordinates"][0])
         assert (ring[0] == ring[-1]).all()
         assert np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) > 0.0
+
+
+def test_geojson_is_cut_where_it_crosses_the_antimeridian() -> None:
+    whole = flight()
+    east = whole["y"]
+    middle = Origin(math.radians(-16.8), math.pi - float(np.mean(east)) / 6.1e6, 0.0)
+    told = json.loads(geojson([on_globe(whole, middle)], BEGIN))
+    (line,) = [one for one in told["features"] if one["properties"]["kind"] == "flight"]
+    assert line["geometry"]["type"] == "MultiLineString"
+    pieces, times = line["geometry"]["coordinates"], line["properties"]["time_s"]
+    assert [len(one) for one in pieces] == [len(one) for one in times]
+    for piece in pieces:
+        assert np.ptp([place[0] for place in piece]) < 1.0
+    assert sum(len(one) for one in pieces) == len(whole.time) + 2 * (len(pieces) - 1)
+    for one, other in itertools.pairwise(pieces):
+        assert (one[-1][0], *one[-1][1:]) == (-other[0][0], *other[0][1:])
 
 
 def test_czml_turns_the_nose_of_the_aircraft_along_its_heading() -> None:
@@ -387,6 +405,7 @@ def test_arguments_that_say_nothing_sensible_are_refused(tmp_path: Path, extra: 
 
 
 OWN_FORMAT = """
+from airrace.export.geojson import geojson
 from airrace.export.formats import Format, register
 
 register(Format("labels", "Labels alone.", lambda flights, begin: flights[0].label.encode(), suffix="txt"))
