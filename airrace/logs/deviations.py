@@ -1,7 +1,7 @@
 """How well the passings of a recorded flight are known: standard deviations, from its samples themselves."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class ErrorModel:
         pull: acceleration that nobody knows of where samples are missing, m/s^2.
         onset, load_onset: s, in which an aircraft comes to its greatest rate of roll, and of the load factor.
         load_rate: the latter, 1/s.
+        slant: the least cosine between path and axis that is counted.
         barometer: standard deviation of heights by the standard atmosphere, m: of 8 hPa.
     """
 
@@ -50,6 +51,7 @@ class ErrorModel:
     load_onset: float = 0.2
     load_rate: float = 25.0
     wings: float = math.radians(0.1)
+    slant: float = 0.1
     barometer: float = 70.0
 
 
@@ -77,6 +79,7 @@ def deviations_of(
     least: Array,
     flight: Flight,
     offset: float,
+    axes: Mapping[str, float],
     *,
     doubt: float = 0.0,
     late: float = 0.0,
@@ -90,6 +93,8 @@ def deviations_of(
         least: standard deviations of rounding of the positions, by axis, m, shape (3,).
         flight: with its histories.
         offset: of the flight's clock on that of the recording, s.
+        axes: along which each element was passed, rad, by the names of the passages. Where the path is slanted to it,
+            an error of the position makes a greater one of the time, and of the place on the line.
         doubt: by which all heights may be off together, m.
         late, tilt: by which all recorded rolls may be late, s, and off together, rad.
     """
@@ -99,6 +104,11 @@ def deviations_of(
     load = _History(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
     zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0)
+    straight = {
+        one.time: max(abs(math.cos(one.value("chi") - axes[one.name])), ERRORS.slant)
+        for one in flight.crossings
+        if one.found and one.name in axes
+    }
     half_span = 0.5 * flight.aircraft.airframe.b
     places = part.time[np.isfinite(part.columns["x"])]
     usual = float(np.median(np.diff(places)))
@@ -108,8 +118,10 @@ def deviations_of(
         place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
         step = float(places[place] - places[place - 1])
         lost = ERRORS.pull * step**2 / 8.0 if step > SMOOTHING.missing * usual else 0.0
-        across = math.hypot(*(float(one.max()) for one in (ERRORS.across * raw[0, :2], least[:2])), lost)
-        along = math.hypot(*(float(one.max()) for one in (ERRORS.time * raw[0, :2], least[:2])), lost)
+        across, along = (
+            math.hypot(*(float(one.max()) for one in (factor * raw[0, :2], least[:2])), lost) / straight.get(time, 1.0)
+            for factor in (ERRORS.across, ERRORS.time)
+        )
         velocity, acceleration = ERRORS.velocity * raw[1], ERRORS.acceleration * raw[2]
         row = int(np.argmin(np.abs(flight.time - time)))
         V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))

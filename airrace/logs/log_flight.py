@@ -113,7 +113,7 @@ def flight_from_log(
     axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
     doubt, doubts = height_doubt(flight, axes)
     (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
-    deviations = deviations_of(part, path, least, flight, final.begin, doubt=doubt, late=late, tilt=tilt)
+    deviations = deviations_of(part, path, least, flight, final.begin, axes, doubt=doubt, late=late, tilt=tilt)
     known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
     remarks = (*part.remarks, *doubts, *offsets, *_remarks(placed, path, flight, known))
     return LogFlight(flight, violations(flight, axes, deviations, penalties), known, part, final.begin, remarks)

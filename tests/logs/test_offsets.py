@@ -59,12 +59,28 @@ def test_heights_that_are_off_together_are_less_certain(below: float) -> None:
     assert_accuses_nobody(low, "almost all passings are about .* m too low")
 
 
+def test_gates_in_a_long_gap_are_not_missed_for_certain() -> None:
+    """But one that is flown around, as every sample tells, is."""
+    one = imported(csv_text(fixes(5.0, noise=0.3, gap=(33.0, 45.5))))
+    assert [crossing.name for crossing in one.flight.crossings if not crossing.found] == ["1:g4#2"]
+    assert [breach for breach in one.violations if breach.certain] == []
+    off = np.abs(EXACT.time - known().passings["1:g6#2"])
+    around = EXACT.east + 150.0 * np.where(off < 2.0, np.cos(0.25 * np.pi * np.minimum(off, 2.0)) ** 2, 0.0)
+    detour = imported(csv_text(type(EXACT)(EXACT.time, EXACT.north, around, EXACT.height)))
+    assert ("1:g6#2", "missed") in {(one.passing, one.rule) for one in detour.violations if one.certain}
+
+
 @pytest.mark.parametrize("digits", [5, 4])
 def test_coordinates_that_are_cut_off_make_climbing_passings_less_certain(digits: int) -> None:
     places = on_globe(EXACT)[:2]
     cut = [[f"{math.trunc(one * 10**digits) / 10**digits:.{digits}f}" for one in values] for values in places]
     rows = zip((f"{one + 100.0:.3f}" for one in EXACT.time), *cut, HEIGHTS, strict=True)
     one = imported(table("time,latitude,longitude,height", rows))
+    shift = 0.5 * 10.0**-digits * math.radians(6.371e6)  # of latitudes that are cut off, m
+    for crossing in (one for one in one.flight.crossings if one.found):
+        true = known().passings[crossing.name]
+        away = math.hypot(*(crossing.value(name) - known().at(name, np.array([true]))[0] for name in ("x", "y")))
+        assert away < 4.0 * math.hypot(one.known[crossing.name].across, shift)
     assert [breach for breach in one.violations if breach.certain] == []
 
 
