@@ -303,6 +303,8 @@ def _find_headers(
             best = len(columns), at, headers
         above = line, headers
     _, at, headers = best
+    if not headers:
+        refuse(path, 0, "has no column of time: it holds no row of headers")
     there = {one.field.name for one in _match(headers, layout)}
     words = enumerate_words(headers)
     if missing := next((name for name in layout.columns if name not in there), None):
