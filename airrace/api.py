@@ -360,7 +360,7 @@ class Run(RunState):
     @classmethod
     def of(cls, state: RunState) -> Self:
         """Return a run of its state."""
-        return cls(state.inputs, state.checkpoint, state.path, state.sign)
+        return cls(state.inputs, state.checkpoint, state.path, state.sign, state.confirmations)
 
     resume = resume
 
@@ -535,7 +535,12 @@ class Run(RunState):
         return Path(path)
 
     def report(
-        self, path: str | Path, *others: str, stage: str | Stage | None = None, sensitivities: bool = False
+        self,
+        path: str | Path,
+        *others: str,
+        stage: str | Stage | None = None,
+        sensitivities: bool = False,
+        verify: bool = True,
     ) -> Path:
         """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
 
@@ -546,6 +551,8 @@ class Run(RunState):
             others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
             stage: which stage; None for the last one.
             sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
+            verify: whether the stages are measured again, which takes about a second each; the page says what that
+                told, or that they are not verified.
 
         Returns:
             The path.
@@ -555,5 +562,5 @@ class Run(RunState):
             NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
-        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities))
+        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities, verify=verify))
         return Path(path)

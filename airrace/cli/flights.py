@@ -16,6 +16,7 @@ from airrace.cli.options import (
     Command,
     FlightNames,
     Force,
+    NoVerify,
     Overrides,
     Quiet,
     RunFile,
@@ -143,6 +144,7 @@ def compare(
         typer.Option(metavar="FILE.png", help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf."),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="List the legs that are ties as well.")] = False,
+    no_verify: NoVerify = False,
     force: Force = False,
     as_json: AsJson = False,
     verbose: Verbose = False,
@@ -164,7 +166,8 @@ def compare(
         from airrace.runs.flight_sources import open_flights
         from airrace.runs.json_objects import comparison_object
 
-        reference, *others = open_flights(names, stage=stage)
+        reference, *others = flights = open_flights(names, stage=stage, verify=not no_verify)
+        answer.fail_if_refuted({one.label: one.source.confirmation for one in flights})
         comparisons = [compare_flights(reference, other) for other in others]
         answer.fields.update(comparison_object(reference, comparisons))
         if plot is not None:
@@ -228,6 +231,7 @@ def report(
     sensitivities: Annotated[
         bool, typer.Option("--sensitivities", help="Show the sensitivities to all numbers; takes some seconds.")
     ] = False,
+    no_verify: NoVerify = False,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -242,8 +246,15 @@ def report(
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        write_text(path, report_of_flights(names, stage=stage, sensitivities=sensitivities))
+        page, flown = report_of_flights(names, stage=stage, sensitivities=sensitivities, verify=not no_verify)
+        write_text(path, page)
+        told = {one.label: one.source.confirmation for one in flown}
+        answer.fields["verified"] = [one and one.verified for one in told.values()]
+        answer.fields["verification"] = [one and one.words for one in told.values()]
         answer_with_files(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
+        if not quiet:
+            answer.texts.extend(f"{label}: {one.remark}" for label, one in told.items() if one is not None)
+        answer.fail_if_refuted(told)
 
 
 class _Formats(TyperGroup):

@@ -139,6 +139,9 @@ TrustedKey = Annotated[
     Path | None,
     file_option("KEY.pub", "Only take a file that is signed with this public key of Ed25519 (extra: sign).", "--trust"),
 ]
+NoVerify = Annotated[
+    bool, typer.Option("--no-verify", help="Measure no stage again, which takes a second or more; it says so.")
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell on stderr what is read, written and begun.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what goes wrong.")]

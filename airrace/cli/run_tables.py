@@ -3,7 +3,7 @@
 import logging
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,14 @@ import numpy as np
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.tables import PAGE, number, render
 from airrace.errors import InputError, UsageError
-from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
+from airrace.procedure.result import UNVERIFIABLE, RefinementReason, Stage, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.results import Flight, laps_of
+from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import NearMiss, near_misses
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
-from airrace.runs.json_objects import REASONS, legs_object, run_object, stage_object
+from airrace.runs.json_objects import REASONS, confirmation_object, legs_object, run_object, stage_object
 from airrace.runs.run import ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.track.course import ClearanceRule
@@ -45,11 +45,8 @@ NEAR_MISSES = textwrap.fill(
     "them all along.",
     PAGE,
 )
-UNVERIFIED = textwrap.fill(
-    "unverified: all of this is read from the file, and nothing was measured again. `airrace verify` does that. "
-    f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}.",
-    PAGE,
-)
+REFUSED = "this version of airrace refuses the inputs"
+NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
 
 
 def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Iterator[str]:
@@ -76,6 +73,7 @@ class StoredStages:
         checkpoint: that holds them.
         every: all stages of the run; those that no longer stand are not certified.
         results: the stages that are shown, in their order.
+        confirmations: what measuring them again told, of every one.
         flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
             is none, or where this version of airrace does not accept the stored inputs.
         stage: the name of the stage that the flight belongs to; empty without one.
@@ -84,36 +82,50 @@ class StoredStages:
     checkpoint: Checkpoint
     every: tuple[StageResult, ...]
     results: tuple[StageResult, ...]
+    confirmations: Mapping[Stage, Confirmation]
     flight: Flight | None = None
     stage: str = ""
+
+    @property
+    def verified(self) -> bool | None:
+        """Whether all stages that are shown are verified; None where some are not, and none is refuted."""
+        told = [one.verified for one in self.confirmations.values()]
+        return False if False in told else True if told and all(told) else None
 
     def as_object(self) -> dict[str, object]:
         """Return the object of the run, with `legs` and `laps` in the stage whose flight is shown.
 
-        `unverified` says that all of it is read from the file and nothing is measured.
+        `verified` is null where not all of it was measured again.
         """
         wall = sum(result.timings.wall for result in self.every)
         track = one_line(Path(self.checkpoint.inputs.track.path).stem)
         legs = {} if self.flight is None else {self.stage: legs_object(self.flight)}
-        stages = [stage_object(result) | legs.get(result.stage.value, {}) for result in self.results]
+        stages = [
+            stage_object(result)
+            | legs.get(result.stage.value, {})
+            | confirmation_object(self.confirmations[result.stage])
+            for result in self.results
+        ]
         run = run_object(track, self.results, wall, certified=is_certified(self.every))
-        return run | {"stages": stages, "unverified": True}
+        return run | {"stages": stages, "verified": self.verified}
 
 
-def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> StoredStages:
+def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, verify: bool) -> StoredStages:
     """Choose what is shown.
 
     Args:
         checkpoint: read from a file.
         path: of that file.
         stage: the name of the only stage that is shown; None for all.
+        verify: whether these are measured again.
 
     Raises:
         UsageError: the run has no such stage.
     """
     run, refusal = None, ""
+    shown = [one.result.stage for one in checkpoint.stages if stage in (None, one.result.stage.value)]
     try:
-        run = ensure_readable(run_of_checkpoint(checkpoint, path))
+        run = ensure_readable(run_of_checkpoint(checkpoint, path)).confirmed(shown, verify=verify)
         every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])
@@ -125,17 +137,39 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> Stor
         names = ", ".join(result.stage.value for result in every) or "none"
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
+    told = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
     if name is not None and run is not None:
-        return StoredStages(checkpoint, every, results, run.flight(name), name)
+        return StoredStages(checkpoint, every, results, told, run.flight(name), name)
     if name is not None:
-        logger.warning("legs and laps are left out: this version of airrace refuses the inputs: %s", refusal)
-    return StoredStages(checkpoint, every, results)
+        logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
+    return StoredStages(checkpoint, every, results, told)
 
 
-def _headline(results: Sequence[StageResult]) -> Iterator[str]:
-    """Yield race time and claim of the last stage; nothing where it does not hold."""
-    if claimed := claim(results):
-        yield textwrap.fill(f"{results[-1].trajectory.race_time:.3f} s, {claimed}", PAGE)
+def _headline(results: Sequence[StageResult], told: Confirmation | None = None) -> Iterator[str]:
+    """Yield race time and claim of the last stage, and what measuring it again told; nothing where it does not hold,
+    unless that was what told so.
+    """
+    claimed, confirmed = claim(results), "" if told is None else told.outcome
+    if told is not None and told.refutation:
+        claimed = results[-1].status.value
+    if claimed:
+        words = "; ".join(text for text in (claimed, confirmed) if text)
+        yield textwrap.fill(f"{results[-1].trajectory.race_time:.3f} s, {words}", PAGE)
+
+
+def _confirmation_texts(told: Mapping[Stage, Confirmation]) -> Iterator[str]:
+    """Yield what measuring stages again told, equal words once, and what nobody can verify.
+
+    What was refuted the remark on its stage tells.
+    """
+    alike: dict[str, list[str]] = {}
+    for stage, one in told.items():
+        alike.setdefault(one.remark, []).append(stage.value)
+    yield "\n".join(
+        textwrap.fill(f"{'all stages' if len(alike) == 1 < len(told) else ', '.join(stages)}: {words}", PAGE)
+        for words, stages in alike.items()
+    )
+    yield textwrap.fill(NOBODY_CAN, PAGE)
 
 
 def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterator[str]:
@@ -147,10 +181,10 @@ def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterato
         certificates: whether the items of the certificates are listed instead of summed up in a line.
     """
     results = shown.results
-    yield from _headline(results)
+    yield from _headline(results, shown.confirmations[results[-1].stage] if results else None)
     yield render(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
     if results:
-        yield UNVERIFIED
+        yield from _confirmation_texts(shown.confirmations)
     yield from (f"{result.stage.value}: {result.remarks}" for result in results if result.remarks)
     yield from (f"a needless loop: {loop}" for result in results for loop in result.search.loops)
     for result in results:
@@ -400,6 +434,7 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
         for flight in (other, reference)
         if flight.source.certified is False
     ]
+    lines += [f"  {one.label}: {told.remark}" for one in (other, reference) if (told := one.source.confirmation)]
     yield "\n".join(lines)
     if len(comparison.laps) > 1:
         laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, RunFile, SigningKey, StageOfRun, TrustedKey, Verbose, stage_option
+from airrace.cli.options import AsJson, NoVerify, RunFile, SigningKey, StageOfRun, TrustedKey, Verbose, stage_option
 
 
 def show(
@@ -16,6 +16,7 @@ def show(
         bool, typer.Option("--legs", help="Tell every leg of the stage, by default of the last one.")
     ] = False,
     certificate: Annotated[bool, typer.Option("--certificate", help="List every item of the certificates.")] = False,
+    no_verify: NoVerify = False,
     trust: TrustedKey = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
@@ -41,12 +42,13 @@ def show(
             if not as_json:
                 answer.texts.extend(log_texts(log, legs=legs))
             return
-        shown = stored_stages(stored, run_file, stage)
+        shown = stored_stages(stored, run_file, stage, verify=not no_verify)
         answer.fields.update(shown.as_object(), signed_by=signed_by or None)
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         if not as_json:
             answer.texts.extend(run_texts(shown, legs=legs, certificates=certificate))
+        answer.fail_if_refuted({one.value: told for one, told in shown.confirmations.items()})
 
 
 def verify(

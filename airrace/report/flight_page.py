@@ -68,7 +68,9 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
-    good = "bad" if first.source.doubtful or misses else "good"
+    told = first.source.confirmation
+    unsure = told is not None and told.verified is None
+    good = "bad" if first.source.doubtful or misses else "unsure" if unsure else "good"
     verdict = f'<div class="verdict {good}">{escape_html(first.source.verdict or "recorded")}{near}</div>'
     if claim:
         words = escape_html(claim + near)
@@ -133,7 +135,7 @@ def flights_section(flights: Sequence[Flight]) -> str:
             flight.aircraft.name,
             flight.race_time,
             "" if flight is first else flight.race_time - first.race_time,
-            flight.source.verdict or "recorded",
+            flight.source.state or "recorded",
         )
         for place, flight in enumerate(flights)
     ]

@@ -8,6 +8,7 @@ from airrace.logs.violations import CERTAIN_DEVIATIONS, Violation, shown
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
+from airrace.results import Confirmation
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
@@ -40,12 +41,17 @@ def _facts(pairs: Iterable[tuple[str, str]]) -> str:
     return f'<dl class="facts">{entries}</dl>'
 
 
-def claim_section(claim: str) -> str:
-    """Return what is claimed of a flight and what that does not say, where its badge leads; empty without a claim."""
-    if not claim:
-        return ""
-    limits = "".join(f"<li>{escape_html(one)}</li>" for one in LIMITS_OF_CLAIM)
-    body = f"<p>{escape_html(claim[:1].upper() + claim[1:])}.</p><ul>{limits}</ul>"
+def claim_section(claim: str, confirmation: Confirmation) -> str:
+    """Return what is claimed of a flight, whether that was verified, and what it does not say; its badge leads there.
+
+    Args:
+        claim: empty where nothing is claimed.
+        confirmation: what measuring the stage again told.
+    """
+    texts = [claim or "nothing is claimed of this flight", confirmation.words]
+    body = "".join(f"<p>{escape_html(one[:1].upper() + one[1:])}.</p>" for one in texts)
+    if claim:
+        body += f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in LIMITS_OF_CLAIM)}</ul>"
     return f'<section class="panel" id="claim"><h2>What is claimed, and what is not</h2>{body}</section>'
 
 

@@ -1,10 +1,23 @@
 """One flight, whatever its source: the optimum of a stage or a recorded flight, with the same named histories."""
 
 from airrace.results.derivation import flight_of
-from airrace.results.flight import Basis, Flight, Histories, History, Lap, Leg, Source, TimedCrossing, laps_of, legs_of
+from airrace.results.flight import (
+    Basis,
+    Confirmation,
+    Flight,
+    Histories,
+    History,
+    Lap,
+    Leg,
+    Source,
+    TimedCrossing,
+    laps_of,
+    legs_of,
+)
 
 __all__ = [
     "Basis",
+    "Confirmation",
     "Flight",
     "Histories",
     "History",

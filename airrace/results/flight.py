@@ -124,6 +124,39 @@ class TimedCrossing:
 
 
 @record
+class Confirmation:
+    """What was found when a stored optimum was to be measured again.
+
+    Attributes:
+        verified: whether all that is stored of it agrees with what was measured; None where nothing was measured.
+        reason: why not, a clause, or as what it is verified where that is not all; empty where there is nothing to add.
+    """
+
+    verified: bool | None
+    reason: str = ""
+
+    @property
+    def outcome(self) -> str:
+        """The outcome in two words."""
+        return "not verified" if self.verified is None else "verified" if self.verified else "verification failed"
+
+    @property
+    def words(self) -> str:
+        """The outcome with its reason."""
+        return f"{self.outcome}{' as ' if self.verified else ': '}{self.reason}" if self.reason else self.outcome
+
+    @property
+    def remark(self) -> str:
+        """The words, beside an error that tells what was refuted."""
+        return self.outcome if self.refutation else self.words
+
+    @property
+    def refutation(self) -> str:
+        """The words of a verification that failed; empty for any other."""
+        return self.words if self.verified is False else ""
+
+
+@record
 class Source:
     """The source of a flight: what it is called, and where it comes from.
 
@@ -133,6 +166,7 @@ class Source:
         status: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for whoever looks at it; often empty.
+        confirmation: what measuring it again told; None where that was no question.
     """
 
     label: str
@@ -140,6 +174,7 @@ class Source:
     status: Status | None = None
     version: str = ""
     remark: str = ""
+    confirmation: Confirmation | None = None
 
     @property
     def certified(self) -> bool | None:
@@ -152,6 +187,12 @@ class Source:
         if self.status is None:
             return ""
         return "solved on one mesh" if self.status is Status.SOLVED else self.status.value
+
+    @property
+    def state(self) -> str:
+        """The verdict, and whether it was verified where that was a question; empty for what is no optimum."""
+        confirmed = "" if self.confirmation is None else self.confirmation.outcome
+        return ", ".join(text for text in (self.verdict, confirmed) if text)
 
     @property
     def doubtful(self) -> bool:

@@ -1,9 +1,10 @@
 """The result of a command or a job: an object for scripts, texts for people, an exit code and a sentence."""
 
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 from airrace import interrupts
 from airrace.errors import (
@@ -19,6 +20,9 @@ from airrace.errors import (
     debugging,
     is_lack_of_memory,
 )
+
+if TYPE_CHECKING:
+    from airrace.results import Confirmation
 
 
 class ExitCode(IntEnum):
@@ -102,6 +106,12 @@ class CommandResult:
         if code is self.code or worst((self.code, code)) is not code:
             return
         self.code, self.error, self.findings = code, error, findings
+
+    def fail_if_refuted(self, told: "Mapping[str, Confirmation | None]") -> None:
+        """Record the failure of the first verification that failed of those that are shown, by what they are called."""
+        for name, one in told.items():
+            if one is not None and one.refutation:
+                self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {one.refutation}")
 
 
 def empty_result(track: str | None) -> dict[str, object]:

@@ -15,7 +15,7 @@ from airrace.export.formats import formats
 from airrace.export.globe import BEGIN, on_globe
 from airrace.logs.reading import is_log
 from airrace.procedure.result import Stage
-from airrace.results import Flight
+from airrace.results import Confirmation, Flight
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, default_output_path
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
@@ -25,7 +25,7 @@ from airrace.track.course import Origin
 from airrace.views.stage_tables import claim
 
 
-def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
+def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
     Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
@@ -35,17 +35,34 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flig
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
+        verify: whether stages of runs are measured again; None where that is no question.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
         UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
     """
+    return _open_with_files(texts, stage, verify)[1]
+
+
+def _open_with_files(
+    texts: Sequence[str], stage: str | None, verify: bool | None
+) -> tuple[dict[Path, RunState | LogView], list[Flight]]:
+    """Return the files by their paths beside the flights of `open_flights`."""
     names = [FlightName.of(text) for text in texts]
     opened = {name.path: open_file(name.path) for name in names if not _is_log(name)}
     sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
-    return [source.flight(label) for source, label in zip(sources, labels, strict=True)]
+    if verify is not None:
+        for path, one in opened.items():
+            if isinstance(one, RunState):
+                pairs = zip(names, sources, strict=True)
+                shown = {view.stage for name, view in pairs if name.path == path and isinstance(view, StageView)}
+                opened[path] = one.confirmed(shown, verify=verify)
+        sources = [
+            one if _is_log(name) else _source(name, opened, stage) for name, one in zip(names, sources, strict=True)
+        ]
+    return opened, [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
 
 def open_flight(text: str, *, stage: str | None = None) -> Flight:
@@ -179,14 +196,17 @@ def begin_of(text: str) -> datetime:
     return when if when.tzinfo is not None else when.replace(tzinfo=UTC)
 
 
-def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensitivities: bool = False) -> str:
-    """Return the page as text.
+def report_of_flights(
+    names: Sequence[str], *, stage: str | None = None, sensitivities: bool = False, verify: bool = True
+) -> tuple[str, list[Flight]]:
+    """Return the page as text, and its flights.
 
     Args:
         names: `RUN.h5`, `RUN.h5:STAGE` or a flight log each; the report is about the first of them, the others fly
             beside it.
         stage: for those that name none; None for the last one of the run.
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
+        verify: whether the stages are measured again, which takes about a second each.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -197,13 +217,14 @@ def report_of_flights(names: Sequence[str], *, stage: str | None = None, sensiti
     from airrace.report.flight_page import flight_page
 
     first = FlightName.of(names[0])
-    opened = open_file(first.path)
-    flights = open_flights(names, stage=stage)
+    files, flights = _open_with_files(names, stage, verify)
+    opened = files[first.path] if first.path in files else open_file(first.path)
     if isinstance(opened, LogView):
         if sensitivities:
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
-        return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}")
-    return _stage_page(opened, opened.stage(first.stage or stage), flights, sensitivities=sensitivities)
+        return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}"), flights
+    view = opened.stage(first.stage or stage)
+    return _stage_page(opened, view, flights, sensitivities=sensitivities), flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -220,13 +241,20 @@ def log_sections(view: LogView) -> list[str]:
 
 
 def report_page(
-    run: RunState, stage: str | Stage | None = None, others: Sequence[str] = (), *, sensitivities: bool = False
+    run: RunState,
+    stage: str | Stage | None = None,
+    others: Sequence[str] = (),
+    *,
+    sensitivities: bool = False,
+    verify: bool = True,
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
     """
+    run = run.confirmed([run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
-    return _stage_page(run, view, [view.flight(), *open_flights(others)], sensitivities=sensitivities)
+    flights = [view.flight(), *open_flights(others, verify=verify)]
+    return _stage_page(run, view, flights, sensitivities=sensitivities)
 
 
 def _stage_page(run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool) -> str:
@@ -234,9 +262,10 @@ def _stage_page(run: RunState, view: StageView, flights: Sequence[Flight], *, se
     from airrace.report.flight_page import flight_page
     from airrace.report.sections import claim_section
 
-    claimed = claim_of(run, view)
+    claimed, told = claim_of(run, view), view.confirmation or Confirmation(None)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
-    return flight_page(flights, [claim_section(claimed), *sections], footer_of(view), claim=claimed)
+    badge = f"{claimed or flights[0].source.verdict}; {told.outcome}"
+    return flight_page(flights, [claim_section(claimed, told), *sections], footer_of(view), claim=badge)
 
 
 def claim_of(run: RunState, view: StageView) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
-from airrace.results import Flight, laps_of
+from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
 from airrace.results.flight import passings_around
@@ -325,8 +325,14 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "stage": flight.source.stage or None,
         "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
+        **({} if (told := flight.source.confirmation) is None else confirmation_object(told)),
         "race_time_s": finite(flight.race_time),
     }
+
+
+def confirmation_object(told: Confirmation) -> dict[str, object]:
+    """Return what measuring a stage again told: `verified` is null where nothing was measured."""
+    return {"verified": told.verified, "verification": told.words}
 
 
 def _comparison_object(comparison: Comparison) -> dict[str, object]:

@@ -3,8 +3,8 @@
 import json
 import math
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Self
@@ -25,7 +25,7 @@ from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.planning.race import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import Stage, StageResult
-from airrace.results import Flight
+from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, warnings_object
 from airrace.runs.stage_view import (
@@ -51,12 +51,14 @@ class RunState:
         checkpoint: what a file holds of the run.
         path: its file, which is renewed after every stage; None for a run that is held in memory alone.
         sign: signs whatever file it is written into; None for files without a signature.
+        confirmations: of the stages that are shown, what measuring them again told.
     """
 
     inputs: Inputs
     checkpoint: Checkpoint
     path: Path | None = None
     sign: Sign | None = None
+    confirmations: Mapping[Stage, Confirmation] = field(default_factory=dict[Stage, Confirmation])
 
     @property
     def name(self) -> str:
@@ -80,7 +82,7 @@ class RunState:
 
     @property
     def valid_results(self) -> tuple[StageResult, ...]:
-        """The finished stages; those that no longer stand are not certified."""
+        """The finished stages; those that no longer stand or are refuted are not certified."""
         return tuple(stage.result for stage in self.stages)
 
     @property
@@ -90,11 +92,14 @@ class RunState:
 
     @property
     def stages(self) -> tuple[StageView, ...]:
-        """The finished stages in their order; one that no longer stands is not certified."""
-        stale, versions = self.stale, self.checkpoint.versions
-        reasons = (stale.get(one.stage, "") for one in self.results)
-        pairs = zip(self.results, reasons, strict=True)
-        return tuple(StageView(self.inputs, downgrade_stale(one, reason), versions, reason) for one, reason in pairs)
+        """The finished stages in their order; one that no longer stands or is refuted is not certified."""
+        stale = self.stale
+        return tuple(self._view(one, stale.get(one.stage, "")) for one in self.results)
+
+    def _view(self, result: StageResult, stale: str) -> StageView:
+        confirmed = self.confirmations.get(result.stage)
+        reported = downgrade_stale(result, stale, "" if confirmed is None else confirmed.refutation)
+        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmed)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
@@ -138,6 +143,20 @@ class RunState:
     def message(self) -> str:
         """The sentence that says why the run is not certified; empty if it is."""
         return verdict(self.valid_results)[1] if self.results else "no stage is finished yet"
+
+    def confirmed(self, shown: Container[Stage], *, verify: bool) -> Self:
+        """Return this run with what measuring the stages that are shown again tells; a refuted one is not certified.
+
+        Args:
+            shown: these stages.
+            verify: whether they are measured at all; else they are called not verified.
+        """
+        if not verify:
+            unknown = {one.stage: Confirmation(None) for one in self.results if one.stage in shown}
+            return replace(self, confirmations=unknown)
+        from airrace.runs.verification import confirmations  # takes what measures, and needs runs itself
+
+        return replace(self, confirmations=confirmations(self, shown))
 
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage, which replaces the stages from there on."""

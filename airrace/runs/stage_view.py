@@ -19,7 +19,7 @@ from airrace.procedure import results_api
 from airrace.procedure.result import GateSplit, Stage, StageResult, Status
 from airrace.report.sections import sensitivities_table
 from airrace.resources import extra
-from airrace.results import Flight, Source, flight_of
+from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
 from airrace.runs.brief import Brief
@@ -247,12 +247,14 @@ class StageView:
         result: all that the procedure handed on: histories, multipliers, attempts, timings.
         versions: the versions of airrace and of the libraries that have computed it.
         stale: why the stage no longer stands, a clause; empty where it does.
+        confirmation: what measuring it again told; None where that was no question.
     """
 
     inputs: Inputs
     result: StageResult
     versions: Mapping[str, str]
     stale: str = ""
+    confirmation: Confirmation | None = None
 
     @property
     def name(self) -> str:
@@ -361,6 +363,7 @@ class StageView:
             status=self.result.status,
             version=self.versions.get("airrace", ""),
             remark=self.message,
+            confirmation=self.confirmation,
         )
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             flight = with_distances(flight_of(self.inputs.race, self.result, source))
@@ -543,16 +546,18 @@ def is_certified(results: Sequence[StageResult]) -> bool:
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
-def downgrade_stale(result: StageResult, stale: str) -> StageResult:
-    """Return a stage as it may be reported: one that no longer stands is not certified, and says why.
+def downgrade_stale(result: StageResult, stale: str, refutation: str = "") -> StageResult:
+    """Return a stage as it may be reported: one that no longer stands, or is refuted, is not certified, and says why.
 
     Args:
         result: as stored.
         stale: why it no longer stands, a clause; empty where it does.
+        refutation: why its verification failed, likewise.
     """
-    if not stale:
+    if not stale and not refutation:
         return result
-    message = "; ".join(text for text in (f"it no longer stands: {stale}", result.message) if text)
+    standing = f"it no longer stands: {stale}" if stale else ""
+    message = "; ".join(text for text in (standing, refutation, result.message) if text)
     outcome = Status.NOT_CERTIFIED if result.outcome is Status.SOLVED else result.outcome
     return replace(result, outcome=outcome, message=message)
 

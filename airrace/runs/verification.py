@@ -6,12 +6,12 @@ consistency.
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import fields
 
 import numpy as np
 
-from airrace.errors import NotCertified
+from airrace.errors import CheckpointError, NotCertified, SolverCrash
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity import fidelity_of
@@ -21,6 +21,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.records import record
+from airrace.results import Confirmation
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.run import RunState, current_versions
 from airrace.trajectory import Array
@@ -379,6 +380,50 @@ def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, .
     general = list(_of_the_run(run, versions=versions))
     measured = procedure.recompute(run.inputs.race, run.inputs.settings, results)
     return tuple(_verification(run, result, again, general) for result, again in measured)
+
+
+def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confirmation]:
+    """Measure the stages that are shown again, and tell of each what came of that.
+
+    A stage that claims nothing, no longer stands, or is of other versions, is not measured.
+
+    Args:
+        run: as it was read.
+        wanted: the stages that are shown; the last of them answers for those that are missing below it.
+    """
+    results = [result for result in run.results if result.stage in wanted]
+    if other := other_versions(run.checkpoint.versions, current_versions()):
+        return {result.stage: Confirmation(None, other) for result in results}
+    stale, settings = run.stale, run.inputs.settings
+    found = {one.stage: Confirmation(None, why) for one in results if (why := _no_claim(one, stale))}
+    rest = [result for result in results if result.stage not in found]
+    while rest:
+        try:
+            for result, again in procedure.recompute(run.inputs.race, settings, rest):
+                below = itertools.takewhile(lambda one, last=result: one.stage is not last.stage, run.results)
+                missing = missing_stages(settings, [*below, result]) if result is results[-1] else ""
+                found[result.stage] = _confirmation(result, again, missing)
+                rest = rest[1:]
+        except CheckpointError as error:
+            found[rest.pop(0).stage] = Confirmation(False, str(error))
+        except SolverCrash as error:
+            found[rest.pop(0).stage] = Confirmation(None, str(error))
+    return found
+
+
+def _no_claim(result: StageResult, stale: Mapping[Stage, str]) -> str:
+    """Return why there is nothing to be verified of a stage, a clause; empty where there is."""
+    if result.stage in stale:
+        return f"it no longer stands: {stale[result.stage]}"
+    claims = result.status in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)
+    return "" if claims else f"it is {result.status.value}"
+
+
+def _confirmation(result: StageResult, again: StageResult, missing: str) -> Confirmation:
+    clauses = [*_objections(result, again), *filter(None, [missing])]
+    if clauses:
+        return Confirmation(False, in_one_sentence(clauses))
+    return Confirmation(True, "" if result.certified else ONE_MESH if result.holds else GUESS)
 
 
 def _of_the_run(run: RunState, *, versions: bool) -> Iterator[str]:

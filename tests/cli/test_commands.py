@@ -198,7 +198,7 @@ def test_show_prints_the_object_of_the_run(airrace: Shell, run_file: Path) -> No
     ran = airrace("show", run_file, "--json")
     assert ran.code == 0
     run = ["track", "certified", "race_time_s", "wall_s", "stages"]
-    assert list(ran.answer) == [*run, "unverified", "signed_by"]
+    assert list(ran.answer) == [*run, "verified", "signed_by"]
     assert ran.answer["race_time_s"] == pytest.approx(10.0)
     for piece in ("homotopy", "point-mass", "kkt_error", "1:g1"):
         assert piece in airrace("show", run_file, "--certificate").out

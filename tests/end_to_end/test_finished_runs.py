@@ -117,7 +117,8 @@ def test_show_tells_what_was_stored(optimised: Ran, run_file: Path, tmp_path: Pa
     assert ran.code == 0
     assert ran.race_time == optimised.race_time
     stages = ran.answer["stages"]
-    shown_alone = ("legs", "laps")
+    assert (ran.answer["verified"], stages[-1]["verification"]) == (True, "verified")
+    shown_alone = ("legs", "laps", "verified", "verification")
     assert [{key: value for key, value in stage.items() if key not in shown_alone} for stage in stages] == (
         optimised.answer["stages"]
     )

@@ -127,7 +127,7 @@ def test_a_later_stage_lists_the_routes_that_were_tried_before_it(tmp_path: Path
     assert len(explored.stages) > 1
     assert route.text in read(report_page(explored)).texts["td"]
     explored.save(tmp_path / "explored.h5")
-    assert route.text in read(report_of_flights([str(tmp_path / "explored.h5")])).texts["td"]
+    assert route.text in read(report_of_flights([str(tmp_path / "explored.h5")])[0]).texts["td"]
     assert "Routes that were tried" not in report_page(run)
 
 
@@ -339,7 +339,8 @@ def run_report(*words: object) -> Result:
 def test_a_run_becomes_a_page_and_replaces_a_file_only_by_force(folder: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     ran = run_report(folder / "still.h5", "--output", page)
-    assert (ran.exit_code, ran.output) == (ExitCode.DONE, f"{page} is written; any browser opens it\n")
+    said = f"{page} is written; any browser opens it\n\nstill: verified\n"
+    assert (ran.exit_code, ran.output) == (ExitCode.DONE, said)
     parsed = read(page.read_text(encoding="utf-8"))
     assert parsed.texts["h1"] == ["Half Cuban Eight"]
     assert parsed.contents["flights"][0]["race_time"] == pytest.approx(half_cuban().race_time)
