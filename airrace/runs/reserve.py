@@ -145,7 +145,7 @@ class ReserveCase:
         measured, time, loads = self.measured, self.run.race_time, self.case.result.counts[LOAD]
         rows = [[one.key, one.margin, one.unit, one.cost, 100.0 * one.risk] for one in self.margins]
         notes = [
-            f"of {measured.of} closed-loop flights {measured.flights} break no limit but perhaps the load factor's: "
+            f"of {measured.of} closed-loop flights {measured.flights} break nothing but perhaps the load factor: "
             f"{measured.share:.3f} ({measured.lower:.3f} to {measured.upper:.3f}); asked {self.wanted.probability:g}, "
             f"predicted at least {self.predicted:.3f}; {loads.flights} exceed the load factor",
             f"cost: by the sensitivities at both ends; {sum(one.cost for one in self.margins):.3f} s in all",
