@@ -42,7 +42,7 @@ def measure_reserves(run: airrace.Run, path: str, probabilities: list[float]) ->
     print("|---|---|---|---|---|---|---|", flush=True)
     for probability in probabilities:
         begin = time.perf_counter()
-        case = run.reserve(probability, **{**CALM, "gusts": "light"})
+        case = run.reserve(probability)
         case.run.save(path.replace(".h5", f"_{probability:g}.h5"))
         measured, loads = case.measured, case.case.result.counts["load factor"]
         cells = [

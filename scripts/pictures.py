@@ -20,16 +20,11 @@ COMMAND = (sys.executable, "-P", "-m", "airrace")
 PLAN = ("--guess", "plan")
 POINT_MASS = ("--until", "point-mass", *PLAN)
 WIND = ("--set", "environment.wind.speed_kt=15", "--set")
-CALM = (
-    *("--set", "rules.reserve.wind_error_kt=0", "--set", "rules.reserve.mass_error_percent=0"),
-    *("--set", "rules.reserve.power_error_percent=0", "--set", "rules.reserve.density_error_percent=0"),
-    *("--set", "rules.reserve.roll_timing_s=0"),
-)
 NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
 
 FLIGHTS: dict[str, tuple[str, ...]] = {
     "rovinj": ("rovinj_2014", *PLAN),
-    "reserve": ("rovinj_2014", *PLAN, "--reserve", "0.9", *CALM),
+    "reserve": ("rovinj_2014", *PLAN, "--reserve", "0.9"),
     "pc9": ("rovinj_2014", "--aircraft", "pc9", *POINT_MASS),
     "extra": ("rovinj_2014", "--aircraft", "extra330sc", *POINT_MASS),
     "wind_240": ("rovinj_2014", *WIND, "environment.wind.from_deg=240", *POINT_MASS),

@@ -94,13 +94,13 @@ class ReserveEntry(Schema):
         default="light", description="turbulence of MIL-F-8785C"
     )
     wind_error_kt: Annotated[float, Ge(0), Le(30)] = Field(
-        default=2.5, description="standard deviation of the wind to the north and to the east"
+        default=0.0, description="standard deviation of the wind to the north and to the east"
     )
-    mass_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=2.0, description="that of the mass")
-    power_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=2.0, description="that of the power")
-    density_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=1.0, description="that of the air's density")
+    mass_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=0.0, description="that of the mass")
+    power_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=0.0, description="that of the power")
+    density_error_percent: Annotated[float, Ge(0), Le(20)] = Field(default=0.0, description="that of the air's density")
     roll_timing_s: Annotated[float, Ge(0), Le(0.2)] = Field(
-        default=0.02, description="that of the time by which rolls are late or early"
+        default=0.0, description="that of the time by which rolls are late or early"
     )
     delay_s: Annotated[float, Ge(0), Le(1)] = Field(default=0.1, description="from what the pilot sees to the stick")
     found: FoundEntry | None = optional("what the search has found; written with its flight")
