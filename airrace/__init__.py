@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from airrace.batch import optimize_many
     from airrace.batch.fairness import fairness
     from airrace.batch.reports import BatchResult
+    from airrace.batch.sweep import SweepResult, sweep
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
     from airrace.runs.courses import CourseCheck, init
     from airrace.runs.log_view import LogView
+    from airrace.runs.session import Session
     from airrace.runs.stage_view import StageView
     from airrace.track.course import (
         Course,
@@ -79,12 +81,14 @@ __all__ = [
     "Rules",
     "Run",
     "SafetyLine",
+    "Session",
     "Settings",
     "Stage",
     "StageResult",
     "StageView",
     "StaticWind",
     "Status",
+    "SweepResult",
     "Thermal",
     "Tolerances",
     "Trajectory",
@@ -100,6 +104,7 @@ __all__ = [
     "optimize_many",
     "resume",
     "schema",
+    "sweep",
     "tracks",
 ]
 
@@ -109,6 +114,7 @@ _HOMES = {
     "airrace.batch": ("optimize_many",),
     "airrace.batch.fairness": ("fairness",),
     "airrace.batch.reports": ("BatchResult",),
+    "airrace.batch.sweep": ("SweepResult", "sweep"),
     "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
@@ -122,6 +128,7 @@ _HOMES = {
     "airrace.runs.courses": ("CourseCheck", "init"),
     "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
     "airrace.runs.log_view": ("LogView",),
+    "airrace.runs.session": ("Session",),
     "airrace.runs.stage_view": ("StageView",),
     "airrace.track.course": (
         "Course",

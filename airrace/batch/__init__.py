@@ -28,6 +28,14 @@ Sweeps = Mapping[str, str | Sequence[str | float]] | Sequence[str]
 """The values of keys: `{"rules.n_z_max": [9, 10]}`, `{"rules.n_z_max": "9:12:1"}` or `["rules.n_z_max=9:12:1"]`."""
 
 
+def sweep_texts(sweep: Sweeps) -> list[str]:
+    """Return sweeps as `key=values` texts, as `--sweep` takes them."""
+    if not isinstance(sweep, Mapping):
+        return [sweep] if isinstance(sweep, str) else list(sweep)
+    lists = {key: values if isinstance(values, str) else ",".join(map(str, values)) for key, values in sweep.items()}
+    return [f"{key}={values}" for key, values in lists.items()]
+
+
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions:
     """The options of the command `batch`, by its words; `optimize_many` says what they mean.
@@ -185,21 +193,13 @@ def optimize_many(
         if plan.findings:
             raise InputError(list(plan.findings))
 
-    def texts(sweep: Sweeps) -> list[str]:
-        if not isinstance(sweep, Mapping):
-            return [sweep] if isinstance(sweep, str) else list(sweep)
-        lists = {
-            key: values if isinstance(values, str) else ",".join(map(str, values)) for key, values in sweep.items()
-        }
-        return [f"{key}={values}" for key, values in lists.items()]
-
     wind = {f"environment.wind.{key}": values for key, values in (winds or {}).items()}
     options = BatchOptions(
         courses=[str(one) for one in ([tracks] if isinstance(tracks, str | Path) else tracks)],
         aircraft=[Path(one) for one in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
         settings=None if settings is None else Path(settings),
         set=value_texts(set),
-        sweep=[*texts(wind), *texts(sweep)],
+        sweep=[*sweep_texts(wind), *sweep_texts(sweep)],
         until=until,
         jobs=jobs,
         output=Path(output),

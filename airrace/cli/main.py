@@ -19,6 +19,7 @@ from airrace.cli.optimize import optimize, resume
 from airrace.cli.options import Command
 from airrace.cli.runs import sensitivity, show, verify
 from airrace.cli.safety import safety
+from airrace.cli.sweep import sweep
 from airrace.runs.command_result import ExitCode
 
 app = typer.Typer(
@@ -45,6 +46,7 @@ for _name, _command in {
     "safety": safety,
     "check": check,
     "batch": batch,
+    "sweep": sweep,
     "fairness": fairness,
     "tracks": tracks,
     "init": init,

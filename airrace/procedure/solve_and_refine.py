@@ -436,9 +436,11 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it.
 
     Such a stage is where the next one starts from. Its first meshes only show where the good one has its nodes, so they
-    are solved roughly; on the good one the optimum is solved as closely as any that is certified.
+    are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
+    that is certified.
     """
-    first, rough = MeshProposal.first(start.problem, start.guess), _rough_tolerance(session, 0)
+    first = MeshProposal.first(start.problem, start.guess)
+    rough = 0.0 if start.barrier.near_optimum else _rough_tolerance(session, 0)
     state = RefinementState(
         start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
     )

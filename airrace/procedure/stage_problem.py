@@ -1,6 +1,7 @@
 """The problem of a stage: a race's plan and the equations of the aircraft, discretised on any mesh."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Self
 
@@ -18,13 +19,13 @@ from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
 from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
-from airrace.procedure.formulation import Trim, boundaries, path_constraints
+from airrace.procedure.formulation import Trim, boundaries, passings_of, path_constraints
 from airrace.procedure.guess import leg_seconds
 from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.procedure.pylon_conditions import PylonRooms
 from airrace.procedure.result import GateSplit, PylonCondition, Stage, StageResult
 from airrace.procedure.settings import Settings
-from airrace.quantities import Interval
+from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation
 from airrace.track.course import ClearanceRule, Course, EndState, Passage
@@ -234,6 +235,10 @@ def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float
     return weights | resets
 
 
+class OtherStructureError(Exception):
+    """An error of a problem that differs from the one that was solved in more than numbers."""
+
+
 class PerturbedProblem:
     """The problem of one stage, stated anew for races that differ from the solved one in numbers alone.
 
@@ -260,19 +265,24 @@ class PerturbedProblem:
         return cls(race, flight, mesh_of(result.trajectory))
 
     def problem(self, race: Race) -> Problem:
-        """Return the problem of a race.
-
-        Raises:
-            InputError: aircraft and rules leave no allowed value of some quantity.
-        """
+        """Return the problem of a race; see `formulation` for the errors."""
         return self.formulation(race).problem(self._mesh)
 
     def formulation(self, race: Race) -> StageProblem:
-        """Return the flight of a race along the plan of the solved race."""
+        """Return the flight of a race along the plan of the solved race.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+            OtherStructureError: the race differs in more than numbers.
+        """
         flight, course, original = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
+        if _kinds_of_conditions(course) != _kinds_of_conditions(original):
+            raise OtherStructureError
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
             built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            if _names(built.system.parameters) != _names(model.system.parameters):
+                raise OtherStructureError
             system = dataclasses.replace(
                 model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
             )
@@ -290,6 +300,20 @@ class PerturbedProblem:
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
             start_airspeed=flight.start_airspeed and flight.start_airspeed.of_other_numbers(race.air),
         )
+
+
+def _names(quantities: Sequence[Quantity]) -> list[str]:
+    return [one.name for one in quantities]
+
+
+def _kinds_of_conditions(course: Course) -> object:
+    """Return what decides of which kinds the conditions of a course are, whatever their numbers."""
+    rules = course.rules
+    is_kept_clear = rules.clearance is ClearanceRule.FLIGHT or bool(course.obstacles)
+    limits = dataclasses.astuple(rules.pilot)
+    pilot = [math.isfinite(one) if isinstance(one, float) else one for one in limits]
+    ends = course.start_state, course.finish_state, rules.start_speed
+    return passings_of(course), is_kept_clear, pilot, ends
 
 
 def _surroundings(course: Course) -> tuple[object, ...]:

@@ -27,7 +27,7 @@ from airrace.planning.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import Settings
-from airrace.procedure.stage_problem import PerturbedProblem
+from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
@@ -63,10 +63,6 @@ Place = tuple[int, int]
 """The phases before and after a node, by their indices; within a phase both are the same."""
 Owner = tuple[str, Place]
 """The owner of an observation: ("boundary", (its number, 0)) or ("watch", (phase, its number there))."""
-
-
-class OtherStructureError(Exception):
-    """An error of a problem that differs from the one that was solved in more than numbers."""
 
 
 @record

@@ -39,6 +39,7 @@ COMMANDS: dict[str, str] = {
     "export csv run.h5:point-mass --output OUT": "run.h5",
     "footprint run.h5:point-mass --output OUT.csv": "run.h5",
     "safety run.h5 --output OUT.json": "run.h5",
+    "sweep run.h5 --sweep rules.n_z_max=9 --output OUT.csv": "run.h5",
     f"fairness course.yaml {INPUTS} --flight run.h5 --csv OUT": "course.yaml other.yaml settings.yaml run.h5",
     "fairness course.yaml --csv OUT": "plane.yaml extension.py",
     f"export {KML} --output OUT": "run.h5 log.csv",

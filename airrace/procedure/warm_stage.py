@@ -1,0 +1,174 @@
+"""A stage kept ready to be solved again under other numbers: no model is built, no process started, no mesh looked for.
+
+The optimum of the changed race is solved from a known one with its multipliers, on its mesh and under its conditions on
+pylons. Conditions are placed again where a wing comes too near, and intervals are halved where the replay asks for it:
+what comes out is measured like any stage that is solved on one mesh. Its route is that of the known optimum.
+"""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from functools import cached_property
+from types import TracebackType
+from typing import Self
+
+from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.refinement import Mesh, restrict
+from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.planning.race import Race
+from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.formulation import ensure_same_passings, passings_of
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageProvenance, StageResult
+from airrace.procedure.settings import CertificateLimits, Settings
+from airrace.procedure.solve_and_refine import (
+    carry_multipliers,
+    check_mesh_convergence,
+    solve_single_mesh,
+    solve_with_refinement,
+)
+from airrace.procedure.solver_session import Budget, SolverSession
+from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem, StageProblem, formulate, mesh_of
+from airrace.procedure.start import InitialBarrier, Start
+from airrace.records import record
+
+
+@record
+class WarmSettings:
+    """The numbers of a warm stage.
+
+    Attributes:
+        spare: share of the certificate's limits on errors of the mesh up to which the mesh of the known optimum is
+            refined; races that differ a little then rarely need another one.
+        iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
+            60 is another route or no flight, and is told at once.
+    """
+
+    spare: float = 0.6
+    iterations_max: int = 60
+
+
+SETTINGS = WarmSettings()
+
+
+class WarmStage:
+    """A stage of one race, its optimum, and a solver process that knows its equations; a context manager.
+
+    Args:
+        race: the race that the optimum flies.
+        settings: by which it is solved.
+        optimum: the stage, certified or solved on one mesh.
+        threads: threads that evaluate derivatives.
+
+    Raises:
+        SolverCrash: the solver process died.
+    """
+
+    def __init__(self, race: Race, settings: Settings, optimum: StageResult, *, threads: int = 1) -> None:
+        solver = replace(settings.solver, iterations_max=SETTINGS.iterations_max, fallback=settings.solver.primary)
+        self._settings, self._threads = replace(settings, solver=solver), threads
+        self._perturbed = PerturbedProblem.of_result(race, settings, optimum)
+        self._budget = Budget.of(race.plan, settings.mesh)
+        self._services: list[SolverService] = []
+        self._service = self._new_service(threads)
+        limits = replace(self._settings, certificate=_with_spare(settings.certificate))
+        flight = self._perturbed.flight
+        found = self._solve(flight, flight, optimum, limits, coarse=True)
+        self.optimum = found if found.holds else optimum
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the solver processes; what is solved meanwhile fails."""
+        for service in self._services:
+            service.end()
+
+    def solve(self, race: Race, start: StageResult | None = None) -> StageResult:
+        """Return the optimum of a race on the route of the known one, measured but for mesh convergence.
+
+        Args:
+            race: with the same passings.
+            start: a nearer optimum of this stage, solved from here; None for the one that this began with.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+            UsageError: the race has other passings.
+            SolverCrash: the solver process died.
+        """
+        known, before = start or self.optimum, self._perturbed.flight
+        return self._solve(before, self._formulation(race, known), known, self._settings)
+
+    def mesh_check(self, race: Race, solved: StageResult) -> Callable[[], StageResult]:
+        """Return the check of an optimum's mesh, in a solver process of its own, beside which others can be solved.
+
+        It returns the optimum certified, and as it was where that fails.
+        """
+        flight = self._formulation(race, solved).with_conditions(solved.pylon_conditions)
+
+        def check() -> StageResult:
+            with closing(self._session(self._settings, self._checker)) as session:
+                found = check_mesh_convergence(flight, solved, session)
+            return found if isinstance(found, StageResult) else solved
+
+        return check
+
+    @cached_property
+    def _checker(self) -> SolverService:
+        return self._new_service(1)
+
+    def _new_service(self, threads: int) -> SolverService:
+        service = SolverService(threads=threads, stall_seconds=self._settings.solver.stall_seconds)
+        self._services.append(service)
+        return service
+
+    def _formulation(self, race: Race, known: StageResult) -> StageProblem:
+        """Return the flight of a race; where it differs in more than numbers, its equations are kept from now on."""
+        ensure_same_passings(passings_of(race.course), passings_of(self._perturbed.race.course), "the known optimum")
+        try:
+            return self._perturbed.formulation(race)
+        except OtherStructureError:
+            flight = formulate(known.stage, race, self._settings, known.trajectory, known.pylon_conditions)
+            self._perturbed = PerturbedProblem(race, flight, mesh_of(known.trajectory))
+            return flight
+
+    def _solve(
+        self,
+        before: StageProblem,
+        after: StageProblem,
+        known: StageResult,
+        settings: Settings,
+        *,
+        coarse: bool = False,
+    ) -> StageResult:
+        """Solve a flight from the optimum of another one, by choice on the mesh from which its own was divided."""
+        there, flight = (one.with_conditions(known.pylon_conditions) for one in (before, after))
+        mesh, guess = _coarse_mesh(known) if coarse else (mesh_of(known.trajectory), iterate_of(known.trajectory))
+        multipliers = Multipliers(known.constraint_multipliers, known.bound_multipliers)
+        carried = carry_multipliers(multipliers, there.problem(mesh_of(known.trajectory)), flight.problem(mesh))
+        provenance = StageProvenance(source_stage=known.stage.value)
+        start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, carried)
+        with closing(self._session(settings, self._service)) as session:
+            return solve_with_refinement(session, [lambda: start], solve_single_mesh)
+
+    def _session(self, settings: Settings, service: SolverService) -> SolverSession:
+        return SolverSession(service, settings, Silent(), self._threads, budget=replace(self._budget))
+
+
+def _with_spare(limits: CertificateLimits) -> CertificateLimits:
+    """Return limits under which an optimum leaves room for the errors of its neighbours on the same mesh."""
+    return replace(limits, replay=SETTINGS.spare * limits.replay, hamiltonian=SETTINGS.spare * limits.hamiltonian)
+
+
+def _coarse_mesh(optimum: StageResult) -> tuple[Mesh, Iterate]:
+    """Return an optimum on the mesh from which its own was divided, on its own where there is none."""
+    mesh, iterate, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
+    if nodes.all() or not nodes[optimum.trajectory.first_node].all():
+        return mesh, iterate
+    return restrict(mesh, iterate, nodes)

@@ -1,0 +1,112 @@
+"""A run kept warm: the optimum under other inputs in a fraction of a second, certified in the background."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from airrace.errors import UsageError
+from airrace.inputs import Document
+from airrace.procedure.result import Stage
+from airrace.procedure.warm_stage import WarmStage
+from airrace.process import available_cores
+from airrace.runs.arguments import Values, value_texts
+from airrace.runs.plan import Changes
+from airrace.runs.run import RunState, current_versions, open_run
+from airrace.runs.stage_view import StageView
+
+
+class Session:
+    """One stage of a run, solved again whenever a number changes: models, solver process and optimum stay.
+
+    It is a context manager. An answer keeps the route of the run, and its passings: what has other passings needs a run
+    of its own, and where another route may have become faster `airrace.resume` looks for it.
+
+    Examples:
+        >>> with airrace.Session(run, "point-mass") as session:
+        ...     slower = session.solve({"rules.n_z_max": 9})
+        ...     print(f"{slower.race_time - session.optimum.race_time:.3f} s, {slower.status}")
+        0.121 s, solved
+
+    Attributes:
+        optimum: the stage of the run, solved on the mesh of all answers.
+
+    Args:
+        run: the run, or its file.
+        stage: which stage; None for the last one.
+        threads: threads that evaluate derivatives; None for all cores.
+
+    Raises:
+        CheckpointError, InputError: the file cannot be opened, see `airrace.open`.
+        UsageError: the run has no such stage, or it is no optimum.
+        SolverCrash: the solver process died.
+    """
+
+    def __init__(
+        self, run: RunState | str | Path, stage: str | Stage | None = None, *, threads: int | None = None
+    ) -> None:
+        self._run = run if isinstance(run, RunState) else open_run(Path(run))
+        view = self._run.stage(stage)
+        if not view.result.holds:
+            raise UsageError(f"{view.name} of {self._run.label} is {view.status}: there is no optimum to start from")
+        self._warm = WarmStage(
+            self._run.race, self._run.inputs.settings, view.result, threads=threads or available_cores()
+        )
+        self.optimum = StageView(self._run.inputs, self._warm.optimum, current_versions())
+        self._background = ThreadPoolExecutor(1, thread_name_prefix="mesh check")
+        self._check: Future[StageView] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the solver processes; a check under way is given up, and its future has an error."""
+        self._warm.close()
+        self._background.shutdown(cancel_futures=True)
+
+    def solve(
+        self,
+        set: Values = (),
+        *,
+        track: str | Path | Document | None = None,
+        aircraft: str | Path | Document | None = None,
+        start: StageView | None = None,
+    ) -> StageView:
+        """Return the optimum under other inputs, measured but for mesh convergence.
+
+        Args:
+            set: values that are otherwise than in the run, see `airrace.optimize`.
+            track, aircraft: other documents than those of the run.
+            start: an answer of this session that is nearer; None for the run's own optimum. Its result depends on where
+                it starts from, though by less than is certified.
+
+        Returns:
+            The stage; `status` tells where there is no such flight, and `message` why.
+
+        Raises:
+            InputError: the inputs are not valid; it carries all findings.
+            UsageError: they fly other passings.
+            SolverCrash: the solver process died.
+        """
+        inputs = Changes(track, aircraft, None, value_texts(set)).inputs(self._run)
+        result = self._warm.solve(inputs.race, None if start is None else start.result)
+        return StageView(inputs, result, self.optimum.versions)
+
+    def certify(self, solved: StageView) -> Future[StageView]:
+        """Check the mesh of an answer in the background, in a process of its own; the latest answer alone counts.
+
+        Returns:
+            The future of the stage, certified; as it was where its race time could not be confirmed. It is cancelled if
+            another answer is to be certified before this one's turn.
+        """
+        check = self._warm.mesh_check(solved.inputs.race, solved.result)
+        if self._check is not None:
+            self._check.cancel()
+        self._check = self._background.submit(lambda: replace(solved, result=check()))
+        return self._check

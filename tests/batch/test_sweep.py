@@ -1,0 +1,78 @@
+"""A sweep is what its single answers are: in order, whatever solves them, and written as it is shown."""
+
+import csv
+import math
+from functools import cache
+from pathlib import Path
+
+import command
+import pytest
+from pyarrow import parquet
+
+import airrace
+from airrace.api import Run
+from airrace.errors import InputError, UsageError
+from airrace.procedure.result import Status
+
+
+@cache
+def run() -> Run:
+    """A point mass on the shortest course."""
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off")
+
+
+def test_points_are_answers_of_a_session_in_the_order_of_the_combinations(tmp_path: Path) -> None:
+    file = tmp_path / "sweep.csv"
+    sweep = {"rules.n_z_max": "9:10:0.5", "environment.temperature_offset_K": [0, 10]}
+    found = airrace.sweep(run(), sweep, threads=2, output=file)
+    assert [one.values for one in found.points] == [(n_z, t) for n_z in ("9", "9.5", "10") for t in ("0", "10")]
+    assert found.solved == 6
+    with airrace.Session(run()) as session:
+        for one in found.points:
+            alone = session.solve({key: float(value) for key, value in zip(found.keys, one.values, strict=True)})
+            assert alone.race_time == pytest.approx(one.race_time, abs=1e-4)
+        assert session.certify(alone).result().certified
+    times = [one.race_time for one in found.points if one.values[1] == "0"]
+    assert times == sorted(times, reverse=True)  # a tighter limit is never faster
+    assert times[-1] == pytest.approx(found.reference, abs=1e-4)  # its own limit
+    rows = list(csv.DictReader(file.read_text().splitlines()))
+    assert [float(row["race_time_s"]) for row in rows] == [one.race_time for one in found.points]
+    assert list(rows[0]) == [*sweep, "race_time_s", "change_s", "status", "message"]
+
+
+def test_what_cannot_be_flown_is_a_point_and_its_neighbours_are_solved() -> None:
+    found = airrace.sweep(run(), ["rules.n_z_max=1.2,9.9"])
+    bad, good = found.points
+    assert math.isnan(bad.race_time)
+    assert bad.status is not Status.SOLVED
+    assert bad.message
+    assert good.status is Status.SOLVED
+
+
+@pytest.mark.parametrize(
+    ("sweep", "error", "text"),
+    [
+        ([], UsageError, "nothing is swept"),
+        (["rules.n_z_max=0:1:0.000001"], InputError, "more than 100000"),
+        (["rules.n_z_mx=9"], InputError, "n_z_max"),
+        (["rules.n_z_max=9", "rules.n_z_max=10"], InputError, "twice"),
+    ],
+)
+def test_wrong_sweeps_are_told_before_anything_is_solved(sweep: list[str], error: type[Exception], text: str) -> None:
+    with pytest.raises(error) as raised:
+        airrace.sweep(run(), sweep)
+    findings = raised.value.findings if isinstance(raised.value, InputError) else [raised.value]
+    assert text in " ".join(map(str, findings))
+
+
+def test_the_command_prints_a_table_or_an_object_and_writes_parquet(tmp_path: Path) -> None:
+    file, table = run().save(tmp_path / "run.h5"), tmp_path / "sweep.parquet"
+    call = ["sweep", str(file), "--sweep", "rules.n_z_max=9,10", "--output", str(table)]
+    printed = command.run(*call)
+    assert printed.code == 0, printed.err
+    assert "+0.0" in printed.out
+    assert parquet.read_table(table).column_names[:2] == ["rules.n_z_max", "race_time_s"]
+    assert command.run(*call).code == 2  # the file exists
+    told = command.run(*call, "--force", "--json").answer
+    assert told["solved"] == 2
+    assert told["points"][0]["rules.n_z_max"] == 9
