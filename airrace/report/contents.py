@@ -8,7 +8,7 @@ The object, with the format's name first:
       label           what tells it from the others
       aircraft        {name, span}: span of its wing, m
       race_time       s; null where the flight has not made the first and the last passing
-      passings        [{name, time}], in their order
+      passings        [{name, lap, time}], in their order: the element's name, and which lap it belongs to
       time            s, rising, N values
       histories       by name, N values each; a flight need not have all of them
     strips          the histories that are drawn over time, from top to bottom
@@ -42,6 +42,8 @@ crowd       [{name, corners, closed, distance, height}]
 obstacles   [{name, corners, height}]
 lines       safety lines, [{name, start, end, keep_right}]
 airspace    corners [[north, east], ...]; empty where there is none
+latitude    of the origin, rad; null where it is not known
+elevation   of the origin above the sea, m; null where its place is not known
 frame       [south, north, west, east] of what is to be seen, m
 """
 
@@ -210,7 +212,11 @@ def _flight(flight: Flight, label: str) -> dict[str, object]:
         "label": label,
         "aircraft": {"name": flight.aircraft.name, "span": flight.aircraft.airframe.b},
         "race_time": flight.race_time if math.isfinite(flight.race_time) else None,
-        "passings": [{"name": one.name, "time": one.time - begin} for one in flight.crossings if one.found],
+        "passings": [
+            {"name": one.passage.element.name, "lap": one.lap, "time": one.time - begin}
+            for one in flight.crossings
+            if one.found
+        ],
         "time": pack(flight.time - begin),
         "histories": {name: pack(values) for name, values in histories.items()},
     }
@@ -243,6 +249,7 @@ def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
             passed.setdefault(one.passage.element.name, (one.value("x"), one.value("y"), one.value("height")))
     labels = {mark.element.name: mark.label for mark in map_.marks}
     elements = {passage.element.name: passage.element for passage in map_.race.course.passages}
+    origin = map_.race.course.origin
     beyond = 0.15 * max(map_.north - map_.south, map_.east - map_.west)  # a safety line has no ends
     return {
         "elements": [
@@ -274,6 +281,8 @@ def _course(map_: MapModel, flight: Flight) -> dict[str, object]:
             for one in map_.lines
         ],
         "airspace": [] if map_.airspace is None else map_.airspace[:-1].tolist(),
+        "latitude": origin.latitude,
+        "elevation": origin.elevation if origin.has_coordinates else None,
         "frame": [map_.south, map_.north, map_.west, map_.east],
     }
 

@@ -12,7 +12,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """Pictures in space are drawn by the processor: a test machine need not have a graphics card."""
 SIZES = {"laptop": (1500, 950), "tablet": (820, 1180), "phone": (390, 844)}
-VIEWS = ("orbit", "above", "side", "chase", "cockpit")
+VIEWS = ("orbit", "above", "side", "chase", "cockpit", "tv")
 TIMES = (0.0, 1.7, 3.338, 5.9, 8.6)
 READY_MS = 120_000
 
@@ -53,9 +53,13 @@ class Opened:
         self.run("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+ACROSS = {"across": (844, 390)}
+"""A phone held across."""
+
+
 def opened(browser: Browser, file: Path, size: str = "laptop", **options: Any) -> Opened:
     """A page with its network cut. Any: the options are playwright's."""
-    width, height = SIZES[size]
+    width, height = {**SIZES, **ACROSS}[size]
     context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **options)
     one = Opened(context.new_page())
     one.page.set_default_timeout(READY_MS)

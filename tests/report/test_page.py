@@ -173,7 +173,16 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
     page = contents(circle(), circle(25.0).with_label("slower"))
     assert page["format"] == FORMAT
     assert list(page) == ["format", "course", "flights", "strips", "colours", "differences"]
-    assert list(page["course"]) == ["elements", "crowd", "obstacles", "lines", "airspace", "frame"]
+    assert list(page["course"]) == [
+        "elements",
+        "crowd",
+        "obstacles",
+        "lines",
+        "airspace",
+        "latitude",
+        "elevation",
+        "frame",
+    ]
     assert list(page["flights"][0]) == ["label", "aircraft", "race_time", "passings", "time", "histories"]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
     assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]

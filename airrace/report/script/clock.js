@@ -118,6 +118,7 @@ export class Transport {
       ArrowDown: () => this.toGate(1),
       Home: () => this.clock.set(0),
       End: () => this.clock.set(this.clock.duration),
+      f: () => document.querySelector("[data-full]").click(),
     };
     const deed = deeds[event.key];
     deed?.();

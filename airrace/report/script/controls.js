@@ -19,6 +19,9 @@ export class Controls {
     this.select.addEventListener("change", () => this.colour(Number(this.select.value)));
     const size = element.querySelector("[data-size]");
     size.addEventListener("change", () => scene.enlarge(Number(size.value)));
+    const ground = element.querySelector("[data-ground]");
+    ground.value = scene.ground.kind;
+    ground.addEventListener("change", () => scene.flood(ground.value));
     scene.onDrawn = () => this.bearings();
     this.colour(0);
     this.look("orbit");
@@ -28,6 +31,7 @@ export class Controls {
     this.scene.look(name);
     for (const button of this.buttons) button.setAttribute("aria-pressed", String(button.dataset.view === name));
     this.element.dataset.view = name;
+    this.element.toggleAttribute("data-follows", this.scene.view.follows === true);
   }
 
   colour(number) {

@@ -1,10 +1,8 @@
-// The course in space: gates, pylons, people, lines and the ground that they stand on.
+// The course in space: gates, pylons, people, lines and obstacles.
 
 import {
-  BackSide,
   BufferAttribute,
   BufferGeometry,
-  CircleGeometry,
   Color,
   CylinderGeometry,
   DoubleSide,
@@ -15,100 +13,14 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
-  NotEqualStencilFunc,
   OctahedronGeometry,
-  ReplaceStencilOp,
   Shape,
   ShapeGeometry,
-  SphereGeometry,
   Vector3,
 } from "three";
 import { placed } from "./flight.js";
-import { roundStep } from "./numbers.js";
 import { themed } from "./palette.js";
-
-export const FAR = 9000; // m, the radius of sky and ground
-const LINES = 14; // of the grid, about, along the longer side of the course
-
-/** Sky, ground and grid around a box in the scene; `step` is the grid's, in metres, and `restyle()` repaints. */
-export function groundOf(box) {
-  const group = new Group();
-  const sky = new Mesh(new SphereGeometry(FAR, 24, 16), new MeshBasicMaterial({ vertexColors: true, side: BackSide }));
-  const plain = flatPlain();
-  const extent = Math.max(box.max.x - box.min.x, box.max.z - box.min.z, 200);
-  const step = roundStep(extent / LINES);
-  const fine = grid(box, step, extent, false);
-  const bold = grid(box, 5 * step, extent, true);
-  const arrow = northArrow(box, extent);
-  group.add(sky, plain, fine, bold, arrow);
-  group.step = step;
-  group.arrow = arrow;
-  group.restyle = () => {
-    paintSky(sky);
-    plain.material.color.set(themed("ground"));
-    fine.material.color.set(themed("grid"));
-    bold.material.color.set(themed("grid-bold"));
-    arrow.material.color.set(themed("muted"));
-  };
-  return group;
-}
-
-function flatPlain() {
-  const plain = new Mesh(new CircleGeometry(FAR * 0.995, 64), new MeshBasicMaterial({ depthWrite: false }));
-  plain.rotation.x = -Math.PI / 2;
-  plain.renderOrder = -20;
-  return plain;
-}
-
-/** From the horizon, where the ground's haze is, to the zenith. */
-function paintSky(sky) {
-  const [low, high] = [new Color(themed("horizon")), new Color(themed("zenith"))];
-  const places = sky.geometry.getAttribute("position");
-  const tints = new Float32Array(3 * places.count);
-  const mixed = new Color();
-  for (let i = 0; i < places.count; i += 1) {
-    const up = Math.max(places.getY(i) / FAR, 0);
-    mixed.copy(low).lerp(high, Math.min(1, 1.6 * up)).toArray(tints, 3 * i);
-  }
-  sky.geometry.setAttribute("color", new BufferAttribute(tints, 3));
-  sky.renderOrder = -30;
-  sky.material.depthWrite = false;
-}
-
-function grid(box, step, extent, bold) {
-  const beyond = bold ? 2.0 : 0.6;
-  const begin = (least) => Math.floor((least - beyond * extent) / step) * step;
-  const end = (largest) => Math.ceil((largest + beyond * extent) / step) * step;
-  const [west, east] = [begin(box.min.x), end(box.max.x)];
-  const [north, south] = [begin(box.min.z), end(box.max.z)];
-  const places = [];
-  // In pieces, for some renderers lose a line that begins far behind the eye.
-  for (let x = west; x <= east + 1e-6; x += step)
-    for (let z = north; z < south - 1e-6; z += step) places.push(x, 0, z, x, 0, z + step);
-  for (let z = north; z <= south + 1e-6; z += step)
-    for (let x = west; x < east - 1e-6; x += step) places.push(x, 0, z, x + step, 0, z);
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array(places), 3));
-  const lines = new LineSegments(geometry, new LineBasicMaterial({ depthWrite: false }));
-  lines.renderOrder = bold ? -18 : -19;
-  return lines;
-}
-
-/** A broad arrow on the ground, in the north-west of the course. */
-function northArrow(box, extent) {
-  const size = 0.05 * extent;
-  const shape = new Shape();
-  shape.moveTo(0, size);
-  shape.lineTo(0.42 * size, -0.55 * size);
-  shape.lineTo(0, -0.25 * size);
-  shape.lineTo(-0.42 * size, -0.55 * size);
-  shape.closePath();
-  const arrow = new Mesh(new ShapeGeometry(shape), new MeshBasicMaterial({ depthWrite: false }));
-  arrow.rotation.x = -Math.PI / 2;
-  arrow.position.set(box.min.x - 0.1 * extent, 0, box.min.z - 0.1 * extent + size);
-  arrow.renderOrder = -17;
-  return arrow;
-}
+import { once } from "./shadow.js";
 
 const FOOT = 2.5; // m, radius of an inflated pylon at the ground
 const TOP = 0.4; // m, at its top
@@ -116,13 +28,14 @@ const BANDS = 5; // of colour, from the ground to the top
 const ROUND = 24; // corners of a circle around people
 const FENCE = 30; // m, the height at which airspace and safety lines are drawn
 
-/** All of the course as a group; `labels` are what is to be named in it, `restyle()` repaints. */
+/** All of the course as a group; `labels` are what is to be named in it, `standing` casts shadows, `restyle()` repaints. */
 export function courseOf(course) {
   const group = new Group();
   const painted = [];
   const labels = [];
-  const add = (mesh, colour) => {
-    group.add(mesh);
+  const standing = new Group();
+  const add = (mesh, colour, casts = false) => {
+    (casts ? standing : group).add(mesh);
     painted.push([mesh.material, colour]);
   };
   for (const element of course.elements) addElement(element, add, labels);
@@ -130,7 +43,8 @@ export function courseOf(course) {
   for (const obstacle of course.obstacles) addObstacle(obstacle, add, labels);
   for (const safety of course.lines) addSafetyLine(safety, add, labels);
   if (course.airspace.length) addAirspace(course.airspace, add, labels);
-  group.labels = labels;
+  group.add(standing);
+  Object.assign(group, { labels, standing });
   group.restyle = () => painted.forEach(([material, colour]) => material.color.set(themed(colour)));
   return group;
 }
@@ -153,7 +67,7 @@ function addPylon(foot, top, add) {
     const geometry = new CylinderGeometry(radius(high), radius(low), top / BANDS, 16, 1, band < BANDS - 1);
     const mesh = new Mesh(geometry, new MeshLambertMaterial());
     mesh.position.set(foot.x, top * (low + high) * 0.5, foot.z);
-    add(mesh, band % 2 ? "pylon-band" : "pylon");
+    add(mesh, band % 2 ? "pylon-band" : "pylon", true);
   }
 }
 
@@ -194,7 +108,7 @@ function addMark({ place }, add) {
 /** People, and the ground within their distance. */
 function addCrowd({ name, corners, closed, distance, height }, number, add, labels) {
   const places = corners.map(([north, east]) => placed(north, east, height));
-  const near = new Mesh(around(corners, closed, distance), once(translucent(0.14), number + 1));
+  const near = new Mesh(around(corners, closed, distance), once(translucent(0.14), 1 + (number % 250)));
   near.renderOrder = -10;
   add(near, "limit");
   if (closed) {
@@ -219,7 +133,7 @@ function addObstacle({ name, corners, height }, add, labels) {
   const places = corners.map(([north, east]) => placed(north, east, height));
   for (const [a, b] of sidesOf(places, true)) {
     const wall = new Mesh(upright(a, b, height), translucent(0.6));
-    add(wall, "limit");
+    add(wall, "limit", true);
   }
   labels.push({ text: name, place: middle(places).setY(height + 4), kind: "element" });
 }
@@ -258,12 +172,6 @@ function addAirspace(corners, add, labels) {
 
 function translucent(opacity) {
   return new MeshBasicMaterial({ transparent: true, opacity, side: DoubleSide, depthWrite: false, color: new Color() });
-}
-
-/** A material that paints no spot twice, however its triangles overlap. */
-function once(material, number) {
-  const stencil = { stencilWrite: true, stencilRef: number % 255, stencilFunc: NotEqualStencilFunc };
-  return Object.assign(material, stencil, { stencilZPass: ReplaceStencilOp });
 }
 
 function middle(places) {

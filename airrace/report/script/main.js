@@ -2,8 +2,10 @@
 
 import { Clock, Transport, linkFlights, linkTables, showReadings, watchKeys } from "./clock.js";
 import { Controls } from "./controls.js";
+import { Film } from "./film.js";
 import { Flight } from "./flight.js";
-import { written } from "./numbers.js";
+import { Graphics } from "./graphics.js";
+import { differencesOf, written } from "./numbers.js";
 import { watchTheme } from "./palette.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
@@ -65,8 +67,10 @@ function begin() {
   const [sceneElement, stripsElement, transportElement] = ["scene", "strips", "transport"].map((id) =>
     document.getElementById(id),
   );
-  const scene = sceneOrNone(sceneElement, contents, flights, clock);
-  const strips = new Strips(stripsElement, contents.strips, flights, clock, contents.differences);
+  const differences = differencesOf(contents.differences);
+  const graphics = new Graphics(flights, differences, document.title);
+  const scene = sceneOrNone(sceneElement, contents, flights, clock, graphics);
+  const strips = new Strips(stripsElement, contents.strips, flights, clock, differences);
   const transport = new Transport(transportElement, lead, clock);
   const controls = scene === null ? null : new Controls(sceneElement, scene, lead, contents.colours);
   showReadings(sceneElement, lead, clock);
@@ -83,15 +87,20 @@ function begin() {
     strips.redraw();
   });
   watchPrinting(document.getElementById("pictures"), scene, controls, strips, clock, force);
-  // For whoever looks into the page from its console.
-  window.airrace = { clock, flights, scene, strips };
+  const full = document.querySelector("[data-full]");
+  const watch = full.closest(".watch");
+  full.hidden = !document.fullscreenEnabled;
+  full.addEventListener("click", () => (document.fullscreenElement ? document.exitFullscreen() : watch.requestFullscreen()));
+  // For whoever looks into the page from its console, and for what takes films and cards of it.
+  const film = scene === null ? null : new Film(scene, graphics, clock);
+  window.airrace = { clock, flights, scene, strips, graphics, film };
   document.documentElement.classList.add("ready");
 }
 
 /** The scene, or null where the browser has no WebGL: the drawing of the course then stands in its place. */
-function sceneOrNone(element, contents, flights, clock) {
+function sceneOrNone(element, contents, flights, clock, graphics) {
   try {
-    return new RaceScene(element, contents.course, flights, clock);
+    return new RaceScene(element, contents.course, flights, clock, graphics);
   } catch (reason) {
     console.info(`no picture in space: ${reason.message}`);
     document.documentElement.classList.add("flat");

@@ -50,3 +50,19 @@ export function indexBefore(numbers, value) {
   }
   return low;
 }
+
+/** For every other flight its number, and a function from the first flight's time to the time lost until there, s. */
+export function differencesOf(differences) {
+  return differences.map(({ flight, time, difference }) => {
+    const [times, lost] = [numbersOf(time), numbersOf(difference)];
+    return { flight, at: (now) => interpolated(times, lost, now) };
+  });
+}
+
+function interpolated(times, values, time) {
+  const last = times.length - 1;
+  if (time <= times[0]) return values[0];
+  if (time >= times[last]) return values[last];
+  const i = indexBefore(times, time);
+  return values[i] + ((time - times[i]) / (times[i + 1] - times[i])) * (values[i + 1] - values[i]);
+}

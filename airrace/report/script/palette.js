@@ -6,6 +6,7 @@ import { Color } from "three";
 const SEQUENTIAL = ["#3b2f8f", "#7a2a9a", "#b82b86", "#e04760", "#f2743c", "#f5a623"];
 const DIVERGING = ["#1f5fbf", "#5a8fd0", "#93a4ad", "#d9776a", "#c22f2f"];
 const DARK = window.matchMedia("(prefers-color-scheme: dark)");
+const BRIGHT = ["#3fe0d0", "#ffc24d", "#e79bff", "#a8e66f", "#ff8fb3"]; // the same, in the scene
 const GHOSTS = 5; // colours for flights beside the first, in the style sheet
 
 /** A colour of the style sheet, by the name of its variable. */
@@ -21,6 +22,11 @@ export function ghostName(number) {
 /** The colour of the flights beside the first. */
 export function ghostColour(number) {
   return themed(ghostName(number));
+}
+
+/** The colour of a flight in the scene, which stands out from water and land by day and by night; the first is white. */
+export function tagColour(number) {
+  return number === 0 ? "#ffffff" : BRIGHT[(number - 1) % GHOSTS];
 }
 
 /** The colours of a scale from its low to its high end. */

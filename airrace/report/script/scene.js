@@ -1,10 +1,10 @@
 // The scene: ground, course, flights and light, drawn from the view that is chosen whenever something has changed.
 
 import {
-  AmbientLight,
   Box3,
   BufferGeometry,
   DirectionalLight,
+  HemisphereLight,
   Line,
   LineBasicMaterial,
   Mesh,
@@ -14,42 +14,53 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { courseOf, groundOf } from "./course.js";
-import { aircraftOf, placed } from "./flight.js";
 import { watchGestures } from "./controls.js";
+import { courseOf } from "./course.js";
+import { aircraftOf, placed } from "./flight.js";
+import { groundOf } from "./ground.js";
 import { labelsOver, writeLabels } from "./labels.js";
 import { roundStep, written } from "./numbers.js";
-import { ghostColour, themed } from "./palette.js";
+import { tagColour, themed } from "./palette.js";
 import { ribbonOf } from "./ribbon.js";
+import { shadowOf } from "./shadow.js";
+import { Director, Television } from "./television.js";
 import { Chase, Cockpit, Orbit, Parallel } from "./views.js";
 
 const NEAR = 12; // m, from the eye in the cockpit, within which no other aircraft is drawn
+const [LATE, EARLY] = [40, 20]; // ms between pictures, beyond which fewer pixels are drawn, and below which more
+const COARSEST = 0.4;
+const CORNER = 120; // pixels, of the upper left, where the order of the flights is written
 const SHARP = 3; // pixels of a picture for print per pixel of the page
 const DOT = 4; // pixels, of the marker by which a small aircraft is found
 
 export class RaceScene {
   /** @throws Error where the browser has no WebGL. */
-  constructor(element, course, flights, clock) {
+  constructor(element, course, flights, clock, graphics) {
     this.element = element;
     this.clock = clock;
-    this.canvas = element.querySelector("canvas");
+    this.graphics = graphics;
+    [this.canvas, this.overlay] = element.querySelectorAll("canvas");
     this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, stencil: true });
     this.scene = new Scene();
     const points = pointsOf(course, flights);
-    this.ground = groundOf(new Box3().setFromPoints(points));
+    this.ground = groundOf(new Box3().setFromPoints(points), course);
     this.course = courseOf(course);
-    this.actors = flights.map((flight) => new Actor(flight));
+    this.actors = flights.map((flight) => new Actor(flight, this.ground.sun, flights.length > 1));
     this.light();
-    this.scene.add(this.ground, this.course, ...this.actors.flatMap((actor) => actor.parts));
+    this.scene.add(this.ground, shadowOf(this.course.standing, this.ground.sun), this.course);
+    this.scene.add(...this.actors.flatMap((actor) => actor.parts));
     const lead = this.actors[0];
     const parallel = ["above", "side"].map((name) => new Parallel(name, points));
-    const views = [new Orbit(points), ...parallel, new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
+    const [chase, cockpit] = [new Chase(lead.flight), new Cockpit(lead.flight, lead.model)];
+    const director = new Director(flights, course.elements, this.ground.shore, this.ground.sun);
+    const views = [new Orbit(points), ...parallel, chase, cockpit, new Television(director, chase, cockpit)];
     this.views = new Map(views.map((view) => [view.name, view]));
     this.view = views[0];
     this.enlarged = 1;
     this.pending = false;
-    const north = { text: "N", place: this.ground.arrow.position, kind: "north" };
-    this.labels = [north, ...this.course.labels];
+    Object.assign(this, { sharpness: 1, last: 0 });
+    const north = { text: "N", place: this.ground.arrow.position, kind: "north", hidden: () => !this.gridded };
+    this.labels = [north, ...this.course.labels, ...this.actors.map(({ tag }) => tag)];
     this.showLabels = labelsOver(element.querySelector(".labels"), this.labels);
     watchGestures(this.canvas, this.wishes());
     new ResizeObserver(() => this.invalidate()).observe(element);
@@ -58,9 +69,10 @@ export class RaceScene {
   }
 
   light() {
-    const sun = new DirectionalLight("#ffffff", 2.2);
-    sun.position.set(0.5, 1, 0.35);
-    this.scene.add(new AmbientLight("#ffffff", 1.9), sun);
+    this.daylight = new DirectionalLight("#ffffff", 2.3);
+    this.daylight.position.copy(this.ground.sun);
+    this.skylight = new HemisphereLight("#ffffff", "#b9c6cc", 2.4);
+    this.scene.add(this.skylight, this.daylight);
   }
 
   wishes() {
@@ -82,6 +94,11 @@ export class RaceScene {
     this.invalidate();
   }
 
+  flood(kind) {
+    this.ground.flood(kind);
+    this.invalidate();
+  }
+
   colour(scale) {
     for (const actor of this.actors) actor.way.colour(scale);
     this.invalidate();
@@ -90,6 +107,8 @@ export class RaceScene {
   restyle() {
     this.ground.restyle();
     this.course.restyle();
+    this.daylight.color.set(themed("sunlight"));
+    this.skylight.color.set(themed("skylight"));
     for (const actor of this.actors) actor.restyle();
     this.invalidate();
   }
@@ -99,31 +118,49 @@ export class RaceScene {
     this.pending = true;
     requestAnimationFrame(() => {
       this.pending = false;
-      const { clientWidth, clientHeight } = this.element;
-      this.draw(clientWidth, clientHeight, Math.min(window.devicePixelRatio, 2), this.view, this.covered());
-      this.showLabels(this.view.camera, this.element.clientWidth, this.element.clientHeight);
+      const { clientWidth: width, clientHeight: height } = this.element;
+      const ratio = Math.min(window.devicePixelRatio, 2);
+      const covered = this.covered();
+      this.draw(width, height, ratio * this.share(), this.view, covered);
+      this.showLabels(this.view.camera, width, height);
+      const context = sized(this.overlay, width, height, ratio);
+      this.graphics.draw(context, width, height, this.clock.time, this.view, { top: covered[2], bottom: covered[1] });
       this.onDrawn?.();
     });
   }
 
-  /** One picture; pixels of the page, and how many of the screen each of them is. */
-  draw(width, height, ratio, view, covered) {
+  /** The share of the screen's pixels, along each side, that are drawn: fewer while the race plays and pictures come late. */
+  share() {
+    const now = performance.now();
+    const took = now - this.last;
+    this.last = now;
+    if (!this.clock.running) return 1;
+    if (took < 1000) this.sharpness = Math.min(Math.max(this.sharpness * (took > LATE ? 0.9 : took < EARLY ? 1.03 : 1), COARSEST), 1);
+    return this.sharpness;
+  }
+
+  /** One picture; pixels of the page, and how many of the screen each of them is; lines `thick` times as wide; with a `grid`. */
+  draw(width, height, ratio, view, covered, thick = 1, grid = true) {
     if (!width || !height) return;
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     view.place(width, height, this.clock.time, covered);
-    this.actors.forEach((actor) => actor.show(this, view, width, height));
+    this.gridded = grid && !view.follows;
+    this.ground.show(view.camera, this.clock.time, this.gridded);
+    this.actors.forEach((actor) => actor.show(this, view, width / thick, height / thick));
     this.renderer.render(this.scene, view.camera);
   }
 
-  /** Pixels of what lies over the picture along its upper and its lower edge. */
+  /** Pixels of what lies over the picture along its upper and its lower edge, and in its upper left corner. */
   covered() {
-    const { top, bottom } = this.element.getBoundingClientRect();
+    const { top, bottom, left } = this.element.getBoundingClientRect();
     const boxes = [...this.element.querySelectorAll(".hud")].map((one) => one.getBoundingClientRect());
     const isAbove = (box) => box.top + box.bottom < top + bottom;
+    const below = (box) => box.bottom - top;
     return [
-      Math.max(0, ...boxes.filter(isAbove).map((box) => box.bottom - top)),
+      Math.max(0, ...boxes.filter(isAbove).map(below)),
       Math.max(0, ...boxes.filter((box) => !isAbove(box)).map((box) => bottom - box.top)),
+      Math.max(0, ...boxes.filter((box) => isAbove(box) && box.left < left + CORNER).map(below)),
     ];
   }
 
@@ -131,13 +168,11 @@ export class RaceScene {
   picture(name, width, height) {
     const view = this.views.get(name);
     this.draw(width, height, SHARP, view);
-    const sheet = document.createElement("canvas");
-    [sheet.width, sheet.height] = [SHARP * width, SHARP * height];
-    const context = sheet.getContext("2d");
-    context.drawImage(this.canvas, 0, 0, sheet.width, sheet.height);
-    context.scale(SHARP, SHARP);
+    this.sheet ??= document.createElement("canvas");
+    const context = sized(this.sheet, width, height, SHARP);
+    context.drawImage(this.canvas, 0, 0, width, height);
     writeLabels(context, this.labels, view.camera, width, height);
-    return sheet.toDataURL("image/jpeg", 0.9);
+    return this.sheet.toDataURL("image/jpeg", 0.9);
   }
 
   /** How large a picture of a view is, in words: its own width where that has a scale, else that of the grid. */
@@ -157,9 +192,9 @@ export class RaceScene {
   }
 }
 
-/** A flight in the scene: its way, its aircraft, a plumb line to the ground and a dot by which it is found. */
+/** A flight in the scene: its way, its aircraft with shadow and name, a plumb line to the ground and a dot by which it is found. */
 class Actor {
-  constructor(flight) {
+  constructor(flight, sun, named) {
     this.flight = flight;
     this.way = ribbonOf(flight);
     this.model = aircraftOf(flight.aircraft.span, flight.number > 0);
@@ -167,12 +202,16 @@ class Actor {
     this.plumb.frustumCulled = false;
     this.dot = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ transparent: true, depthTest: false }));
     this.size = this.model.scale.x;
-    this.parts = [this.way, this.model, this.plumb, this.dot];
+    this.shadow = shadowOf(this.model, sun);
+    this.parts = [this.way, this.shadow, this.model, this.plumb, this.dot];
+    const hidden = () => !this.model.visible || (flight.number === 0 && this.close);
+    const colour = tagColour(flight.number);
+    this.tag = { text: named ? flight.label : "", place: this.model.position, kind: "tag", colour, hidden };
   }
 
   restyle() {
     this.way.restyle();
-    const colour = this.flight.number === 0 ? themed("ink") : ghostColour(this.flight.number);
+    const colour = tagColour(this.flight.number);
     this.plumb.material.color.set(colour);
     this.dot.material.color.set(colour);
     this.model.paint(colour);
@@ -180,23 +219,23 @@ class Actor {
 
   show(scene, view, width, height) {
     for (const part of this.parts) part.visible = this.flight.visible;
-    this.way.fit(width, height);
     const { time } = scene.clock;
+    this.way.show(time, view, width, height);
     this.flight.position(time, this.model.position);
     this.flight.attitude(time, this.model.quaternion);
-    this.model.scale.setScalar(this.size * scene.enlarged);
+    this.close = view.seat || view.name === "chase";
+    this.inside = view.seat === true && this.flight.number === 0;
+    this.model.scale.setScalar(this.size * (this.inside ? 1 : scene.enlarged));
     const ends = this.plumb.geometry.getAttribute("position");
     this.model.position.toArray(ends.array, 0);
     ends.setXYZ(1, this.model.position.x, 0, this.model.position.z);
     ends.needsUpdate = true;
-    const inside = view.name === "cockpit" && this.flight.number === 0;
-    this.model.inside(inside);
-    if (inside) this.model.scale.setScalar(this.size);
-    this.plumb.visible &&= !inside;
-    this.way.wings(view.name !== "cockpit");
+    this.model.inside(this.inside);
+    this.plumb.visible &&= !view.follows;
     // A ghost that flies in one's own seat would hide everything.
-    if (view.name === "cockpit" && !inside) this.model.visible &&= this.away(view.camera) > NEAR * scene.enlarged;
-    this.showDot(scene, view, height, inside);
+    if (view.seat && !this.inside) this.model.visible &&= this.away(view.camera) > NEAR * scene.enlarged;
+    this.shadow.follow();
+    this.showDot(scene, view, height);
   }
 
   away(camera) {
@@ -204,15 +243,24 @@ class Actor {
   }
 
   /** Only where the aircraft itself is too small to be seen. */
-  showDot(scene, view, height, inside) {
+  showDot(scene, view, height) {
     const { camera } = view;
     const pixel = view.pixel ?? (2 * this.away(camera) * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const seen = (this.flight.aircraft.span * scene.enlarged) / pixel;
-    this.dot.visible = this.flight.visible && !inside && seen < 26;
+    this.dot.visible = this.flight.visible && !this.inside && seen < 26;
     this.dot.material.opacity = seen < 14 ? 0.9 : 0.25;
     this.dot.position.copy(this.model.position);
     this.dot.scale.setScalar(DOT * pixel * (seen < 14 ? 1 : 0.6));
   }
+}
+
+/** The context of a canvas of so many pixels of the page, empty. */
+export function sized(canvas, width, height, ratio) {
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  const context = canvas.getContext("2d", { willReadFrequently: canvas.isConnected === false });
+  context.scale(ratio, ratio);
+  return context;
 }
 
 /** What is to be seen: the flights, and the feet and tops of what stands on the course. */

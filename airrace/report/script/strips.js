@@ -2,7 +2,7 @@
 
 import { uPlot } from "uplot";
 import { ghostColour, ghostName, themed } from "./palette.js";
-import { extent, indexBefore, numbersOf, signed, written } from "./numbers.js";
+import { extent, indexBefore, signed, written } from "./numbers.js";
 
 const HEIGHT = 118; // pixels of a strip
 const NEAR = 0.6; // of its own extent, within which a limit beyond the data is still shown
@@ -19,7 +19,7 @@ export class Strips {
     this.grid = commonTimes(flights);
     this.duration = this.grid[this.grid.length - 1];
     const values = (strip) => (line, flight) => sampled(flight, line.history, this.grid, strip.wraps);
-    this.strips = differences.length ? [this.differenceStrip(differencesOf(differences))] : [];
+    this.strips = differences.length ? [this.differenceStrip(differences)] : [];
     this.strips.push(...strips.map((strip) => this.strip(strip, values(strip))).filter((strip) => strip !== null));
     new ResizeObserver(() => this.resize()).observe(element);
     clock.watch((time) => this.mark(time));
@@ -170,22 +170,6 @@ function sampled(flight, history, grid, wraps) {
     before = value;
     return jumps || !Number.isFinite(value) ? null : value;
   });
-}
-
-/** For every other flight its number, and a function from the first flight's time to the time lost until there, s. */
-function differencesOf(differences) {
-  return differences.map(({ flight, time, difference }) => {
-    const [times, lost] = [numbersOf(time), numbersOf(difference)];
-    return { flight, at: (now) => interpolated(times, lost, now) };
-  });
-}
-
-function interpolated(times, values, time) {
-  const last = times.length - 1;
-  if (time <= times[0]) return values[0];
-  if (time >= times[last]) return values[last];
-  const i = indexBefore(times, time);
-  return values[i] + ((time - times[i]) / (times[i + 1] - times[i])) * (values[i + 1] - values[i]);
 }
 
 function valueOf(head, { label, flight, place }) {

@@ -17,7 +17,7 @@ export class Orbit {
   /** `points` are to be seen; Vector3. */
   constructor(points) {
     this.name = "orbit";
-    this.camera = new PerspectiveCamera(36, 1, 1, 30000);
+    this.camera = new PerspectiveCamera(36, 1, 1, 60000);
     this.points = points;
     this.height = 1;
     this.home();
@@ -98,7 +98,7 @@ export class Orbit {
 export class Parallel {
   constructor(name, points) {
     this.name = name;
-    this.camera = new OrthographicCamera(-1, 1, 1, -1, 1, 30000);
+    this.camera = new OrthographicCamera(-1, 1, 1, -1, 1, 60000);
     this.points = points;
     const side = longAxis(new Box3().setFromPoints(points));
     this.from = name === "above" ? UP.clone() : new Vector3(Math.sin(side), 0, Math.cos(side));
@@ -146,7 +146,8 @@ export class Parallel {
 export class Chase {
   constructor(flight) {
     this.name = "chase";
-    this.camera = new PerspectiveCamera(55, 1, 0.5, 30000);
+    this.follows = true;
+    this.camera = new PerspectiveCamera(55, 1, 0.5, 60000);
     this.flight = flight;
     this.home();
   }
@@ -197,8 +198,8 @@ export class Chase {
 /** From the seat of the first flight; dragging looks around. */
 export class Cockpit {
   constructor(flight, model) {
-    this.name = "cockpit";
-    this.camera = new PerspectiveCamera(72, 1, 0.15, 30000);
+    Object.assign(this, { name: "cockpit", follows: true, seat: true });
+    this.camera = new PerspectiveCamera(72, 1, 0.15, 60000);
     this.flight = flight;
     this.model = model;
     this.home();

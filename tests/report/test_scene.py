@@ -1,0 +1,146 @@
+"""The state of the scene in a browser: cameras, shadows, names, graphics, and controls in reach."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser_pages import Opened, opened
+from example_flights import half_cuban, windy
+from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.slow
+CLEAR = 13.0
+"""What a camera keeps from every way, m; as in television.js."""
+
+
+def test_the_shots_follow_one_another_from_the_start_to_the_finish(laptop: Opened) -> None:
+    shots = laptop.run(
+        "() => airrace.scene.views.get('tv').director.shots.map(({ from, kind }) => [from ?? -1e9, kind])"
+    )
+    times = [-1e9 if one is None else one for one, _ in shots]
+    assert times[0] < 0.0
+    assert times[-1] < half_cuban().race_time
+    assert np.diff(times).min() >= 1.7 - 1e-9
+    assert {kind for _, kind in shots} <= {"gate", "aerial", "chase", "seat", "wide"}
+    assert "gate" in {kind for _, kind in shots}
+
+
+def test_the_aircraft_is_in_every_picture_of_the_director_and_no_camera_in_its_way(laptop: Opened) -> None:
+    rows = laptop.run(
+        """() => {
+          const view = airrace.scene.views.get("tv"), [lead] = airrace.flights, rows = [];
+          for (let time = 0; time <= lead.duration; time += 0.1) {
+            view.place(1280, 720, time);
+            if (view.seat) continue;
+            const { camera } = view;
+            camera.updateMatrixWorld(true);
+            const at = lead.position(time).project(camera);
+            const away = airrace.flights.map(one => camera.position.distanceTo(one.position(time)));
+            rows.push([at.x, at.y, at.z, Math.min(...away), camera.position.y]);
+          }
+          return rows;
+        }"""
+    )
+    across, down, deep, away, height = np.array(rows).T
+    assert np.abs(across).max() < 0.9
+    assert np.abs(down).max() < 0.9
+    assert np.abs(deep).max() < 1.0
+    assert away.min() > 0.8 * CLEAR
+    assert height.min() >= 1.5
+
+
+def test_a_shadow_lies_on_the_ground_where_the_sun_puts_it(laptop: Opened) -> None:
+    laptop.set(4.0)
+    laptop.drawn()
+    place, sun, shadow = laptop.run(
+        """() => {
+          const { actors: [{ model, shadow }], ground } = airrace.scene;
+          const { elements } = shadow.children[0].matrix;
+          return [model.position.toArray(), ground.sun.toArray(), elements.slice(12, 15)];
+        }"""
+    )
+    expected = np.array(place) - np.array(sun) * place[1] / sun[1]
+    assert shadow == pytest.approx(expected.tolist(), abs=1e-3)
+    assert shadow[1] == 0.0
+
+
+@pytest.mark.parametrize("view", ["orbit", "above", "chase", "tv"])
+def test_no_name_lies_on_another_and_both_aircraft_have_theirs(laptop: Opened, view: str) -> None:
+    laptop.page.click(f"button[data-view={view}]")
+    for seconds in (0.5, 3.0, 6.0):
+        laptop.set(seconds)
+        laptop.drawn()
+        boxes = laptop.run(
+            """() => [...document.querySelectorAll(".label:not(.hidden)")].map(one => {
+              const { left, top, right, bottom } = one.getBoundingClientRect();
+              return [left, top, right, bottom, one.classList.contains("tag")];
+            })"""
+        )
+        for number, (left, top, right, bottom, _) in enumerate(boxes):
+            for other in boxes[:number]:
+                assert left >= other[2] or right <= other[0] or top >= other[3] or bottom <= other[1]
+        if view in ("orbit", "above"):
+            assert sum(one[4] for one in boxes) == 2
+    laptop.page.click("button[data-view=orbit]")
+
+
+def test_the_order_of_the_flights_and_their_gap_are_those_of_the_comparison(laptop: Opened) -> None:
+    compared = half_cuban().compare(windy())
+    state = laptop.run(
+        """time => {
+          const { clock, place, order } = airrace.graphics.state(time);
+          return [clock, place, order.map(({ flight, gap }) => [flight.number, gap])];
+        }""",
+        half_cuban().race_time,
+    )
+    total = compared.legs[-1].cumulative
+    first = 0 if total > 0.0 else 1
+    assert state[0] == f"{half_cuban().race_time:.2f}"
+    assert state[1] == "finish"
+    assert [number for number, _ in state[2]] == [first, 1 - first]
+    assert [gap for _, gap in state[2]] == pytest.approx([0.0, abs(total)], abs=2e-3)
+
+
+def test_the_ground_is_grass_inland_until_water_is_chosen(laptop: Opened) -> None:
+    assert laptop.run("() => airrace.scene.ground.kind") == "grass"
+    laptop.page.select_option("[data-ground]", "water")
+    assert laptop.run("() => airrace.scene.ground.kind") == "water"
+    laptop.page.select_option("[data-ground]", "grass")
+
+
+def test_a_picture_of_an_instant_is_the_same_whatever_was_shown_before(laptop: Opened) -> None:
+    frame = "([time, view]) => airrace.film.frame(time, view, 320, 180)"
+    for view in ("tv", "chase", "cockpit"):
+        first = laptop.run(frame, [3.0, view])
+        laptop.run(frame, [7.0, "tv"])
+        assert laptop.run(frame, [3.0, view]) == first
+
+
+def test_scene_and_controls_fill_a_phone_held_across(chromium: Browser, folder: Path) -> None:
+    one = opened(chromium, folder / "report.html", "across", has_touch=True)
+    one.run("() => document.querySelector('.watch').scrollIntoView()")
+    for view in ("orbit", "tv", "cockpit"):
+        one.page.click(f"button[data-view={view}]")
+        one.drawn()
+    boxes = one.run(
+        """() => [".scene", "[data-play]", "[data-full]", "#transport input", "button[data-view=tv]"].map(name => {
+          const { top, bottom, left, right } = document.querySelector(name).getBoundingClientRect();
+          return [top, innerHeight - bottom, left, innerWidth - right];
+        })"""
+    )
+    assert np.min(boxes) >= -1.0
+    assert one.errors == []
+    one.page.context.close()
+
+
+def test_the_screen_is_filled_and_left_by_a_button(laptop: Opened) -> None:
+    laptop.page.click("[data-full]")
+    laptop.page.wait_for_function("() => document.fullscreenElement !== null")
+    laptop.drawn()
+    scene, transport, high = laptop.run(
+        """() => [document.querySelector(".scene").clientHeight, document.querySelector("#transport").offsetHeight,
+                  innerHeight]"""
+    )
+    assert scene + transport == pytest.approx(high, abs=2)
+    laptop.page.click("[data-full]")
+    laptop.page.wait_for_function("() => document.fullscreenElement === null")
