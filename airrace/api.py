@@ -9,11 +9,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
+from airrace.report.film import card_of, ensure_card, film_of, film_settings
 from airrace.results.comparison import Comparison
 from airrace.runs.arguments import (
     AircraftGiven,
@@ -563,4 +565,34 @@ class Run(RunState):
             StorageError: the system refused.
         """
         write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities, verify=verify))
+        return Path(path)
+
+    # Any: words of many types, those of `film_settings`.
+    def film(
+        self, path: str | Path, *others: str, stage: str | Stage | None = None, verify: bool = True, **words: Any
+    ) -> Path:
+        """Film a flight with others, as `airrace film` does; a file that exists is replaced.
+
+        Args:
+            path, others, stage, verify: see `report`; the film is `.mp4` or `.gif`.
+            words: `view`, `format`, `size`, `fps`, `from_`, `to`, `seconds`, as those of the command.
+
+        Raises:
+            UsageError: an argument says nothing sensible, or Chromium or ffmpeg is not found.
+            StorageError: one of them fails, or the system refused.
+        """
+        settings = film_settings(Path(path), **words)
+        page = report_page(self, stage, others, verify=verify)
+        replace_file(Path(path), film_of(page, settings, Path(path).suffix))
+        return Path(path)
+
+    def card(self, path: str | Path, *, stage: str | Stage | None = None, verify: bool = True) -> Path:
+        """Draw a card of a flight, as `airrace card` does: a PNG of 1200 x 630 pixels; a file that exists is replaced.
+
+        Raises:
+            UsageError: there is no such stage, or Chromium is not found.
+            StorageError: it fails, or the system refused.
+        """
+        ensure_card(Path(path))
+        replace_file(Path(path), card_of(report_page(self, stage, verify=verify)))
         return Path(path)

@@ -23,6 +23,7 @@ from airrace.system import system_of
 USES = {
     "plot": "plot, check --plot, compare --plot",
     "sign": "--sign, --trust",
+    "film": "film",
     "parquet": "export parquet",
     "cluster": "batch --cluster",
     "pandas": "to_dataframe in Python",

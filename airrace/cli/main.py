@@ -13,6 +13,7 @@ from airrace.cli.aircraft import aircraft
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
 from airrace.cli.fairness import fairness
+from airrace.cli.films import card, film
 from airrace.cli.flights import brief, compare, export, import_log, plot, report
 from airrace.cli.footprint import footprint
 from airrace.cli.optimize import optimize, resume
@@ -36,6 +37,8 @@ for _name, _command in {
     "resume": resume,
     "import": import_log,
     "report": report,
+    "film": film,
+    "card": card,
     "show": show,
     "brief": brief,
     "compare": compare,

@@ -26,7 +26,7 @@ def ensure_safety_file(path: Path, flights: int, runs: int) -> None:
         UsageError: the name says no known format, the format takes one run or more flights, or a drawing needs
             matplotlib, or a PDF a browser.
     """
-    from airrace.report.printing import browser_path
+    from airrace.report.browser import browser_path
     from airrace.views.drawing import ensure_drawable
 
     suffix = path.suffix.lower()
