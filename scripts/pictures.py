@@ -1,6 +1,7 @@
 """Draw the pictures of the documentation with the commands themselves.
 
-Needs the extra `plot`; that of the report and that of the printed case need Chromium, the latter pdftoppm as well.
+Needs the extra `plot`; those of the report, its scene, the card and the printed case need Chromium, the last pdftoppm
+as well.
 
     python scripts/pictures.py [--runs FOLDER] [--only NAME ...]
 
@@ -8,10 +9,13 @@ Flights are kept in the folder of `--runs`; those that lie there already are not
 """
 
 import argparse
+import base64
+import io
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,8 +126,42 @@ def photograph_report(runs: Path) -> None:
         page.select_option("[data-size]", "5")
         page.evaluate("airrace.clock.set(27.2); document.activeElement.blur()")
         page.wait_for_timeout(2_000)
-        page.screenshot(path=PICTURES / "report.png")
+        page.screenshot(path=PICTURES / "report.jpg", type="jpeg", quality=84)
         browser.close()
+
+
+VIEWS = ((10.0, "orbit"), (27.2, "above"), (27.2, "side"), (7.5, "chase"), (12.0, "cockpit"), (21.0, "tv"))
+FILM = tuple((time, "tv") for time in (1.0, 9.0, 18.5, 24.0, 41.0, 57.0))
+"""Instants (s) and views of the pictures of a sheet."""
+
+
+def photograph_scene(runs: Path, name: str, shots: Sequence[tuple[float, str]]) -> None:
+    """Pictures of the scene of Rovinj 2014 with two ghosts on one sheet, two beside one another."""
+    from PIL import Image
+
+    from airrace.report.browser import SOFTWARE, page_in_browser
+
+    flights = ("rovinj", "extra", "wind_240")
+    for flight in flights:
+        if not (runs / f"{flight}.h5").exists():
+            call(runs, "optimize", *FLIGHTS[flight], "--output", f"{flight}.h5", "--quiet")
+    call(runs, "report", *(f"{flight}.h5" for flight in flights), "--no-verify", "--force", "--output", "scene.html")
+    with page_in_browser((runs / "scene.html").read_text(encoding="utf-8"), "pictures are drawn", SOFTWARE) as page:
+        frames = [base64.b64decode(page.value(f"airrace.film.frame({t}, '{view}', 960, 540)")) for t, view in shots]
+    pictures = [Image.open(io.BytesIO(one)).resize((600, 338), Image.Resampling.LANCZOS) for one in frames]
+    sheet = Image.new("RGB", (1200, 338 * ((len(pictures) + 1) // 2)))
+    for number, picture in enumerate(pictures):
+        sheet.paste(picture, (600 * (number % 2), 338 * (number // 2)))
+    sheet.save(PICTURES / f"{name}.jpg", quality=84, optimize=True)
+
+
+def draw_card(runs: Path) -> None:
+    """The card of Rovinj 2014."""
+    from PIL import Image
+
+    call(runs, "card", "rovinj.h5", "--force", "--output", "card.png")
+    with Image.open(runs / "card.png") as card:
+        card.convert("RGB").save(PICTURES / "card.jpg", quality=84, optimize=True)
 
 
 def print_case(runs: Path) -> None:
@@ -144,7 +182,13 @@ def print_case(runs: Path) -> None:
     shrink(PICTURES / "case.png")
 
 
-PRINTED = {"case": print_case, "report": photograph_report}
+PRINTED: dict[str, Callable[[Path], None]] = {
+    "card": draw_card,
+    "case": print_case,
+    "report": photograph_report,
+    "views": lambda runs: photograph_scene(runs, "views", VIEWS),
+    "film": lambda runs: photograph_scene(runs, "film", FILM),
+}
 """What makes the pictures that no command draws."""
 
 
