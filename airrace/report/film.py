@@ -76,7 +76,9 @@ class FilmSettings:
         begin = 0.0 if self.begin is None else self.begin
         end = duration + HOLD if self.end is None else self.end
         if not 0.0 <= begin < min(end, duration):
-            raise UsageError(f"from {begin:g} s to {end:g} s there is nothing to film of a flight of {duration:.3f} s")
+            raise UsageError(
+                f"from {begin:g} s to {end:.4g} s there is nothing to film of a flight of {duration:.3f} s"
+            )
         return [min(begin + i / self.fps, duration) for i in range(max(math.ceil((end - begin) * self.fps - 1e-6), 1))]
 
 

@@ -35,8 +35,11 @@ export class Graphics {
     if (view.seat) this.headUp(width, height, time, view.camera);
     if (!view.follows && !whole) return;
     this.tower(edge, top + edge, time, whole);
-    this.split(0.5 * width, height - bottom - edge, time);
-    if (whole && !view.seat) this.gauges(width - edge, height - edge, time);
+    const gauged = whole && !view.seat;
+    // Upright there is no room beside the gauges.
+    const above = gauged && width < 1.2 * height ? 84 * this.unit : 0;
+    this.split(0.5 * width, height - bottom - edge - above, time);
+    if (gauged) this.gauges(width - edge, height - edge, time);
   }
 
   /** Flights in their order now, with how far each is behind the one that is ahead: `[{flight, gap}]`. */

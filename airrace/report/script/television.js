@@ -5,12 +5,14 @@ import { Box3, PerspectiveCamera, Vector3 } from "three";
 import { placed } from "./flight.js";
 import { UP } from "./views.js";
 
-const BEFORE = 2.1; // s before a gate, from which its camera is shown
-const AFTER = 1.0; // s behind it
-const SHORTEST = 1.7; // s of a shot; what would be shorter is left to the one before
-const BETWEEN = ["aerial", "chase", "aerial", "seat", "aerial", "wide"]; // shots between gates, in turn
+const BEFORE = 1.8; // s before a gate, from which its camera is shown
+const AFTER = 0.9; // s behind it
+const SHORTEST = 1.4; // s of a shot; what would be shorter is left to the one before
+const BETWEEN = ["aerial", "seat", "chase", "aerial", "wide"]; // shots between gates, in turn
 const CLEAR = 13; // m, that a camera keeps from every way and every pylon
 const CLOSE = 24; // m, from the way to a gate's camera: what is liked best
+const HIDDEN = 3; // of the price of a place, against the other reasons: that pylons stand before the aircraft
+const APART = 0.1; // s between the places of the ways that cameras keep clear of
 const FIELD = 10; // m around the aircraft that a tracking camera shows, to each side
 const COMPANY = 45; // m, within which other flights are kept in the picture
 const HEIGHTS = [8, 26]; // m, of the cameras at gates in turn: against the horizon, and against water or land
@@ -25,8 +27,9 @@ export class Director {
     this.sun = sun;
     this.posts = elements.flatMap(({ posts }) => posts).map(([north, east]) => placed(north, east, 0));
     const [lead] = flights;
-    this.ways = flights.map((flight) => Array.from({ length: flight.count }, (_, i) => flight.positionOf(i)));
-    const box = new Box3().setFromPoints(this.ways[0]);
+    const places = (flight) => Array.from({ length: Math.ceil(flight.duration / APART) + 1 }, (_, i) => flight.position(i * APART));
+    this.places = flights.flatMap(places);
+    const box = new Box3().setFromPoints(places(lead));
     const size = box.getSize(new Vector3());
     this.tower = box.getCenter(new Vector3()).setY(0.06 * Math.max(size.x, size.z) + 15);
     this.tower.add(new Vector3(shore.x, 0, shore.y).multiplyScalar(0.5 * Math.hypot(size.x, size.z) + 60));
@@ -52,7 +55,6 @@ export class Director {
       }
       add(Math.max(time - BEFORE, last), "gate", this.beside(lead, time, i));
     });
-    if (times.length) add(Math.min(times[times.length - 1] + AFTER, lead.duration), "aerial");
     if (!shots[1]) shots[0].kind = "aerial";
     return shots;
   }
@@ -70,11 +72,11 @@ export class Director {
         for (const on of [-12, 14, 34])
           for (const up of HEIGHTS) {
             const place = at.clone().setY(up).addScaledVector(right, side * far).addScaledVector(ahead, on);
-            const clear = Math.min(...this.ways.flat().map((one) => one.distanceTo(place)));
-            const posts = Math.min(Infinity, ...this.posts.map((one) => Math.hypot(one.x - place.x, one.z - place.z)));
+            const clear = nearest(this.places, place);
+            const posts = nearest(this.posts, place.clone().setY(0));
             if (clear < CLEAR || posts < 1.5 * CLEAR) continue;
             const glare = place.clone().sub(at).normalize().dot(this.sun);
-            const price = Math.abs(clear - CLOSE) / CLOSE - 0.5 * glare + (on < 0 ? 0.35 : 0) + (up === HEIGHTS[number % 2] ? 0 : 0.4) + this.hidden(lead, place, time);
+            const price = Math.abs(clear - CLOSE) / CLOSE - 0.5 * glare + (on < 0 ? 0.35 : 0) + (up === HEIGHTS[number % 2] ? 0 : 0.4) + HIDDEN * this.hidden(lead, place, time);
             if (!best || price < best.price) best = { place, price };
           }
     return best?.place ?? at.clone().addScaledVector(right, 60).setY(at.y + 25);
@@ -162,6 +164,10 @@ export class Television {
     this.own.lookAt(target);
     this.own.updateProjectionMatrix();
   }
+}
+
+function nearest(places, to) {
+  return Math.sqrt(places.reduce((least, one) => Math.min(least, one.distanceToSquared(to)), Infinity));
 }
 
 /** The direction of a flight over a moment around a time. */
