@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, timedelta, timezone, tzinfo
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -28,6 +29,14 @@ class LogEntry(Schema):
     columns: dict[str, str] = Field(
         default_factory=dict[str, str],
         description="the header of every quantity, with its unit in brackets: `altitude: GPS alt [ft]`",
+    )
+    scale: dict[str, float] = Field(
+        default_factory=dict[str, float],
+        description="what recorded numbers are multiplied by: `load_factor: -1` where it counts downward",
+    )
+    offset: dict[str, float] = Field(
+        default_factory=dict[str, float],
+        description="what is added then, in the column's unit: `load_factor: 1` where it is recorded without the 1 g",
     )
     time_zone: str | None = optional("of times that name none: `+02:00` or a name such as `Europe/Zagreb`; else UTC")
     delimiter: Literal["comma", "semicolon", "tab", "bar"] | None = optional(
@@ -56,10 +65,16 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     for name, text in entry.columns.items():
         if problem := _problem(name, text):
             reporter.value(("columns", name), problem)
+    for key, numbers in (("scale", entry.scale), ("offset", entry.offset)):
+        for name in numbers:
+            if name not in FIELDS or name == "time":
+                known = ", ".join(one for one in FIELDS if one != "time")
+                reporter.value((key, name), f"`{name}` is nothing that is read as a number; known are {known}")
     if reporter.findings:
         raise InputError(reporter.findings)
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
-    return ColumnLayout(entry.columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
+    layout = ColumnLayout(entry.columns, entry.scale, entry.offset, zone, delimiter, entry.decimal == "comma")
+    return layout, entry.position_noise_m
 
 
 def with_columns(layout: ColumnLayout, texts: Sequence[str]) -> ColumnLayout:
@@ -75,7 +90,7 @@ def with_columns(layout: ColumnLayout, texts: Sequence[str]) -> ColumnLayout:
         if problem:
             raise UsageError(f"--column {text}: {problem}")
         columns[name] = header
-    return ColumnLayout(columns, layout.zone, layout.delimiter, layout.decimal_comma)
+    return replace(layout, columns=columns)
 
 
 def with_zone(layout: ColumnLayout, text: str) -> ColumnLayout:
@@ -87,7 +102,7 @@ def with_zone(layout: ColumnLayout, text: str) -> ColumnLayout:
     zone = _zone(text)
     if zone is None:
         raise UsageError(f"--time-zone {text}: expected an offset such as +02:00, or a name such as Europe/Zagreb")
-    return ColumnLayout(layout.columns, zone, layout.delimiter, layout.decimal_comma)
+    return replace(layout, zone=zone)
 
 
 def _problem(name: str, text: str) -> str:

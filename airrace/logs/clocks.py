@@ -68,6 +68,10 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
         return iso_seconds(text, zone)
     if notation == "clock":
         return _clock_seconds(text)
+    if notation == "hhmmss":
+        whole, _, decimals = text.partition(".")
+        digits = f"{int(whole):06d}"
+        return _clock_seconds(f"{digits[:-4]}:{digits[-4:-2]}:{digits[-2:]}.{decimals or 0}")
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)

@@ -16,15 +16,17 @@ import numpy as np
 
 from airrace.environment.atmosphere import g0
 from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, names_zone, parse_time, unwrap_days
+from airrace.logs.dialects import Dialect, dialect_of, plain_header
 from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.trajectory import Array
 
 _ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
-_LENGTH = {"m": 1.0, "ft": 0.3048, "km": 1000.0}
+_PLACE = {**_ANGLE, "arcmin": math.pi / 10800.0, "arcmin west": -math.pi / 10800.0, "1e-7 deg": 1e-7 * math.pi / 180.0}
+_LENGTH = {"m": 1.0, "ft": 0.3048, "km": 1000.0, "mm": 1e-3}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
-_TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "unix", "unix ms"), 1.0)}
+_TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
 _NUMBERS = {"unix": "s", "unix ms": "ms", **{one: one for one in TICKS}}
 
@@ -50,8 +52,8 @@ FIELDS = {
     one.name: one
     for one in (
         Field("time", "", _TIMES, ("time", "t", "timestamp", "utc", "gps time")),
-        Field("latitude", "latitude", _ANGLE, ("latitude", "lat")),
-        Field("longitude", "longitude", _ANGLE, ("longitude", "lon", "lng", "long")),
+        Field("latitude", "latitude", _PLACE, ("latitude", "lat")),
+        Field("longitude", "longitude", _PLACE, ("longitude", "lon", "lng", "long")),
         Field("north", "x", _LENGTH, ("north", "x", "n")),
         Field("east", "y", _LENGTH, ("east", "y", "e")),
         Field("altitude", "altitude", _LENGTH, ("altitude", "alt", "elevation", "ele", "gps altitude")),
@@ -95,6 +97,9 @@ _PREAMBLE = 200
 """Lines that may come before the headers."""
 _LONGEST = 20_000
 """Letters of the longest line of headers."""
+_TURN = 360.0
+_ROWS_BELOW = 3
+"""Rows of units, sources and the like that may stand between the headers and the first sample."""
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
@@ -105,15 +110,23 @@ class ColumnLayout:
     Attributes:
         columns: the header of every quantity as a person gives it, `HEADER` or `HEADER [UNIT]`, by its name in
             `FIELDS`; empty where headers are to be recognised.
+        scales, offsets: by the same names, what recorded numbers are multiplied by, and what is added then, in the
+            column's unit.
         zone: the time zone of times that name none; None for UTC.
         delimiter: between the columns of a CSV file; empty where it is to be found out.
         decimal_comma: whether numbers are written as `1,5`.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict[str, str])
+    scales: Mapping[str, float] = field(default_factory=dict[str, float])
+    offsets: Mapping[str, float] = field(default_factory=dict[str, float])
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
+
+    def corrected(self, name: str, numbers: Array) -> Array:
+        """Return recorded numbers of a quantity, scaled and shifted."""
+        return self.scales.get(name, 1.0) * numbers + self.offsets.get(name, 0.0)
 
 
 @record
@@ -124,6 +137,13 @@ class CsvColumn:
     header: str
     field: Field
     unit: str
+
+    def factor(self, numbers: Array) -> float:
+        """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
+        unit = self.unit
+        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > _TURN:
+            unit = "1e-7 deg"
+        return self.field.units[unit or next(iter(self.field.units))]
 
 
 def parse_unit(field: Field, text: str) -> str | None:
@@ -187,11 +207,9 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     delimiter, columns, rest = _find_headers(path, numbered, layout)
     timed = next(one for one in columns if one.field.name == "time")
     others = [one for one in columns if one is not timed]
-    samples, notation, zoned = SampleTable(path, 1 + len(others)), "", True
-    if timed.unit in ("iso", "clock"):
-        notation = timed.unit
-    elif timed.unit in _NUMBERS:
-        notation = "number"
+    samples, zoned = SampleTable(path, 1 + len(others)), True
+    said = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
+    notation = said
     indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
     garbled = 0  # times that are there and cannot be read
     for at, line in _rows(samples, itertools.chain(rest, numbered)):
@@ -208,7 +226,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         except (ValueError, OverflowError):
             example = "12.35, 14:03:07.25 or 2016-03-12T14:03:07.25Z"
             samples.leave_out(at, f"`{when[:40]}` is no time; expected one such as {example}", timed.header)
-            notation, garbled = notation if samples.lines else "", garbled + bool(when)
+            notation, garbled = notation if samples.lines else said, garbled + bool(when)
             continue
         if not samples.lines and notation == "iso":
             zoned = names_zone(when)
@@ -225,7 +243,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         if one.field.name in _ESSENTIAL and 2 * _unread(samples, one.header) >= len(time):
             samples.refuse_first_fault(one.header)
     histories = {
-        one.field.history: cells * one.field.units[one.unit or next(iter(one.field.units))]
+        one.field.history: layout.corrected(one.field.name, cells) * one.factor(cells)
         for one, cells in zip(others, values, strict=True)
     }
     remarks = [*samples.remarks]
@@ -238,7 +256,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     if not zoned and layout.zone is None:
         remarks.append("times name no zone and are taken as UTC")
     dated = notation == "iso" or (notation == "number" and float(np.median(time)) > CLOCKS.since_1970)
-    time = unwrap_days(time) if notation == "clock" else time
+    time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
     guessed = tuple(one.field.history for one in others if not one.unit)
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), unsaid=guessed)
@@ -291,13 +309,17 @@ def _find_headers(
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
-            following = next(numbered, None)
-            rest = [] if following is None else [following]
-            below = "" if following is None else following[1]
-            units = above[1] if above[0].startswith("#") else []
-            cells = _cells(below, delimiter)
-            if below.strip() and not any(_is_number(cells, one.index) for one in columns):
-                rest, units = [], cells  # it names units, or headers once more
+            units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
+            for number in range(_ROWS_BELOW):
+                rest = list(itertools.islice(numbered, 1))
+                below = rest[0][1] if rest else ""
+                cells = _cells(below, delimiter)
+                if len(cells) > max(one.index for one in columns) and any(
+                    _is_number(cells, one.index) for one in columns
+                ):
+                    break
+                units = cells if below.strip() and not number else units  # else sources, or headers once more
+                rest = []
             return delimiter, [_with_unit(one, units) for one in columns], rest
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
@@ -314,10 +336,11 @@ def _find_headers(
 
 
 def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
-    delimiter = layout.delimiter or max(_DELIMITERS, key=line.count)
-    if not layout.delimiter and delimiter not in line:
-        delimiter = " "
-    return delimiter, [one.strip() for one in _cells(line, delimiter)]
+    likely = sorted((one for one in _DELIMITERS if one in line), key=line.count, reverse=True) or [" "]
+    if layout.delimiter:
+        likely = [layout.delimiter]
+    readings = [(one, [cell.strip() for cell in _cells(line, one)]) for one in likely]
+    return next((one for one in readings if dialect_of(one[1]) is not None), readings[0])
 
 
 def _is_number(cells: Sequence[str], index: int) -> bool:
@@ -339,6 +362,8 @@ def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
 def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     """Return the columns that the mapping names, or that are recognised where there is none."""
     found: dict[str, CsvColumn] = {}
+    if not layout.columns and (dialect := dialect_of(headers)) is not None:
+        return _columns_of(dialect, headers)
     if not layout.columns:
         for index, header in enumerate(headers):
             if (own := recognise(header)) is not None:
@@ -360,6 +385,17 @@ def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
             said = own[1]
         found[name] = CsvColumn(plain.index(header), header, known, parse_unit(known, said) or "")
     return list(found.values())
+
+
+def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
+    """Return the columns of a dialect that are there; a unit in a header counts more than that of the dialect."""
+    plain, found = [plain_header(one) for one in headers], list[CsvColumn]()
+    for name, candidates in dialect.columns.items():
+        if there := next(((header, unit) for header, unit in candidates if header in plain), None):
+            index, known = plain.index(there[0]), FIELDS[name]
+            said = parse_unit(known, split_unit(headers[index])[1])
+            found.append(CsvColumn(index, headers[index], known, said or there[1]))
+    return found
 
 
 def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:

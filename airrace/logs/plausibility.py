@@ -31,6 +31,7 @@ class PlausibilitySettings:
         speed: share of the speed by which a recorded one may differ, for wind and thin air.
         turning: load factor from which on bank and load factor of the path are certain enough, 1.
         load: difference of load factors, 1.
+        surely: share of the difference of load factors that is left, at most, where they are recorded otherwise.
         bank, climb, course: differences of angles, rad.
         stuck: scatter of a roll that moves at all, rad.
         banked: sine of the bank from which on its side is certain.
@@ -49,6 +50,7 @@ class PlausibilitySettings:
     slowest: float = 20.0
     speed: float = 0.35
     turning: float = 2.5
+    surely: float = 0.5
     load: float = 1.5
     bank: float = math.radians(45.0)
     stuck: float = math.radians(5.0)
@@ -202,6 +204,9 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             ratio *= _SPEEDS[unit]
         if abs(ratio - 1.0) > PLAUSIBLE.speed:
             drop((name,), f"it is {ratio:.2g} times the speed of the path")
+    if "n_z" in columns:
+        columns["n_z"], remark = _load_factor(columns["n_z"], rows[fast], flown["n_z"][fast])
+        remarks += remark
     if "n_z" in columns and difference("n_z", flown["n_z"], turning) > PLAUSIBLE.load:
         drop(("n_z",), f"in turns it is off the path's by {difference('n_z', flown['n_z'], turning):.1f} g")
     there = [name for name in _ANGLES if name in columns and name in part.unsaid]
@@ -250,6 +255,31 @@ def _stuck(time: Array, roll: Array, when: Array, bank: Array) -> NDArray[np.boo
     found = np.zeros(len(roll), np.bool_)
     found[known] = (still & wrong)[stretch]
     return found
+
+
+_LOADS = ((1.0, 1.0, "without the 1 g of level flight"), (-1.0, 0.0, "downward"), (-1.0, 1.0, "downward, without 1 g"))
+"""How load factors are recorded besides upward with the 1 g: factor and summand that undo it, and words for it."""
+
+
+def _load_factor(recorded: Array, rows: NDArray[np.int64], flown: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return a recorded load factor upward and with the 1 g of level flight, and a remark where it was not so.
+
+    Args:
+        recorded: of all samples, shape (n,).
+        rows: the samples that are looked at, shape (m,).
+        flown: of the path there, shape (m,).
+    """
+    there = np.isfinite(recorded[rows])
+    if not there.any():
+        return recorded, ()
+
+    def off(factor: float, summand: float) -> float:
+        return float(np.median(np.abs(factor * recorded[rows][there] + summand - flown[there])))
+
+    factor, summand, words = min(_LOADS, key=lambda one: off(one[0], one[1]))
+    if off(factor, summand) > PLAUSIBLE.surely * off(1.0, 0.0):
+        return recorded, ()
+    return factor * recorded + summand, (f"load factors are taken as recorded {words}: so they fit the path",)
 
 
 def _around(angle: Array) -> Array:

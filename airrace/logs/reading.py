@@ -23,13 +23,14 @@ import numpy as np
 from airrace.logs.acmi_log import read_acmi
 from airrace.logs.clocks import instant, iso_seconds
 from airrace.logs.csv_log import ColumnLayout, read_csv
+from airrace.logs.fit_log import read_fit
 from airrace.logs.igc_log import FIX, read_igc
 from airrace.logs.recording import LIMITS, Recording, SampleTable, refuse
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 logger = logging.getLogger(__name__)
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".gpx", ".igc", ".acmi", ".zip")
+SUFFIXES = (".csv", ".txt", ".tsv", ".gpx", ".igc", ".acmi", ".zip", ".vbo", ".fit")
 """The names' ends by which logs are recognised."""
 _DECLARED = re.compile(rb"^<\?xml[^>]{0,200}?encoding=[\"']([A-Za-z0-9._-]{1,40})[\"']")
 _MULTIBYTE = frozenset(
@@ -37,8 +38,6 @@ _MULTIBYTE = frozenset(
 )
 """Encodings of several bytes per letter, by the names of their codecs, which expat does not know."""
 _PLANNED = "a point of the track has no time; only a recorded track can be imported"
-_ELSEWHERE = ((b"File created on", b"[column names]", "a Racelogic VBO file"), (b"\x0e\x10", b".FIT", "a FIT file"))
-"""Logs that are recognised and not read: how they begin, what they hold near it, what they are."""
 
 DAMAGES = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError),  # of the archive, and of streams by their methods
@@ -84,9 +83,8 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
                 return read_acmi(name, _lines(name, file, encoding), aircraft)
             if path.suffix.lower() == ".igc" or any(FIX.match(line) for line in plain.splitlines()[:-1]):
                 return read_igc(name, _lines(name, file, encoding))
-            for begins, holds, what in _ELSEWHERE:
-                if begins in first[:32] and holds in first:
-                    refuse(name, 0, f"is {what}, which is not read; export it as CSV or GPX")
+            if first[8:12] == b".FIT":
+                return read_fit(name, file)
             if "\0" in plain[:512]:
                 refuse(name, 0, "is no log: expected CSV, GPX, IGC or ACMI")
             return read_csv(name, _lines(name, file, encoding), known)

@@ -440,11 +440,3 @@ CARRIER = "301,Name=Carrier,Type=Sea+Watercraft+AircraftCarrier,T=0.6|0.1|0\n"
 )
 def test_the_aircraft_that_passes_the_course_is_found(tmp_path: Path, content: str) -> None:
     assert_same_flight(imported(tmp_path, content, "log.acmi"))
-
-
-def test_files_of_other_kinds_are_named(tmp_path: Path) -> None:
-    content = (
-        "File created on 13/04/2014\n\n[header]\ntime\n\n[column names]\nsats time lat long\n\n[data]\n012 1 2 3\n"
-    )
-    with pytest.raises(InputError, match="is a Racelogic VBO file, which is not read; export it as CSV or GPX"):
-        imported(tmp_path, content, "log.vbo")

@@ -15,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from czml3 import Packet
 from example_courses import everything, race
 from example_flights import circling, half_cuban, rovinj
+from geojson_pydantic import FeatureCollection
 from lxml import etree
 from readers import read_acmi, read_fdr, read_gpx, read_kml
 from scipy.io import loadmat
@@ -175,6 +177,15 @@ def test_geojson_is_read_back_and_outlines_run_counterclockwise() -> None:
         ring = np.array(area["geometry"]["coordinates"][0])
         assert (ring[0] == ring[-1]).all()
         assert np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) > 0.0
+
+
+def test_other_readers_accept_our_geojson_and_czml() -> None:
+    flights = two()
+    features = FeatureCollection.model_validate_json(written("geojson", flights)).features
+    assert len(features) == len(json.loads(written("geojson", flights))["features"])
+    packets = json.loads(written("czml", flights))
+    known = {field.alias or name for name, field in Packet.model_fields.items()}
+    assert {key for packet in packets for key in packet} <= known | {"version", "clock"}
 
 
 def test_geojson_is_cut_where_it_crosses_the_antimeridian() -> None:

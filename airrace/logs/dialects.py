@@ -1,0 +1,203 @@
+"""Recorders and programs whose columns are known: what their headers are called, and the units that they do not say.
+
+A dialect is a mapping that comes along. It is recognised by headers that stand together in no other; which of its
+columns are there depends on the version and on what was recorded. Magnetic headings are left out: no course is
+magnetic.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from airrace.records import record
+
+
+@record
+class Dialect:
+    """The columns of a recorder or a program.
+
+    Attributes:
+        name: of the recorder.
+        headers: that tell it, as `plain_header` returns them.
+        columns: by the name of the quantity, the headers that it may have, the best first, each with its unit; an empty
+            unit is found out.
+        source: where the headers are described.
+    """
+
+    name: str
+    headers: frozenset[str]
+    columns: Mapping[str, Sequence[tuple[str, str]]]
+    source: str
+
+
+def plain_header(header: str) -> str:
+    """Return a header in small letters, without its unit in brackets, with blanks for underscores."""
+    base = header.partition("(")[0] if header.rstrip().endswith(")") else header
+    base = base.partition("[")[0] if base.rstrip().endswith("]") else base
+    return " ".join(base.replace("_", " ").lower().split())
+
+
+def dialect_of(headers: Sequence[str]) -> Dialect | None:
+    """Return the dialect that headers are of; None where they are of no known one."""
+    there = {plain_header(one) for one in headers}
+    return next((one for one in DIALECTS if one.headers <= there), None)
+
+
+_ATTITUDE = {"roll": [("roll", "deg")], "pitch": [("pitch", "deg")]}
+_DEGREES = {"latitude": [("latitude", "deg")], "longitude": [("longitude", "deg")]}
+
+DIALECTS = (
+    Dialect(
+        "Garmin G1000",
+        frozenset(("lcl time", "latitude", "longitude", "altmsl")),
+        {
+            "time": [("lcl time", "clock")],
+            **_DEGREES,
+            "altitude": [("altmsl", "ft"), ("altgps", "ft")],
+            "ground_speed": [("gndspd", "kt")],
+            "true_airspeed": [("tas", "kt")],
+            "indicated_airspeed": [("ias", "kt")],
+            **_ATTITUDE,
+            "load_factor": [("normac", "g")],
+        },
+        "Garmin, G1000 Pilot's Guide, flight data logging; units in the file's second line",
+    ),
+    Dialect(
+        "Garmin G3X, G5",
+        frozenset(("utc time", "latitude", "longitude", "gps altitude")),
+        {
+            "time": [("utc time", "clock")],
+            **_DEGREES,
+            "altitude": [("gps altitude", "ft")],
+            "ground_speed": [("gps ground speed", "kt")],
+            "true_airspeed": [("true airspeed", "kt")],
+            "indicated_airspeed": [("indicated airspeed", "kt")],
+            **_ATTITUDE,
+            "load_factor": [("normal acceleration", "g")],
+        },
+        "Garmin, G3X Touch Pilot's Guide, flight data logging; units in the headers",
+    ),
+    Dialect(
+        "Dynon SkyView",
+        frozenset(("session time", "latitude", "longitude", "gps altitude")),
+        {
+            "time": [("session time", "s")],
+            **_DEGREES,
+            "altitude": [("gps altitude", "ft")],
+            "ground_speed": [("ground speed", "kt")],
+            "true_airspeed": [("true airspeed", "kt")],
+            "indicated_airspeed": [("indicated airspeed", "kt")],
+            **_ATTITUDE,
+            "load_factor": [("vertical acceleration", "g")],
+        },
+        "Dynon, SkyView Pilot's User Guide, user data logs; units in the headers",
+    ),
+    Dialect(
+        "ForeFlight",
+        frozenset(("timestamp", "latitude", "longitude", "course", "speed", "bank")),
+        {
+            "time": [("timestamp", "")],
+            **_DEGREES,
+            "altitude": [("altitude", "ft")],
+            "ground_speed": [("speed", "kt")],
+            "roll": [("bank", "deg")],
+            "pitch": [("pitch", "deg")],
+            "load_factor": [("g load", "g")],
+        },
+        "ForeFlight, track logs exported as CSV; feet, knots and milliseconds since 1970",
+    ),
+    Dialect(
+        "AiM",
+        frozenset(("time", "gps latitude", "gps longitude")),
+        {
+            "time": [("time", "s")],
+            "latitude": [("gps latitude", "deg")],
+            "longitude": [("gps longitude", "deg")],
+            "altitude": [("gps altitude", "")],
+            "ground_speed": [("gps speed", "")],
+        },
+        "AiM, Race Studio 3, export as CSV; units in a row below the headers",
+    ),
+    Dialect(
+        "RaceChrono",
+        frozenset(("timestamp", "latitude", "longitude", "bearing", "altitude")),
+        {"time": [("timestamp", "")], **_DEGREES, "altitude": [("altitude", "m")], "ground_speed": [("speed", "m/s")]},
+        "RaceChrono, CSV v2 and v3; v3 has rows of units and of sources below the headers",
+    ),
+    Dialect(
+        "Racelogic VBO",
+        frozenset(("sats", "time", "lat", "long", "velocity")),
+        {
+            "time": [("time", "hhmmss")],
+            "latitude": [("lat", "arcmin")],
+            "longitude": [("long", "arcmin west")],
+            "altitude": [("height", "m")],
+            "ground_speed": [("velocity", "km/h")],
+        },
+        "Racelogic, VBO file format: minutes of arc, positive to the west; time since midnight UTC",
+    ),
+    Dialect(
+        "PX4, vehicle_gps_position",
+        frozenset(("timestamp", "time utc usec", "lat", "lon", "alt", "eph")),
+        {
+            "time": [("timestamp", "us")],
+            "latitude": [("lat", "1e-7 deg")],
+            "longitude": [("lon", "1e-7 deg")],
+            "altitude": [("alt", "mm")],
+            "ground_speed": [("vel m s", "m/s")],
+        },
+        "PX4, msg/SensorGps.msg up to 1.13; ulog2csv of pyulog",
+    ),
+    Dialect(
+        "PX4, sensor_gps",
+        frozenset(("timestamp", "latitude deg", "longitude deg", "altitude msl m")),
+        {
+            "time": [("timestamp", "us")],
+            "latitude": [("latitude deg", "deg")],
+            "longitude": [("longitude deg", "deg")],
+            "altitude": [("altitude msl m", "m")],
+            "ground_speed": [("vel m s", "m/s")],
+        },
+        "PX4, msg/SensorGps.msg from 1.14; ulog2csv of pyulog",
+    ),
+    Dialect(
+        "PX4, vehicle_global_position",
+        frozenset(("timestamp", "lat", "lon", "alt", "terrain alt")),
+        {
+            "time": [("timestamp", "us")],
+            "latitude": [("lat", "deg")],
+            "longitude": [("lon", "deg")],
+            "altitude": [("alt", "m")],
+        },
+        "PX4, msg/VehicleGlobalPosition.msg; ulog2csv of pyulog",
+    ),
+    Dialect(
+        "ArduPilot",
+        frozenset(("timeus", "lat", "lng", "alt")),
+        {
+            "time": [("timeus", "us")],
+            "latitude": [("lat", "")],
+            "longitude": [("lng", "")],
+            "altitude": [("alt", "m")],
+            "ground_speed": [("spd", "m/s")],
+        },
+        "ArduPilot, log message GPS; mavlogdump.py --format csv --types GPS",
+    ),
+    Dialect(
+        "X-Plane",
+        frozenset(("lat, deg", "lon, deg", "alt,ftmsl")),
+        {
+            "time": [("totl, time", "s"), ("missn, time", "s"), ("real, time", "s")],
+            "latitude": [("lat, deg", "deg")],
+            "longitude": [("lon, deg", "deg")],
+            "altitude": [("alt,ftmsl", "ft")],
+            "ground_speed": [("vtrue, ktgs", "kt")],
+            "true_airspeed": [("vtrue, ktas", "kt")],
+            "indicated_airspeed": [("vind, kias", "kt")],
+            "roll": [("roll, deg", "deg")],
+            "pitch": [("pitch, deg", "deg")],
+            "heading": [("hding, true", "deg")],
+            "load_factor": [("gload,norml", "g")],
+        },
+        "X-Plane, Data.txt of the data output; headers are padded with underscores",
+    ),
+)
+"""The dialects, those with more headers of their own first where one could be taken for another."""
