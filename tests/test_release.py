@@ -127,7 +127,7 @@ def test_no_link_of_a_released_readme_is_relative(tmp_path: Path) -> None:
     assert re.findall(r"\]\((?!https:)[^)]*\)", readme) == []
     for address in re.findall(r"\((https://forge[^)]*)\)", readme):
         kind, _, path = address.removeprefix(f"{REPOSITORY}/").partition(f"/{TAG}/")
-        assert kind == ("raw" if path.endswith(".png") else "blob")
+        assert kind == ("raw" if path.endswith((".png", ".jpg")) else "blob")
         assert (ROOT / path).exists(), path
     released = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))
     assert released["project"].pop("urls")["Repository"] == REPOSITORY

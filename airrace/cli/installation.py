@@ -24,6 +24,7 @@ USES = {
     "plot": "plot, check --plot, compare --plot",
     "sign": "--sign, --trust",
     "film": "film",
+    "fit": "import of FIT files",
     "parquet": "export parquet",
     "cluster": "batch --cluster",
     "pandas": "to_dataframe in Python",

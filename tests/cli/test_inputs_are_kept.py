@@ -39,6 +39,8 @@ COMMANDS: dict[str, str] = {
     "export csv run.h5:point-mass --output OUT": "run.h5",
     "footprint run.h5:point-mass --output OUT.csv": "run.h5",
     "safety run.h5 --output OUT.json": "run.h5",
+    "film run.h5 --output OUT.mp4": "run.h5",
+    "card run.h5 --output OUT.png": "run.h5",
     "sweep run.h5 --sweep rules.n_z_max=9 --output OUT.csv": "run.h5",
     f"fairness course.yaml {INPUTS} --flight run.h5 --csv OUT": "course.yaml other.yaml settings.yaml run.h5",
     "fairness course.yaml --csv OUT": "plane.yaml extension.py",
@@ -169,7 +171,7 @@ def test_every_option_that_names_an_input_of_a_command_that_writes_is_tried() ->
         if words.partition(" ")[2] in ("", "csv", "kml")  # which stands for all formats of several flights
         and any(one.name in WRITES for one in parameters)
     }
-    assert len(writing) == 15
+    assert len(writing) == 18
     for words, options in writing.items():
         tried = " ".join(command for command in COMMANDS if command.startswith(f"{words} "))
         assert tried
