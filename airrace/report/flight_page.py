@@ -71,10 +71,11 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     told = first.source.confirmation
     unsure = told is not None and told.verified is None
     good = "bad" if first.source.doubtful or misses else "unsure" if unsure else "good"
-    verdict = f'<div class="verdict {good}">{escape_html(first.source.verdict or "recorded")}{near}</div>'
+    look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
+    verdict = f"<div {look}>{escape_html(first.source.verdict or 'recorded')}{near}</div>"
     if claim:
         words = escape_html(claim + near)
-        verdict = f'<a class="verdict {good}" href="#claim" title="What this does not say">{words}</a>'
+        verdict = f'<a {look} href="#claim" title="What this does not say">{words}</a>'
     return _template().substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "

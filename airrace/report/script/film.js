@@ -6,6 +6,7 @@ import { sized } from "./scene.js";
 const NAMES = 15; // pixels high, in a picture of FULL
 const FULL = 1280 * 720;
 const THICK = 2.2; // of the line on a card, against that of the page
+const VERDICTS = { good: "#57e389", bad: "#ff7b6b", unsure: "#c7d4df" }; // colours, by the badge of the page
 const QUALITY = 0.94;
 const CARD = { elevation: 0.2 }; // rad, of the eye: so low that the horizon is seen
 const CARD_SHARE = 0.12; // of the race, at which the aircraft is shown on a card
@@ -64,6 +65,8 @@ export class Film {
     write(text("h1"), 48, height - 84, 58, 700, "#ffffff", "left", 760);
     write(text(".mast p"), 50, height - 42, 25, 500, "#c7d4df", "left", 800);
     write(text(".race-time").replace(/ ?s$/, " s"), width - 48, height - 72, 78, 750, "#ffffff", "right", 330);
-    write(text(".verdict").split(/[:;,]/)[0], width - 50, height - 40, 22, 600, "#57e389", "right", 330);
+    const verdict = document.querySelector(".verdict");
+    const colour = Object.entries(VERDICTS).find(([name]) => verdict.classList.contains(name))[1];
+    write(verdict.dataset.state, width - 50, height - 40, 22, 600, colour, "right", 330);
   }
 }
