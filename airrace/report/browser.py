@@ -53,9 +53,8 @@ def browser_path(what: str = "a PDF is printed", instead: str = "write .html and
 
 def switches(folder: Path) -> list[str]:
     """Return the switches that a browser without a window needs; `folder` takes its profile."""
-    shared = ["--headless", "--no-first-run", f"--user-data-dir={folder / 'profile'}"]
-    # Root has to do without its sandbox; a page of airrace runs no script but its own.
-    return [*shared, *["--no-sandbox"] * (getattr(os, "geteuid", lambda: 1)() == 0)]
+    root = getattr(os, "geteuid", lambda: 1)() == 0  # has to do without the sandbox; pages run no script but their own
+    return ["--headless", "--no-first-run", f"--user-data-dir={folder / 'profile'}", *["--no-sandbox"] * root]
 
 
 class Page:

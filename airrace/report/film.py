@@ -30,7 +30,6 @@ FILMS, CARDS = "films are drawn", "cards are drawn"
 SMALLEST, LARGEST = 160, 3840
 RATES = (1.0, 120.0)
 """The least and the largest rate of pictures, 1/s."""
-SUFFIXES = (".mp4", ".gif")
 ENCODERS = {
     ".mp4": ("-c:v", "libx264", "-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"),
     ".gif": ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"),
@@ -105,8 +104,8 @@ def film_settings(
         UsageError: an argument says nothing sensible, or Chromium or ffmpeg is not found.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise UsageError(f"{path}: the name of a film must end in {' or '.join(SUFFIXES)}")
+    if suffix not in ENCODERS:
+        raise UsageError(f"{path}: the name of a film must end in {' or '.join(ENCODERS)}")
     if view not in list(FilmView):
         raise UsageError(f"there is no view {view!r}; known are {', '.join(FilmView)}")
     if format not in SIZES:
