@@ -143,6 +143,10 @@ def compare(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf."),
     ] = None,
+    loss_map: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE.png", help="Draw a map in the colours of the time lost, likewise."),
+    ] = None,
     every: Annotated[bool, typer.Option("--all", help="List the legs that are ties as well.")] = False,
     no_verify: NoVerify = False,
     force: Force = False,
@@ -157,10 +161,13 @@ def compare(
 
         if len(names) < 2:
             raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
-        if plot is not None:
-            ensure_room(plot, as_json=as_json)
-            ensure_drawable(plot)
-            ensure_free(plot, force=force, sources=names)
+        drawings = [one for one in (plot, loss_map) if one is not None]
+        ensure_room(*drawings, as_json=as_json)
+        if plot is not None and plot == loss_map:
+            raise UsageError("--plot and --map name the same file")
+        for path in drawings:
+            ensure_drawable(path)
+            ensure_free(path, force=force, sources=names)
         from airrace.cli.run_tables import comparison_texts
         from airrace.results.comparison import compare_flights
         from airrace.runs.flight_sources import open_flights
@@ -170,12 +177,14 @@ def compare(
         answer.fail_if_refuted({one.label: one.source.confirmation for one in flights})
         comparisons = [compare_flights(reference, other) for other in others]
         answer.fields.update(comparison_object(reference, comparisons))
-        if plot is not None:
-            from airrace.views.flight_figures import comparison_figure
+        if drawings:
+            from airrace.views.flight_figures import comparison_figure, loss_figure
 
-            save_figure(comparison_figure(comparisons), plot)
-        if not as_json and plot != STANDARD:
-            answer.texts += [text for one in comparisons for text in comparison_texts(one, every=every)]
+            for path, figure in ((plot, comparison_figure), (loss_map, loss_figure)):
+                if path is not None:
+                    save_figure(figure(comparisons), path)
+        if not as_json and STANDARD not in drawings:
+            answer.texts += comparison_texts(comparisons, every=every)
 
 
 def plot(

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
     from airrace.runs.plan import ExecutionPlan
 
-from airrace.results.comparison import TIE, Comparison, conditions
+from airrace.results.comparison import TIE, Comparison, compare_flights, conditions
+from airrace.results.time_loss import time_loss
 
 logger = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
         yield from _warnings(StageView(plan.run.inputs, results[-1], {}).flight())
     compared = plan.compare(results)
     if compared is not None:
-        yield from comparison_texts(compared, every=False)
+        yield from comparison_texts([compared], every=False)
 
 
 @record
@@ -413,13 +414,23 @@ _LEGS = (
 )
 
 
-def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
-    """Yield the verdict and the conditions, then the legs with those first on which most is lost.
+def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Iterator[str]:
+    """Yield verdicts, conditions and what cost most, then tables: of two flights beside each other, and of all legs.
 
     Args:
-        comparison: of a flight with the reference.
+        comparisons: of flights with one reference.
         every: whether legs that are ties are listed, too.
     """
+    for one in comparisons:
+        yield "\n".join(_verdict_lines(one))
+        yield from _loss_texts(one)
+    if len(comparisons) == 2:
+        yield from _rivals_texts(*comparisons)
+    for one in comparisons:
+        yield from _legs_texts(one, f"{one.other.label}: " if len(comparisons) > 1 else "", every=every)
+
+
+def _verdict_lines(comparison: Comparison) -> list[str]:
     reference, other = comparison.reference, comparison.other
     times = f"{other.race_time:.3f} s and {reference.race_time:.3f} s"
     verdict = f"{abs(comparison.difference):.3f} s {'slower' if comparison.difference > 0.0 else 'faster'} ({times})"
@@ -434,18 +445,43 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
         for flight in (other, reference)
         if flight.source.certified is False
     ]
-    lines += [f"  {one.label}: {told.remark}" for one in (other, reference) if (told := one.source.confirmation)]
-    yield "\n".join(lines)
+    return lines + [f"  {one.label}: {told.remark}" for one in (other, reference) if (told := one.source.confirmation)]
+
+
+def _loss_texts(comparison: Comparison) -> Iterator[str]:
+    """Yield in words what costs the slower flight most, if anything does."""
+    lost = time_loss(comparison)
+    if lost.costliest:
+        lines = (f"  {number}. {one.text}" for number, one in enumerate(lost.costliest, start=1))
+        wrapped = (textwrap.fill(one, PAGE, subsequent_indent=5 * " ", break_on_hyphens=False) for one in lines)
+        yield "\n".join([f"{lost.title}:", *wrapped])
+
+
+def _rivals_texts(first: Comparison, second: Comparison) -> Iterator[str]:
+    """Yield two flights against each other and both against the reference: in words, and in one table of all legs."""
+    between = compare_flights(first.other, second.other)
+    yield from _loss_texts(between)
+    labels = [f"{one.other.label} lost" for one in (first, second)]
+    labels.append(f"{second.other.label} lost against {first.other.label}")
+    columns = [Column("leg to"), Column(first.reference.label, "s", ".3f")]
+    columns += [Column(one, "s", "+.3f", wraps=True) for one in labels]
+    legs = zip(first.legs, second.legs, between.legs, strict=True)
+    rows = [(a.name, a.reference.time, a.difference, b.difference, c.difference) for a, b, c in legs]
+    rows.append(("race", first.reference.race_time, first.difference, second.difference, between.difference))
+    yield render(Table(f"both against {first.reference.label}, and against each other", columns, rows), columns=PAGE)
+
+
+def _legs_texts(comparison: Comparison, label: str, *, every: bool) -> Iterator[str]:
     if len(comparison.laps) > 1:
         laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]
-        yield render(Table("laps", _LAPS, laps), columns=PAGE)
+        yield render(Table(f"{label}laps", _LAPS, laps), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
         rows: list[tuple[str | float, ...]] = []
         for leg in legs:
             what = "; ".join(one.text for one in leg.differences)
             rows.append((leg.name, leg.other.time, leg.difference, leg.by_way, leg.by_speed, what))
-        yield render(Table("legs by time lost", _LEGS, rows), columns=PAGE)
+        yield render(Table(f"{label}legs by time lost", _LEGS, rows), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
-        yield f"{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms"
+        yield f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms"

@@ -17,14 +17,16 @@ import numpy as np
 from airrace.quantities import KNOT
 from airrace.report.contents import as_json, clock_start, contents_of
 from airrace.report.script import FOLDER, LIBRARIES, page_script
-from airrace.report.sections import number, table_section
+from airrace.report.sections import capitalised, note, number, section, table_section
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
-from airrace.views.map_model import map_model
+from airrace.results.time_loss import time_loss
+from airrace.views.coloured_track import by_loss, by_speed
+from airrace.views.map_model import MapModel, map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
 from airrace.views.stage_tables import NOTE, cue_table, distance_table
@@ -62,8 +64,9 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     comparisons = [compare_flights(first, other) for other in flights[1:]]
     losses = [comparison_section(one) for one in comparisons]
     facts = [flights_section(flights), legs_section(first), distances_section(first), cues_section(first)]
-    sections = [*facts, *losses, *sections]
     map_ = map_model(first.race)
+    lost = [loss_section(one, map_) for one in comparisons]
+    sections = [*lost, *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
     misses = len(near_misses(first))
@@ -91,7 +94,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
             for title, history, unit, digits, wraps in READINGS
             if history in first
         ),
-        plan=plan_svg(map_.with_track(track), first["V_K"]),
+        plan=plan_svg(map_.with_track(track), by_speed(track, first["V_K"])),
         sections="\n".join(filter(None, sections)),
         footer=escape_html(footer),
         style=style,
@@ -211,6 +214,19 @@ def _range(values: Range, unit: float, digits: int) -> str:
     return least if least == greatest else f"{least} … {greatest}"
 
 
+def loss_section(comparison: Comparison, map_: MapModel) -> str:
+    """Return in words what costs the slower of two flights most, and its track in the colours of the time lost."""
+    lost = time_loss(comparison)
+    reference, other = lost.comparison.reference, lost.comparison.other
+    coloured = by_loss(lost.comparison)
+    lines = [np.stack([one["x"], one["y"]], axis=1) for one in (other, reference)]
+    plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
+    words = "".join(f"<li>{escape_html(one.text)}</li>" for one in lost.costliest)
+    told = f"<p>{escape_html(capitalised(lost.title))}:</p><ol>{words}</ol>" if words else ""
+    legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
+    return section(f"Where the time of {other.label} went", f'{told}<div class="scroll">{plan}</div>{legend}')
+
+
 def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
     columns = (
@@ -236,6 +252,6 @@ def comparison_section(comparison: Comparison) -> str:
     reference, other = comparison.reference, comparison.other
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
-        *(f"{what[:1].upper()}{what[1:]}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
+        *(f"{capitalised(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
     ]
     return table_section(Table(f"Where {other.label} loses and wins", columns, rows, notes))

@@ -12,7 +12,7 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, replace
 from enum import Enum
 
@@ -73,7 +73,8 @@ class Measure:
         of: from a flight and its leg to the value; NaN where it is unknown.
         unit: of the value.
         least: the smallest difference that is reported, in that unit.
-        more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference.
+        more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference. Empty
+            where that is not told.
         digits: decimals of the difference in words.
         most: a larger difference is not reported: something else has been measured in the one flight than in the other.
     """
@@ -88,20 +89,22 @@ class Measure:
     most: float = math.inf
 
 
-def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
-    """Return what the other flight does otherwise on a leg that both completed, at most `SIZES.differences_max`.
+def differences(
+    reference: Flight, before: Leg, other: Flight, after: Leg, measures: Sequence[Measure], most: int
+) -> tuple[Difference, ...]:
+    """Return what the other flight does otherwise on a leg that both completed, at most so many differences.
 
     The most telling difference comes first.
     """
     found: list[Difference] = []
-    for measure in MEASURES:
+    for measure in measures:
         first, second = measure.of(reference, before), measure.of(other, after)
         apart = abs(second - first)
-        if measure.least <= apart <= measure.most:  # NaN is no difference
-            words = measure.more if second > first else measure.less
+        words = measure.more if second > first else measure.less
+        if words and measure.least <= apart <= measure.most:  # NaN is no difference
             text = words.format(f"{apart:.{measure.digits}f}")
             found.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
-    return tuple(sorted(found, key=lambda one: -one.weight)[: SIZES.differences_max])
+    return tuple(sorted(found, key=lambda one: -one.weight)[:most])
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
@@ -116,9 +119,14 @@ def _mean_load_factor(flight: Flight, leg: Leg) -> float:
     return float(np.sum(0.5 * (n_z[1:] + n_z[:-1]) * np.diff(time)) / (time[-1] - time[0]))
 
 
+def is_vague(flight: Flight, name: str) -> bool:
+    """Return whether a history is derived from a recording of positions, which flattens its peaks."""
+    return not flight.source.stage and name in flight and flight.basis(name) is Basis.DERIVED
+
+
 def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
-    """Return the greatest load factor, g; NaN where it is derived from a recording, for that flattens its peaks."""
-    if not flight.source.stage and "n_z" in flight and flight.basis("n_z") is Basis.DERIVED:
+    """Return the greatest load factor, g; NaN where it is known too vaguely."""
+    if is_vague(flight, "n_z"):
         return math.nan
     return float(flight.values("n_z")[leg.rows].max())
 
@@ -341,7 +349,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
             (L, L_other), (t, t_other) = (float(one[-1]) for one in ways), (before.time, after.time)
             w, w_other = t / L, t_other / L_other
             by_way, by_speed = (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
-            found = differences(reference, before, other, after)
+            found = differences(reference, before, other, after, MEASURES, SIZES.differences_max)
         legs.append(LegComparison(before, after, so_far, by_way, by_speed, found))
         length = float(ways[0][-1]) if ways else 0.0
         distance.append((passings[-1] + SHARES * length)[1:])

@@ -12,10 +12,11 @@ from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
 from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
-from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
+from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
 from airrace.results.flight import passings_around
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
+from airrace.results.time_loss import TimeLoss, time_loss
 
 if TYPE_CHECKING:
     from airrace.runs.log_view import LogView
@@ -309,10 +310,12 @@ def _violation_object(one: Violation) -> dict[str, object]:
 
 def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
     """Return what `airrace compare --json` prints: seconds, metres; legs in race order."""
+    rivals = len(comparisons) == 2
     return {
         "tie_s": TIE,
         "reference": flight_object(reference),
         "flights": [_comparison_object(one) for one in comparisons],
+        **({"rivals": _comparison_object(compare_flights(*(one.other for one in comparisons)))} if rivals else {}),
     }
 
 
@@ -354,6 +357,7 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
             }
             for mine, its in comparison.laps
         ],
+        "costs": _loss_object(time_loss(comparison)),
         "legs": [_leg_object(leg) for leg in comparison.legs],
         "progress": {
             "shares_of_a_leg": SHARES.tolist(),
@@ -361,6 +365,23 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
             "difference_s": [finite(one) for one in progress.difference.tolist()],
             "passings_m": progress.passings.tolist(),
         },
+    }
+
+
+def _loss_object(lost: TimeLoss) -> dict[str, object]:
+    return {
+        "flight": lost.comparison.other.label,
+        "against": lost.comparison.reference.label,
+        "costliest": [{"passing": one.leg.name, "lost_s": one.amount, "text": one.text} for one in lost.costliest],
+        "legs": [
+            {
+                "from": one.leg.reference.before.name,
+                "passing": one.leg.name,
+                "lost_s": one.amount,
+                **{f"by_{cause.value}_s": part for cause, part in one.parts.items()},
+            }
+            for one in lost.losses
+        ],
     }
 
 

@@ -28,6 +28,7 @@ from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
 from airrace.sensitivity.sensitivity import Sensitivity
 from airrace.trajectory import Trajectory
+from airrace.views.coloured_track import by_speed
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
@@ -228,7 +229,7 @@ def _flight_html(race: Race, result: StageResult) -> str:
     if not result.is_flight:
         return ""
     track = np.stack([result.trajectory.of("x"), result.trajectory.of("y")], axis=1)
-    plan = plan_svg(map_model(race).with_track(track), result.trajectory.of("V_K"))
+    plan = plan_svg(map_model(race).with_track(track), by_speed(track, result.trajectory.of("V_K")))
     return f"{Splits(result.splits).to_html()}{plan}"
 
 

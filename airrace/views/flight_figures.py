@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +14,7 @@ from airrace.results import Flight
 from airrace.results.comparison import Comparison
 from airrace.results.flight import legs_of, way
 from airrace.trajectory import Array
+from airrace.views.coloured_track import LOSS_COLOURS, by_loss
 from airrace.views.course_figure import draw_map, frame_of, write_labels
 from airrace.views.drawing import BLACK, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas
 from airrace.views.map_model import MapModel, map_model
@@ -142,6 +144,42 @@ def _draw_limits_and_passings(axes: Axes, flight: Flight, name: str, factor: flo
 def _without_jumps(name: str, values: Array) -> Array:
     """Return a history, a bank in degrees with gaps where it jumps by a full turn."""
     return np.where(np.abs(np.diff(values, append=values[-1:])) > 180.0, np.nan, values) if name == "mu" else values
+
+
+MAP_WIDTH = 8.0  # inches
+
+
+@without_formulas
+def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
+    """Return maps side by side: every other flight in the colours of the time it loses, the reference dashed."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    reference = comparisons[0].reference
+    line = np.stack([reference["y"], reference["x"]], axis=1)
+    maps = [map_model(reference.race).with_track(line[:, ::-1])]
+    for one in comparisons:
+        maps.append(maps[-1].with_track(np.stack([one.other["x"], one.other["y"]], axis=1)))
+    map_, frame = maps[-1], frame_of(maps[-1])
+    height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
+    figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
+    figure.suptitle(f"{map_.name}: time lost against {reference.label}", x=0.01, ha="left", fontsize=13)
+    panels = figure.subplots(1, len(comparisons), squeeze=False)[0]
+    tracks = [by_loss(one) for one in comparisons]
+    most = max(one.greatest for one in tracks)
+    for axes, one, track in zip(panels, comparisons, tracks, strict=True):
+        draw_map(axes, map_, frame)
+        axes.plot(*line.T, color=GREY, linewidth=1.0, linestyle="dashed", zorder=2)
+        for places, colour in replace(track, least=-most, greatest=most).pieces():
+            axes.plot(places[:, 1], places[:, 0], color=colour, linewidth=3.0, solid_capstyle="round", zorder=3)
+        axes.set_title(f"{one.other.label}: {one.difference:+.3f} s", loc="left", fontsize=10)
+        axes.set(xlabel="east, m", ylabel="north, m")
+    scale = ScalarMappable(Normalize(-100.0 * most, 100.0 * most), ListedColormap(LOSS_COLOURS))
+    figure.colorbar(scale, ax=panels.tolist(), label="time lost, s in 100 m", shrink=0.6, pad=0.01)
+    figure.draw_without_rendering()  # only then is it known where the axes lie
+    for axes in panels:
+        write_labels(figure, axes, map_, frame)
+    return figure
 
 
 STRIP_HEIGHT, LOSS_HEIGHT, COMPARISON_WIDTH = 1.45, 2.3, 11.0  # inches

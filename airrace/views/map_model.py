@@ -135,12 +135,12 @@ class MapModel:
         wind = self.race.air.wind
         return None if wind is None or wind.speed == 0.0 else wind
 
-    def with_track(self, line: Array) -> "MapModel":
+    def with_track(self, line: Array, *, dashed: bool = False) -> "MapModel":
         """Return the map with a flight track, shape (n, 2), m, in the place of the planned ones, within its frame."""
         (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
         return replace(
             self,
-            ways=(Way(1, line, planned=True),),
+            ways=(Way(1, line, planned=not dashed),),
             south=min(south, self.south),
             north=max(north, self.north),
             west=min(west, self.west),

@@ -2,14 +2,13 @@
 
 import html
 import math
-from itertools import pairwise
 
 import numpy as np
 
-from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import CrowdShape
 from airrace.trajectory import Array
+from airrace.views.coloured_track import ColouredTrack
 from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
@@ -26,6 +25,7 @@ class SvgStyle:
         letter: the width of a letter as a share of its size.
         gate: the least length of a gate to either side, pixels: gates are to scale, but long enough to be seen.
         labels_max: the largest number of elements whose names are written.
+        legend: the width that scale and colours need, pixels.
     """
 
     longer_edge: float = 560.0
@@ -34,10 +34,10 @@ class SvgStyle:
     letter: float = 0.58
     gate: float = 5.0
     labels_max: int = 60
+    legend: float = 540.0
 
 
 STYLE = SvgStyle()
-COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")  # from slow to fast
 BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34568b"
 
 
@@ -60,22 +60,33 @@ class _Sheet:
         return " ".join("{:.1f},{:.1f}".format(*self.at(north, east)) for north, east in places.tolist())
 
 
-def plan_svg(map_: MapModel, speed: Array | None = None) -> str:
+def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
     """Return the drawing, complete with its scale.
 
     Args:
         map_: the race from above.
-        speed: m/s, along the only track of the map, shape (n,), which is drawn in its colours; None for planned tracks.
+        coloured: a track that is drawn in the place of those of the map that are not dashed; None for none.
     """
-    scale = STYLE.longer_edge / max(map_.north - map_.south, map_.east - map_.west)
-    width = (map_.east - map_.west) * scale + 2 * STYLE.margin
-    height = (map_.north - map_.south) * scale + 2 * STYLE.margin + 2 * STYLE.font
-    sheet = _Sheet(map_.north, map_.west, scale, width, height)
-    dashed = [(way, BLUE, "") if way.planned else (way, GREY, "3 4") for way in map_.ways]
-    tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in dashed]
-    if speed is not None:
-        tracks = _colour_by_speed(sheet, map_.ways[0].line, speed)
-    parts = [*_surroundings(sheet, map_), *tracks, *_marks(sheet, map_), *_labels(sheet, map_), *_scale(sheet, speed)]
+    pixels = STYLE.longer_edge / max(map_.north - map_.south, map_.east - map_.west)
+    width = (map_.east - map_.west) * pixels + 2 * STYLE.margin
+    width = width if coloured is None else max(width, STYLE.legend)
+    height = (map_.north - map_.south) * pixels + 2 * STYLE.margin + 2 * STYLE.font
+    sheet = _Sheet(map_.north, map_.west, pixels, width, height)
+    drawn = [
+        (way, BLUE, "") if way.planned else (way, GREY, "3 4")
+        for way in map_.ways
+        if coloured is None or not way.planned
+    ]
+    tracks = [_shape("polyline", sheet.points(way.line), colour, dash=dash) for way, colour, dash in drawn]
+    if coloured is not None:
+        tracks += [_shape("polyline", sheet.points(line), colour, width=2.4) for line, colour in coloured.pieces()]
+    parts = [
+        *_surroundings(sheet, map_),
+        *tracks,
+        *_marks(sheet, map_),
+        *_labels(sheet, map_),
+        *_scale(sheet, coloured),
+    ]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
         f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" role="img" '
@@ -101,18 +112,6 @@ def _surroundings(sheet: _Sheet, map_: MapModel) -> list[str]:
     if map_.airspace is not None:
         parts.append(_shape("polygon", sheet.points(map_.airspace[:-1]), BLUE, dash="8 3 2 3"))
     return [*parts, *(_shape("polyline", sheet.points(line.ends), AMBER, dash="6 3") for line in map_.lines)]
-
-
-def _colour_by_speed(sheet: _Sheet, places: Array, speed: Array) -> list[str]:
-    """Return a track in pieces of one colour each, from slow to fast."""
-    slowest, fastest = float(speed.min()), float(speed.max())
-    share = (0.5 * (speed[1:] + speed[:-1]) - slowest) / max(fastest - slowest, 1e-9)
-    colours = np.minimum((share * len(COLOURS)).astype(np.int64), len(COLOURS) - 1)
-    begins = [0, *(np.flatnonzero(np.diff(colours)) + 1).tolist(), len(colours)]
-    return [
-        _shape("polyline", sheet.points(places[begin : end + 1]), COLOURS[int(colours[begin])], width=2.4)
-        for begin, end in pairwise(begins)
-    ]
 
 
 def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
@@ -149,25 +148,24 @@ def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     ]
 
 
-def _scale(sheet: _Sheet, speed: Array | None) -> list[str]:
+def _scale(sheet: _Sheet, coloured: ColouredTrack | None) -> list[str]:
     """Return a bar of round length, with a note of where north is and of what the colours mean."""
     metres = round_length(0.25 * sheet.width / sheet.scale)
     base, left = sheet.height - 0.8 * STYLE.font, 10.0
     right = left + metres * sheet.scale
     x, note = right + 6.0, f"{metres:g} m, north is up"
-    slow_fast = [] if speed is None else [f"{one / KNOT:.0f} kt" for one in (speed.min(), speed.max())]
-    if slow_fast:
-        note += f"; {slow_fast[0]}"
+    if coloured is not None:
+        note += f"; {coloured.ends[0]}"
     parts = [
         f'<path d="M{left:.1f},{base - 4:.1f}V{base:.1f}H{right:.1f}V{base - 4:.1f}" fill="none" stroke="{BLACK}"/>',
         f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{note}</text>',
     ]
-    if slow_fast:
+    if coloured is not None:
         x += len(note) * STYLE.letter * STYLE.font
-        for number, colour in enumerate(COLOURS):
+        for number, colour in enumerate(coloured.colours):
             parts.append(f'<rect x="{x + 12 * number:.1f}" y="{base - 8:.1f}" width="12" height="8" fill="{colour}"/>')
-        x += 12 * len(COLOURS) + 4
-        parts.append(f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{slow_fast[1]}</text>')
+        x += 12 * len(coloured.colours) + 4
+        parts.append(f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{coloured.ends[1]}</text>')
     return parts
 
 

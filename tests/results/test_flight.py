@@ -439,7 +439,7 @@ def test_every_rule_that_differs_is_told_in_words() -> None:
 def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: Status | None, words: str) -> None:
     reference = circling(rovinj())
     other = replace(reference, source=Source("x", status=state))
-    verdict, *_ = comparison_texts(compare_flights(reference, other), every=False)
+    verdict, *_ = comparison_texts([compare_flights(reference, other)], every=False)
     assert [line.strip() for line in verdict.splitlines()[1:]] == ([words] if words else [])
     good = state not in (Status.GUESS, Status.NOT_CERTIFIED)
     assert ('class="verdict good"' in flight_page([other])) == good

@@ -24,6 +24,7 @@ from airrace.inputs.document import TRACKS
 from airrace.planning.race import Race
 from airrace.track.gates import Gate
 from airrace.trajectory import Array
+from airrace.views.coloured_track import SPEED_COLOURS, by_speed
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_page
 from airrace.views.drawing import Figure
@@ -31,7 +32,7 @@ from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import map_model
 from airrace.views.plain_console import PlainConsole
 from airrace.views.plain_text import SafeStream, escape_html, keep_colours, plain
-from airrace.views.plan_svg import COLOURS, plan_svg
+from airrace.views.plan_svg import plan_svg
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -109,7 +110,9 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def drawn(race: Race, track: Array | None = None, speed: Array | None = None) -> ElementTree.Element:
     map_ = map_model(race)
-    return ElementTree.fromstring(plan_svg(map_ if track is None else map_.with_track(track), speed))
+    if track is None or speed is None:
+        return ElementTree.fromstring(plan_svg(map_))
+    return ElementTree.fromstring(plan_svg(map_.with_track(track), by_speed(track, speed)))
 
 
 def places(root: ElementTree.Element, tag: str) -> Array:
@@ -147,7 +150,7 @@ def test_a_flight_widens_the_drawing_and_its_colours_go_from_slow_to_fast() -> N
     assert path[:, 1].max() <= float(far.attrib["height"])
     speed = np.linspace(60.0, 110.0, 61)
     root = drawn(race, np.column_stack([np.linspace(0.0, 800.0, 61), np.zeros(61)]), speed)
-    assert [line.attrib["stroke"] for line in root.iter(f"{SVG}polyline")] == list(COLOURS)
+    assert [line.attrib["stroke"] for line in root.iter(f"{SVG}polyline")] == list(SPEED_COLOURS)
 
 
 def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path: Path) -> None:
