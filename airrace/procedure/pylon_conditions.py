@@ -345,13 +345,19 @@ class PylonRooms:
         return mesh, guess, tuple(conditions)
 
     def _with_error(self, condition: PylonCondition, replayed: ReplayedFlight, distance: float) -> PylonCondition:
-        """Return a condition with the error of its prediction; as it is where that is not known."""
+        """Return a condition with the error of its prediction; as it is where that is not known.
+
+        Where the wing is farther away than predicted by more than an error may be, its distance is that to another
+        side, as above the top. Where the wing touches the pylon, it is wrong by the whole room at least.
+        """
         pylon = self.pylons[condition.element, condition.post]
         room = self._room(condition, self._observe(pylon, replayed.state(condition.leg, condition.share)))
-        if not (distance >= SETTINGS.touched and room > 0.0):  # NaN is not
+        most, error = SETTINGS.error_max, room - distance
+        if distance < SETTINGS.touched:
+            return dataclasses.replace(condition, error=max(condition.error, min(room, most), 0.0))
+        if not room > 0.0 or math.isnan(distance):
             return condition
-        most = SETTINGS.error_max
-        return dataclasses.replace(condition, error=min(max(room - distance, -most), most))
+        return dataclasses.replace(condition, error=min(error, most) if error > -most else 0.0)
 
     def _required_room(self, condition: PylonCondition) -> float:
         """Return the room that a condition asks for, m."""

@@ -221,6 +221,35 @@ def test_predictions_are_wrong_by_centimetres_also_where_a_pylon_is_abeam_behind
     assert all(abs(one.error) < 0.05 for one in optimum(SMALL, PLAN).pylon_conditions)
 
 
+def test_a_correction_that_is_no_prediction_is_given_up() -> None:
+    """As where a wing has flown above the top, or touches the pylon that a correction let it come nearer to."""
+    result = optimum(SMALL, PLAN)
+    (holds,) = (one for one in result.pylon_conditions if one.element == "pylon")
+    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
+    assert flight.rooms is not None
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
+    found = flight.rooms.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+    wrong = tuple(dataclasses.replace(one, error=-0.8) if one.element == "pylon" else one for one in found.conditions)
+
+    def error_after(distance: float) -> float:
+        far = tuple(
+            distance if one.element == "pylon" else away
+            for one, away in zip(found.conditions, found.distances, strict=True)
+        )
+        measured = dataclasses.replace(found, conditions=wrong, distances=far)
+        marks = np.ones(problem.intervals + 1, dtype=np.bool_)
+        assert flight.rooms is not None
+        _, _, placed = flight.rooms.place(measured, replayed, problem.mesh, iterate, marks, beside_passings=False)
+        return next(one.error for one in placed if one.element == "pylon")
+
+    own = next(away for one, away in zip(found.conditions, found.distances, strict=True) if one.element == "pylon")
+    assert error_after(own) == pytest.approx(holds.error, abs=0.05)
+    assert error_after(0.0) == 1.0  # touched, where it was said to be 3.5 m away
+    assert error_after(20.0) == 0.0  # another distance than that to the side
+    assert math.isclose(error_after(math.nan), -0.8)  # not known
+
+
 def test_a_stored_flight_states_the_problem_that_it_was_solved_with(tmp_path: Path) -> None:
     """Else its multipliers would belong to other limits, and another mesh would have another race time."""
     result = optimum(SMALL, PLAN)
