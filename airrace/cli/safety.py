@@ -1,13 +1,24 @@
 """The command `safety`: how far real flights stray from an optimum, and what they touch."""
 
 from enum import StrEnum
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from airrace.cli.answer import answer_with_files, answering, ensure_room
-from airrace.cli.options import AsJson, Force, Quiet, StageOfRun, Threads, Verbose, output_option
+from airrace.cli.options import (
+    AsJson,
+    Force,
+    Quiet,
+    StageOfRun,
+    Threads,
+    Verbose,
+    complete_aircraft,
+    file_option,
+    output_option,
+)
 
 
 class GustsName(StrEnum):
@@ -28,9 +39,15 @@ def safety(
     run_files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RUN.h5...", readable=False, help="Checkpoints of runs, such as those of several aircraft."
+            metavar="RUN.h5|TRACK...",
+            readable=False,
+            help="Checkpoints of runs, such as those of several aircraft; or courses, which are flown first.",
         ),
     ],
+    aircraft: Annotated[
+        list[Path] | None,
+        file_option("FILE", "Fly every TRACK with this aircraft; as often as you like.", complete=complete_aircraft),
+    ] = None,
     stage: StageOfRun = None,
     flights: Annotated[int, typer.Option(metavar="N", help="How many flights.")] = 1000,
     gusts: Annotated[GustsName, typer.Option(help="Turbulence of MIL-F-8785C.")] = GustsName.LIGHT,
@@ -75,7 +92,7 @@ def safety(
     wind, mass, power and density. Deviations are told for every gate and leg.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.api import Run
+        from airrace.api import Run, optimize
         from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.runs.command_result import ExitCode
@@ -88,8 +105,8 @@ def safety(
 
         ensure_room(output, as_json=as_json)
         if output is not None:
-            ensure_safety_file(output, flights, len(run_files))
-            ensure_free(output, force=force, sources=run_files)
+            ensure_safety_file(output, flights, len(run_files) * len(aircraft or [None]))
+            ensure_free(output, force=force, sources=[*run_files, *(aircraft or ())])
         if sign_for and (output is None or output.suffix.lower() not in DOCUMENTS):
             raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
         if winds is not None:
@@ -108,7 +125,13 @@ def safety(
             "seed": seed,
             "threads": threads,
         }
-        runs = {path.name if len(run_files) == 1 else str(path): Run.of(open_run(path)) for path in run_files}
+        tracks = [path for path in run_files if path.suffix.lower() != ".h5"]
+        if aircraft and not tracks:
+            raise UsageError("--aircraft is of a TRACK that is flown first: none is named")
+        runs = {str(path): Run.of(open_run(path)) for path in run_files if path not in tracks}
+        for track, one in product(tracks, aircraft or [None]):
+            found = optimize(track, aircraft=one, threads=threads, progress=not quiet)
+            runs[f"{track} {found.race.aircraft.name}"] = found
 
         def flown(run: Run) -> SafetyCase | SafetyRose:
             if winds is not None:
@@ -116,7 +139,7 @@ def safety(
             return run.stage(stage).safety(**options, label=run.label)
 
         run = next(iter(runs.values()))
-        case = flown(run) if len(run_files) == 1 else fly_runs(runs, flown)
+        case = flown(run) if len(runs) == 1 else fly_runs(runs, flown)
         if isinstance(case, SafetyCase):
             tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
         else:
