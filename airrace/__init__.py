@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from airrace.quantities import Interval
     from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
     from airrace.runs.courses import CourseCheck, init
+    from airrace.runs.fit import FittedAircraft, fit
     from airrace.runs.log_view import LogView
     from airrace.runs.session import Session
     from airrace.runs.stage_view import StageView
@@ -64,6 +65,7 @@ __all__ = [
     "CrowdShape",
     "Direction",
     "EndState",
+    "FittedAircraft",
     "Gate",
     "Inputs",
     "Interval",
@@ -96,6 +98,7 @@ __all__ = [
     "check",
     "estimate_aircraft",
     "fairness",
+    "fit",
     "import_log",
     "init",
     "load_inputs",
@@ -125,6 +128,7 @@ _HOMES = {
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
     "airrace.runs.aircraft": ("ComparedAircraft", "estimate_aircraft"),
+    "airrace.runs.fit": ("FittedAircraft", "fit"),
     "airrace.runs.courses": ("CourseCheck", "init"),
     "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
     "airrace.runs.log_view": ("LogView",),

@@ -14,6 +14,7 @@ from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
 from airrace.cli.fairness import fairness
 from airrace.cli.films import card, film
+from airrace.cli.fit import fit
 from airrace.cli.flights import brief, compare, export, import_log, plot, report
 from airrace.cli.footprint import footprint
 from airrace.cli.optimize import optimize, resume
@@ -54,6 +55,7 @@ for _name, _command in {
     "tracks": tracks,
     "init": init,
     "aircraft": aircraft,
+    "fit": fit,
     "schema": schema,
     "doctor": doctor,
 }.items():

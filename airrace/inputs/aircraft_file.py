@@ -1,4 +1,4 @@
-"""The file of an aircraft that was estimated from a flight manual: every number with the relation it comes from."""
+"""The file of an aircraft that was estimated or fitted: every number with the relation it comes from."""
 
 import json
 from collections.abc import Iterator
@@ -14,11 +14,10 @@ from airrace.inputs.schema import SI, Schema, language_of, validate
 from airrace.records import record
 
 _HEAD = """\
-# An aircraft that is estimated from its flight manual and {template}.
+# {origin} and {template}.
 #
-#   given          a figure of the flight manual
+{legend}
 #   {template:<14} taken over: nothing that was given says anything about it
-#   else           the relation by which it follows from the figures and the template
 #
 # Derivatives are per radian; rates are made dimensionless with b/(2 V) (p, r) and cbar/(2 V) (q, alpha-dot).
 # A positive deflection makes a negative moment about its own axis.
@@ -26,6 +25,25 @@ schema: {language}
 name: {name}
 source: {source}
 """
+
+
+@record
+class Origin:
+    """What an aircraft's numbers come from: a sentence's beginning, marks and their meanings, and a source."""
+
+    sentence: str
+    marks: tuple[tuple[str, str], ...]
+    source: str
+
+
+MANUAL = Origin(
+    "An aircraft that is estimated from its flight manual",
+    (
+        ("given", "a figure of the flight manual"),
+        ("else", "the relation by which it follows from the figures and the template"),
+    ),
+    "a flight manual",
+)
 
 
 @record
@@ -58,21 +76,28 @@ def read_aircraft_file(named: str | Path | Document) -> AircraftFile:
 
 
 def aircraft_text(
-    template: AircraftFile, named: str, aircraft: Aircraft, relations: Relations, figures: ManualFigures
+    template: AircraftFile,
+    named: str,
+    aircraft: Aircraft,
+    relations: Relations,
+    figures: ManualFigures | None = None,
+    origin: Origin = MANUAL,
 ) -> str:
-    """Return the text of the file of an estimated aircraft, with the manual's figures at its end.
+    """Return the text of the file of an aircraft that was made of a template, with a manual's figures at its end.
 
     `named` is how the template was called.
 
     Raises:
         UsageError: it is no aircraft that flies.
     """
-    name, source = map(json.dumps, (aircraft.name, f"a flight manual; what that leaves open, {named}"))
-    lines = [_HEAD.format(name=name, source=source, template=named, language=language_of(AircraftEntry))]
+    name, source = map(json.dumps, (aircraft.name, f"{origin.source}; what that leaves open, {named}"))
+    legend = "\n".join(f"#   {mark:<14} {meaning}" for mark, meaning in origin.marks)
+    texts = {"origin": origin.sentence, "legend": legend, "name": name, "source": source, "template": named}
+    lines = [_HEAD.format(**texts, language=language_of(AircraftEntry))]
     for group, entry in template.entry:
-        if isinstance(entry, Schema) and group not in ("linear", "published"):
+        if isinstance(entry, Schema) and group != "published" and (group != "linear" or aircraft.linear):
             lines += [f"{group}:", *_aligned(list(_numbers(group, entry, aircraft, relations, named))), ""]
-    lines.append("published:")
+    lines += [] if figures is None else ["published:"]
     for field, info in PublishedEntry.model_fields.items():
         key, value = info.alias or field, getattr(figures, field, None)
         lines += [] if value is None else [f"  {key}: {value / _factor(key):.6g}"]
@@ -94,6 +119,8 @@ def _numbers(
     ends = {"speed_min_m_s": V.lower, "speed_max_m_s": V.upper, "n_z_min": n_z.lower, "n_z_max": n_z.upper}
     for field, info in type(entry).model_fields.items():
         key, value, relation = info.alias or field, getattr(entry, field), relations.get((group, field))
+        if value is None:
+            continue
         if relation:
             value = (ends[field] if group == "envelope" else getattr(getattr(aircraft, group), field)) / _factor(key)
         text = f"{value:.6g}" if isinstance(value, float) else str(value).lower()

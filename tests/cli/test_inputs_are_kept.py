@@ -47,6 +47,9 @@ COMMANDS: dict[str, str] = {
     f"export {KML} --output OUT": "run.h5 log.csv",
     f"{LOG} --aircraft other.yaml --output OUT": "log.csv course.yaml mapping.yaml other.yaml",
     f"{LOG} --output OUT": "plane.yaml extension.py",
+    "fit log.csv --course course.yaml --aircraft other.yaml --mapping mapping.yaml --output OUT": (
+        "log.csv course.yaml mapping.yaml other.yaml extension.py"
+    ),
     "init OUT.yaml --like course.yaml": "course.yaml",
     "init OUT.yaml --from places.kml": "places.kml",
     "aircraft mine --from plane.yaml --stall 57kt --output OUT": "plane.yaml",
@@ -171,7 +174,7 @@ def test_every_option_that_names_an_input_of_a_command_that_writes_is_tried() ->
         if words.partition(" ")[2] in ("", "csv", "kml")  # which stands for all formats of several flights
         and any(one.name in WRITES for one in parameters)
     }
-    assert len(writing) == 18
+    assert len(writing) == 19
     for words, options in writing.items():
         tried = " ".join(command for command in COMMANDS if command.startswith(f"{words} "))
         assert tried

@@ -1,0 +1,259 @@
+"""Aircraft fitted to flown logs: drag polar and power, and how well the logs tell them.
+
+The bias and the scatter of the estimate are measured where the truth is known [B. Efron & R. J. Tibshirani, An
+Introduction to the Bootstrap, 1993]: the optimum of the fitted aircraft is recorded as the logs were, and fitted again.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.air import Air, StaticWind
+from airrace.errors import UsageError
+from airrace.inputs.aircraft_file import Origin, aircraft_text, read_aircraft_file
+from airrace.inputs.log_layout import read_layout, with_columns
+from airrace.logs.csv_log import ColumnLayout
+from airrace.logs.deviations import place_roundings
+from airrace.logs.log_flight import LogFlight, flight_from_log
+from airrace.logs.output_error import FACTORS, FIT, Estimate, FlownPath, estimate_factors, flown_path
+from airrace.logs.reading import read_log
+from airrace.logs.recording import refuse
+from airrace.logs.smoothing import smooth
+from airrace.planning.race import Race
+from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.results_api import sampler
+from airrace.procedure.settings import SearchEffort
+from airrace.process import available_cores
+from airrace.quantities import KNOT
+from airrace.records import record
+from airrace.runs.arguments import AircraftGiven, TrackGiven, Values, document_or_path, read_inputs, value_texts
+from airrace.runs.execute import execute
+from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
+from airrace.runs.plan import plan_new_run
+from airrace.runs.run import RunState
+from airrace.standard_streams import stem_of
+from airrace.trajectory import Array
+from airrace.views.tables import Column, Table
+
+
+@record
+class BootstrapSettings:
+    """The settings of the measurement of bias and scatter.
+
+    Attributes:
+        replicates: recordings of the optimum that are fitted.
+        doubt: share of the bias that counts as a standard deviation, for the pilot does not fly the optimum.
+    """
+
+    replicates: int = 6
+    doubt: float = 0.5
+
+
+BOOTSTRAP = BootstrapSettings()
+_MARKS = (("fitted", "by output error, with its standard deviation"),)
+ORIGIN = Origin("An aircraft that is fitted to flown logs", _MARKS, "flown logs")
+_LEFT = ("roll rate", "lag of the roll", "lag of the load factor")
+_COLUMNS = (
+    Column("number", key="number"),
+    Column("unit", key="unit"),
+    Column("start", form=".4g", key="start"),
+    Column("fitted", form=".4g", key="fitted"),
+    Column("deviation", "%", ".1f", key="deviation_percent"),
+    Column("remark", key="remark"),
+)
+
+
+@record
+class FittedLog:
+    """A log that is fitted: its file, its flight, places (north, east, up; m) over time, and their rounding."""
+
+    path: Path
+    flown: LogFlight
+    time: Array
+    places: Array
+    least: Array
+
+    def along(self, places: Array, until: float) -> FlownPath:
+        """Return what is fitted of it from the first passing up to so many s after it, with its places or others."""
+        path, begin = smooth(self.time, places, least=self.least), self.flown.offset
+        return flown_path(path, self.time, places, begin, begin + until)
+
+    @property
+    def own(self) -> FlownPath:
+        """What is fitted of it."""
+        return self.along(self.places, float(self.flown.flight.time[-1]))
+
+
+@record
+class FittedAircraft:
+    """An aircraft that was fitted to logs.
+
+    Attributes:
+        path: of its file; None where none is written.
+        start, aircraft: before and after.
+        estimate: factors, winds and their covariance, the bias taken away.
+        bias: of the factors, as it was measured, shape (3,).
+        logs: what was fitted.
+    """
+
+    path: Path | None
+    start: Aircraft
+    aircraft: Aircraft
+    estimate: Estimate
+    bias: Array
+    logs: tuple[FittedLog, ...]
+
+    @property
+    def table(self) -> Table:
+        """The numbers before and after with standard deviations; correlations, winds and what is left as notes."""
+        rows: list[list[str | float | None]] = []
+        seen, percent = self.estimate.visible.tolist(), (100.0 * self.estimate.deviations).tolist()
+        before, after = _numbers(self.start), _numbers(self.aircraft)
+        for index, (name, unit, value) in enumerate(after):
+            remark, told = ("", percent[index]) if seen[index] else ("not visible in the data: left as it was", None)
+            rows.append([name, unit, before[index][2], value, told, remark])
+        pairs = [(i, j) for i in range(FACTORS) for j in range(i) if seen[i] and seen[j]]
+        related = ", ".join(f"{after[j][0]} and {after[i][0]} {self.correlations[j, i]:+.2f}" for i, j in pairs)
+        notes = [f"correlations: {related}"] if related else []
+        for log, wind, told in zip(self.logs, self.estimate.winds, percent[FACTORS::2], strict=True):
+            speed, origin = math.hypot(*wind) / KNOT, math.degrees(math.atan2(-wind[1], -wind[0])) % 360.0
+            blows = f"{speed:.1f} kt from {origin:.0f} deg"
+            notes.append(f"{log.path.name}: wind beside that of the course {blows}, +-{told / 100.0 / KNOT:.1f} kt")
+        notes.append(f"positions do not show {', '.join(_LEFT)}: left as they were")
+        notes.append("full power is assumed from the first gate to the last")
+        return Table(
+            f"{self.aircraft.name}, fitted to {', '.join(log.path.name for log in self.logs)}", _COLUMNS, rows, notes
+        )
+
+    @property
+    def correlations(self) -> Array:
+        """The correlations of the factors, shape (3, 3)."""
+        deviations = self.estimate.deviations[:FACTORS]
+        return self.estimate.covariance[:FACTORS, :FACTORS] / np.outer(deviations, deviations)
+
+
+def _numbers(aircraft: Aircraft) -> tuple[tuple[str, str, float], ...]:
+    """Return names, units and values of what is fitted."""
+    drag, kilowatts = aircraft.drag, aircraft.propulsion.P_max / 1000.0
+    return ("C_D0", "", drag.C_D0), ("k", "", drag.k), ("power", "kW", kilowatts)
+
+
+def fit(
+    logs: str | Path | Sequence[str | Path],
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven,
+    output: str | Path | None = None,
+    force: bool = False,
+    set: Values = (),
+    mapping: str | Path | None = None,
+    columns: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> FittedAircraft:
+    """Fit the drag polar and the power of an aircraft to flown logs of races at full power.
+
+    Args:
+        logs: one log or several of the same aircraft, as of `airrace.import_log`; the wind is found for each.
+        track: the course that they pass, see `airrace.optimize`, with the wind as far as it is known.
+        aircraft: from which the fit starts: one that comes along, a file or an `Aircraft`.
+        output: the file of the fitted aircraft; None for none.
+        force: whether an existing file is overwritten.
+        set: single values of the course that are otherwise.
+        mapping, columns: of the logs, see `airrace.import_log`.
+        progress: who watches the optimum with which bias and scatter are measured.
+
+    Raises:
+        InputError: course, aircraft, mapping or a log are not valid, or the logs tell too little.
+        UsageError: no log is given, or the file exists.
+        StorageError: the folder does not exist or takes no files.
+    """
+    paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
+    if not paths:
+        raise UsageError("a fit needs a log")
+    if any(one.startswith("aircraft.") for one in value_texts(set)):
+        raise UsageError("numbers of the aircraft are changed in its file, from which the fit starts")
+    target = None if output is None else Path(output)
+    named = document_or_path(aircraft)
+    assert named is not None  # for an aircraft is given
+    if target is not None:
+        sources = [*paths, *(one for one in (track, named, mapping) if isinstance(one, str | Path))]
+        ensure_free(target, force=force, sources=sources)
+    inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(named)
+    if target is not None:
+        ensure_unread([target], documents_of(inputs))
+    layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
+    read = tuple(_read(path, inputs.race, layout) for path in paths)
+    found = estimate_factors(inputs.race.aircraft, inputs.race.air, [one.own for one in read])
+    if not (found.visible.any() and np.isfinite(found.covariance).all()):
+        missing = "that takes turns and straights at several speeds; more logs would help"
+        refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
+    found, bias = _corrected(found, inputs.race, read, progress or Silent())
+    fitted = found.aircraft(inputs.race.aircraft)
+    if target is not None:
+        name = Path(named).stem if isinstance(named, str | Path) else inputs.race.aircraft.name
+        write_text(target, aircraft_text(template, name, fitted, _relations(found), origin=ORIGIN))
+    return FittedAircraft(target, inputs.race.aircraft, fitted, found, bias, read)
+
+
+def _relations(found: Estimate) -> dict[tuple[str, str], str]:
+    """Return the marks of the numbers that were fitted."""
+    told = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), found.deviations[:FACTORS], strict=True)
+    return {key: f"fitted, +-{100.0 * one:.1f} %" for (key, one), seen in zip(told, found.visible, strict=True) if seen}
+
+
+def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:
+    """Return a log as it is fitted; refuse it where it does not pass the course, or its positions are too few."""
+    flown = flight_from_log(read_log(path, layout), race, label=stem_of(path))
+    placed = flown.recording.select(np.isfinite(flown.recording.columns["x"]))
+    count, lasting = len(placed.time), float(placed.time[-1] - placed.time[0])
+    if count < FIT.samples or count < FIT.rate * lasting:
+        least = f"at least {FIT.rate:g} per second, {FIT.samples} in all"
+        refuse(str(path), 0, f"holds {count} positions in {lasting:.0f} s of the race; a fit needs {least}")
+    places = np.stack([placed.columns[name] for name in ("x", "y", "height")])
+    return FittedLog(path, flown, placed.time, places, place_roundings(placed))
+
+
+def _corrected(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: Progress) -> tuple[Estimate, Array]:
+    """Return an estimate without its bias, its covariance enlarged to what was measured, and the bias."""
+    aircraft, wind = found.aircraft(race.aircraft), found.winds.mean(axis=0)
+    run = _optimum(Race(race.course, aircraft, _with_wind(race.air, wind)), progress)
+    if not math.isfinite(run.race_time):
+        refuse(str(logs[0].path), 0, f"makes an aircraft that cannot fly the course: {run.message}")
+    at, last = sampler(run.race, run.results[-1]), run.race_time
+    random = np.random.default_rng(len(logs))  # the same inputs give the same aircraft
+    errors: list[Array] = []
+    for _ in range(BOOTSTRAP.replicates):
+        paths: list[FlownPath] = []
+        for log in logs:
+            flown = at(np.clip(log.time - log.flown.offset, 0.0, last))
+            noise = log.own.noise[:, None]
+            places = np.stack([flown["x"], flown["y"], -flown["z"]])
+            paths.append(log.along(places + noise * random.standard_normal(places.shape), last))
+        again = estimate_factors(aircraft, race.air, paths)
+        errors.append(np.concatenate([again.factors * found.visible, (again.winds - wind).ravel()]))
+    table, seen = np.array(errors), np.append(found.visible, np.ones(2 * len(logs), np.bool_))
+    bias = table.mean(axis=0)
+    squares = np.sum((table - bias) ** 2, axis=0) / (len(errors) - 1)
+    scatter = float((squares / found.deviations**2)[seen].mean())
+    covariance = found.covariance * max(1.0, scatter) * (1.0 + 1.0 / len(errors))
+    covariance += BOOTSTRAP.doubt**2 * np.outer(bias, bias)
+    factors, winds = found.factors - bias[:FACTORS], found.winds - bias[FACTORS:].reshape(-1, 2)
+    return replace(found, factors=factors, winds=winds, covariance=covariance), bias[:FACTORS]
+
+
+def _with_wind(air: Air, wind: Array) -> Air:
+    """Return the air with a wind added to its own, north and east, m/s."""
+    own = air.wind or StaticWind(0.0, 0.0)
+    north, east = own.north + float(wind[0]), own.east + float(wind[1])
+    blows = replace(own, origin=math.atan2(-east, -north) % math.tau, speed=math.hypot(north, east))
+    return replace(air, wind=blows)
+
+
+def _optimum(race: Race, progress: Progress) -> RunState:
+    """Return the run of a race, its routes not searched."""
+    plan = plan_new_run(read_inputs(race, search=SearchEffort.OFF))
+    return [*execute(plan, threads=available_cores(), progress=progress)][-1]
