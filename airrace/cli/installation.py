@@ -25,6 +25,7 @@ USES = {
     "sign": "--sign, --trust",
     "film": "film",
     "fit": "import of FIT files",
+    "design": "design",
     "parquet": "export parquet",
     "cluster": "batch --cluster",
     "pandas": "to_dataframe in Python",

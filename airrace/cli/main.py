@@ -12,6 +12,7 @@ import typer
 from airrace.cli.aircraft import aircraft
 from airrace.cli.batch import batch
 from airrace.cli.courses import check, doctor, init, schema, tracks
+from airrace.cli.design import design
 from airrace.cli.fairness import fairness
 from airrace.cli.films import card, film
 from airrace.cli.fit import fit
@@ -49,6 +50,7 @@ for _name, _command in {
     "footprint": footprint,
     "safety": safety,
     "check": check,
+    "design": design,
     "batch": batch,
     "sweep": sweep,
     "fairness": fairness,

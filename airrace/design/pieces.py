@@ -1,0 +1,260 @@
+"""The pieces of a layout: what stands where in the track file, and the edits of it for what a hand does with them."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from airrace.design.edits import Edit, Insert, Put, Remove
+from airrace.errors import UsageError
+from airrace.inputs import Inputs
+from airrace.inputs.nodes import KeyPath, dotted
+from airrace.inputs.places import GEODETIC, METRIC
+from airrace.inputs.yaml_reader import read_yaml
+from airrace.records import record
+from airrace.track.course import Origin
+from airrace.track.geodetic import geodetic, metres
+from airrace.track.polygons import Point
+
+Plain = Mapping[str, Any]  # JSON of a track that is known to be without fault
+
+
+@record
+class NewPieces:
+    """The numbers of pieces that are put down, until somebody gives them others; all but the last are assumptions.
+
+    Attributes:
+        mast: height of an obstacle, m.
+        crowd, crowd_distance: side of a square of people, and what is kept from it, m.
+        line: distance between the two points of a safety line, m.
+        airspace: what it reaches beyond the gates, m.
+        decimals, degrees: digits to which positions are written, m and degrees: a centimetre either way.
+    """
+
+    mast: float = 30.0
+    crowd: float = 40.0
+    crowd_distance: float = 100.0
+    line: float = 300.0
+    airspace: float = 500.0
+    decimals: int = 2
+    degrees: int = 7
+
+
+NEW = NewPieces()
+TURNS = ("heading_deg", "pass_side_deg")
+"""The keys that say how a piece is turned."""
+KINDS = ("level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "airspace")
+"""What can be added."""
+
+
+@record
+class Spot:
+    """A place in the track file by its path, m."""
+
+    path: KeyPath
+    north: float
+    east: float
+
+
+@record
+class Piece:
+    """A thing that can be dragged.
+
+    Attributes:
+        path: of its entry.
+        kind: of gate, or what it is.
+        spots: the places that it is given by; none where it stands anywhere.
+        turn: the key that says how it is turned, and its value, degrees; None where there is none.
+        entry: its entry as it stands in the file.
+        strokes: lines to be drawn, north and east, m; a single point is a post.
+        closed: whether its spots are corners of an area.
+    """
+
+    path: KeyPath
+    kind: str
+    spots: tuple[Spot, ...]
+    turn: tuple[str, float] | None
+    entry: Any  # JSON
+    strokes: tuple[tuple[tuple[float, float], ...], ...] = ()
+    closed: bool = False
+
+
+@record
+class Layout:
+    """The pieces of a course, and what a hand does with them as edits of the track file."""
+
+    inputs: Inputs
+    plain: Plain
+    pieces: tuple[Piece, ...]
+
+    def moved(self, places: Sequence[Spot], turns: Mapping[KeyPath, float]) -> list[Edit]:
+        """Return the edits that put spots to other places and turn pieces; `UsageError` if there is no such one."""
+        spots = {spot.path for piece in self.pieces for spot in piece.spots}
+        edits = list[Edit]()
+        for spot in places:
+            if spot.path not in spots:
+                raise UsageError(f"there is no place {dotted(spot.path)}")
+            entry: Any = self.plain
+            for part in spot.path:
+                entry = entry[part]
+            values = self._position(spot.north, spot.east, metric=METRIC[0] in entry)
+            edits += [Put((*spot.path, key), value) for key, value in values.items() if entry.get(key) != value]
+        for path, degrees in turns.items():
+            turn = self.piece(path).turn
+            if turn is None:
+                raise UsageError(f"{dotted(path)} cannot be turned")
+            edits.append(Put((*path, turn[0]), round(degrees % 360.0, 1)))
+        return edits
+
+    def piece(self, path: KeyPath) -> Piece:
+        """Return a piece by its path; `UsageError` if there is none."""
+        found = next((piece for piece in self.pieces if piece.path == path), None)
+        if found is None:
+            raise UsageError(f"there is no {dotted(path)}")
+        return found
+
+    def removed(self, path: KeyPath) -> list[Edit]:
+        """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
+        group, name = self.piece(path).path[0], path[-1]
+        edits = list[Edit]()
+        for where, gate, lines in reversed(list(_references(self.plain))):
+            if group == "gates" and gate == name:
+                if where[1] in ("start", "finish"):
+                    raise UsageError(f"{name} is the {where[1]} of the course: name another one in the file first")
+                edits.append(Remove(where))
+            elif group == "safety_lines" and name in lines:
+                edits.append(Remove((*where, "safety_lines", lines.index(name))))
+        return [*edits, Remove(path)]
+
+    def added(self, kind: str, at: Point) -> list[Edit]:
+        """Return the edits that put a new piece down; a gate is passed where that makes the least detour."""
+        gates = [(one.north, one.east) for piece in self.pieces if piece.path[0] == "gates" for one in piece.spots]
+        known = np.array(gates or [(at.north, at.east)])
+
+        def place(north: float, east: float) -> dict[str, float]:
+            return self._position(
+                at.north + north, at.east + east, metric="latitude_deg" not in str(self.plain["gates"])
+            )
+
+        match kind:
+            case "obstacle":
+                return self._entered("obstacles", "mast", {**place(0.0, 0.0), "height_m": NEW.mast})
+            case "crowd":
+                half = 0.5 * NEW.crowd
+                corners = [place(a * half, b * half) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
+                return self._entered("crowd", "crowd", {"polygon": corners, "distance_m": NEW.crowd_distance})
+            case "safety line":  # with the middle of the course to its left
+                north, east = known.mean(axis=0) - (at.north, at.east)
+                along = 0.5 * NEW.line / (math.hypot(north, east) or 1.0) * np.array([-east, north])
+                line = {"from": place(*-along), "to": place(*along), "keep": "left"}
+                return self._entered("safety_lines", "line", line)
+            case "airspace" if "airspace" not in self.plain:
+                (south, west), (north, east) = known.min(axis=0) - NEW.airspace, known.max(axis=0) + NEW.airspace
+                ends = [(north, west), (north, east), (south, east), (south, west)]
+                return [Put(("airspace",), [place(a - at.north, b - at.east) for a, b in ends])]
+            case "level" | "knife-edge" | "pylon":
+                return self._added_gate(kind, at, place(0.0, 0.0))
+            case _:
+                raise UsageError(f"no {kind} can be added")
+
+    def _added_gate(self, kind: str, at: Point, place: dict[str, float]) -> list[Edit]:
+        def detour(leg: tuple[KeyPath, Point, Point]) -> float:
+            (a, b), (c, d) = ((one.north - at.north, one.east - at.east) for one in leg[1:])
+            return math.hypot(a, b) + math.hypot(c, d) - math.hypot(a - c, b - d)
+
+        legs = sorted(self._legs(), key=detour)
+        if not legs:
+            raise UsageError("no leg of the course has two ends with a place: name the gate in the file")
+        passed = {path[:-1]: path for path, _, _ in reversed(legs)}  # one leg of every lap
+        _, begin, end = legs[0]
+        north, east = end.north - begin.north, end.east - begin.east
+        course = math.degrees(math.atan2(east, north))
+        # A pylon is passed on the side of the straight leg.
+        to_right = (at.east - begin.east) * north - (at.north - begin.north) * east > 0.0
+        key, turn = ("pass_side_deg", course - 90.0 if to_right else course + 90.0)
+        if kind != "pylon":
+            key, turn = "heading_deg", course
+        entered = self._entered("gates", "g", {"type": kind, **place, key: round(turn % 360.0, 1)})
+        return [*entered, *(Insert(path, entered[0].path[1]) for path in passed.values())]
+
+    def _legs(self) -> Iterator[tuple[KeyPath, Point, Point]]:
+        """Yield the legs with two known ends, each with the place in its lap where a new passing comes between."""
+        known = {one.path[-1]: one.spots for one in self.pieces if one.path[0] == "gates" and one.spots}
+        before: Point | None = None
+        path: KeyPath = ()
+        for where, gate, _ in _references(self.plain):
+            spots = known.get(gate)
+            here = Point(*np.mean([(one.north, one.east) for one in spots], axis=0).tolist()) if spots else None
+            if where[1] not in ("start", "finish"):
+                path = where
+            elif path:  # behind the last one
+                path = cast(KeyPath, (*path[:-1], int(path[-1]) + 1))
+            if before is not None and here and path:
+                yield path, before, here
+            before = here
+
+    def _entered(self, group: str, stem: str, entry: dict[str, Any]) -> list[Edit]:
+        taken: Plain = self.plain.get(group) or {}
+        name = next(name for number in range(1, len(taken) + 2) if (name := f"{stem}{number}") not in taken)
+        return [Put((group, name), entry)]
+
+    def _position(self, north: float, east: float, *, metric: bool) -> dict[str, float]:
+        """Return a position as the file gives it."""
+        if metric:
+            return {METRIC[0]: round(float(north), NEW.decimals), METRIC[1]: round(float(east), NEW.decimals)}
+        angles = geodetic(np.array([north]), np.array([east]), self.inputs.race.course.origin)
+        return {key: round(math.degrees(one[0]), NEW.degrees) for key, one in zip(GEODETIC, angles, strict=True)}
+
+
+def layout_of(inputs: Inputs) -> Layout:
+    """Return the pieces of a course whose track file is known to be without fault."""
+    plain: Any = read_yaml(inputs.track.path, inputs.track.text).plain()
+    course = inputs.race.course
+    drawings = dict[str, tuple[tuple[Point, ...], ...]]()
+    for element in {passage.element.name: passage.element for passage in course.passages}.values():
+        drawn = element.drawing()
+        strokes = (*((post,) for post in drawn.posts), *((drawn.across,) if drawn.across else ()))
+        drawings[element.base_name] = drawings.get(element.base_name, ()) + strokes
+    drawings |= {f"obstacles {one.name}": ((*one.outline, one.outline[0]),) for one in course.obstacles}
+    entries = list[tuple[KeyPath, Any, str]]()
+    for group in ("gates", "obstacles", "crowd", "safety_lines"):
+        those: dict[str, Plain] = plain.get(group) or {}
+        kind = group.replace("_", " ").rstrip("s")
+        entries += [((group, name), entry, entry.get("type", kind)) for name, entry in those.items()]
+    entries += [(("airspace",), plain["airspace"], "airspace")] if "airspace" in plain else []
+    pieces = list[Piece]()
+    for path, entry, kind in entries:
+        turn = next(((key, float(entry[key])) for key in TURNS if key in entry), None)
+        drawn = drawings.get(str(path[-1]) if path[0] == "gates" else f"obstacles {path[-1]}", ())
+        strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawn)
+        closed = kind == "airspace" or "polygon" in entry
+        pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
+    return Layout(inputs, plain, tuple(pieces))
+
+
+def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:
+    """Yield all places below an entry, in the order of the file."""
+    if isinstance(entry, dict):
+        if METRIC[0] in entry:
+            yield Spot(path, *(float(cast(Plain, entry)[key]) for key in METRIC))
+        elif GEODETIC[0] in entry:
+            north, east, _ = metres(*(np.radians([cast(Plain, entry)[key]]) for key in GEODETIC), origin=origin)
+            yield Spot(path, float(north[0]), float(east[0]))
+    if isinstance(entry, dict | list):
+        parts = enumerate(cast(list[Any], entry)) if isinstance(entry, list) else cast(dict[str, Any], entry).items()
+        for part, one in parts:
+            yield from _spots((*path, part), one, origin)
+
+
+def _references(plain: Plain) -> Iterator[tuple[KeyPath, str, list[str]]]:
+    """Yield all passings of a course, in the order of the race: their paths, gates, and safety lines."""
+    course = plain["course"]
+    laps: list[tuple[KeyPath, Any]] = [(("course", "lap"), course.get("lap") or ())]
+    laps += [(("course", "each_lap", number), lap) for number, lap in enumerate(course.get("each_lap") or ())]
+    found: list[tuple[KeyPath, Any]] = [(("course", "start"), course["start"])]
+    found += [((*path, index), one) for path, lap in laps for index, one in enumerate(lap)]
+    found += [(("course", "finish"), course["finish"])] if "finish" in course else []
+    for path, one in found:
+        said: Plain = {"gate": one} if isinstance(one, str) else one
+        yield path, said["gate"], said.get("safety_lines") or []

@@ -1,0 +1,85 @@
+// The page of the designer: a view of the state that the server has.
+
+import { Link } from "./link.js";
+import { showLanes, showPiece, showSliders, showTables } from "./panels.js";
+import { Plan } from "./plan.js";
+import { Placing } from "./placing.js";
+
+const find = (name) => document.getElementById(name);
+const tell = (text) => Object.assign(find("told"), { textContent: text, hidden: !text });
+const ask = (what, message) => link.ask(what, message);
+
+function show(state) {
+  document.title = `${state.unsaved ? "• " : ""}${state.name} – airrace design`;
+  find("name").textContent = state.name;
+  find("file").textContent = `${state.file}${state.unsaved ? ", not saved" : ""}`;
+  find("undo").disabled = !state.back;
+  find("redo").disabled = !state.forth;
+  find("save").disabled = !state.unsaved;
+  if (find("kind").options.length === 1) find("kind").append(...state.kinds.map((one) => new Option(one, one)));
+  plan.show(state);
+  showLanes(state, plan.pieces(), plan.hand, ask);
+  showTables(state);
+  showSliders(state, ask);
+  showPiece(plan.chosenPiece(), ask);
+}
+
+function click(at) {
+  if (placing.click(at)) return true;
+  const kind = find("kind").value;
+  if (!kind) return false;
+  find("kind").value = "";
+  find("plan").classList.remove("adding");
+  ask("add", { kind, north: at.north, east: at.east });
+  return true;
+}
+
+async function save() {
+  const said = await ask("save", {});
+  if (said.done || !said.digest) return;
+  if (confirm(`${said.error}\n\nOK: overwrite it with what is shown here.\nCancel: go on to the next question.`)) {
+    await ask("save", { overwrite: said.digest });
+  } else if (confirm("Take what lies on the disk? (It can be undone.)")) {
+    await ask("reload", {});
+  }
+}
+
+const remove = () => plan.chosenPiece() && ask("remove", { path: plan.chosenPiece().path });
+
+const plan = new Plan(find("plan"), {
+  ask,
+  click,
+  changed: () => showLanes(plan.state, plan.pieces(), plan.hand, ask),
+  chosen: (piece) => showPiece(piece, ask),
+});
+const placing = new Placing(plan, ask);
+const link = new Link({
+  show,
+  tell,
+  status: (text) => {
+    find("link").textContent = text;
+    find("link").className = text ? "lost" : "";
+  },
+});
+
+find("undo").onclick = () => ask("undo");
+find("redo").onclick = () => ask("redo");
+find("save").onclick = save;
+find("remove").onclick = remove;
+find("fit").onclick = () => plan.fit();
+find("arrows").onchange = (event) => {
+  plan.arrows = event.target.checked;
+  plan.draw();
+};
+find("kind").onchange = () => find("plan").classList.toggle("adding", Boolean(find("kind").value));
+document.addEventListener("keydown", (event) => {
+  const typing = ["INPUT", "SELECT"].includes(document.activeElement?.tagName);
+  const control = event.ctrlKey || event.metaKey;
+  const actions = { z: () => ask(event.shiftKey ? "redo" : "undo"), y: () => ask("redo"), s: save };
+  const action = control && (!typing || event.key === "s") ? actions[event.key.toLowerCase()] : null;
+  if (action) {
+    event.preventDefault();
+    action();
+  } else if (event.key === "Delete" && !typing) remove();
+});
+window.designer = { plan, link };

@@ -1,0 +1,119 @@
+// The side of the page: race times, sliders, passings, distances, warnings, and the numbers of the chosen piece.
+
+import { predicted } from "./hand.js";
+
+const SLIDERS = [
+  ["Wind, kt", ["environment.wind.speed_kt"], 0, 30, 0.5],
+  ["Wind, m/s", ["environment.wind.speed_m_s"], 0, 15, 0.25],
+  ["Wind from, °", ["environment.wind.from_deg"], 0, 360, 5],
+  ["Load factor, g", ["rules.n_z_max"], 5, 12, 0.1],
+  ["Roll rate, °/s", ["aircraft.point_mass.roll_rate_max_deg_s"], 90, 500, 5],
+];
+const SETTLE_MS = 150;
+
+const element = (name, attributes = {}, ...children) => {
+  const made = Object.assign(document.createElement(name), attributes);
+  made.append(...children);
+  return made;
+};
+const find = (name) => document.getElementById(name);
+const seconds = (time) => `${time.toFixed(3)} s`;
+const rows = (table, all) => table.replaceChildren(...all.map(([cells, name = ""]) =>
+  element("tr", { className: name }, ...cells.map((cell) => element("td", { textContent: cell })))));
+
+export function showLanes(state, pieces, held, ask) {
+  const shown = state.lanes.map((lane, index) => {
+    const known = lane.answered === state.revision && !held;
+    const time = known ? lane.time : predicted(lane, pieces);
+    const text = typeof time === "number" ? `${known ? "" : "≈ "}${seconds(time)}` : "—";
+    const told = element("div", { className: `time ${known ? "known" : "guess"}`, textContent: text });
+    told.dataset.time = time ?? "";
+    const difference = index && time && state.lanes[0].time ? time - state.lanes[0].time : null;
+    const names = [...state.aircraft];
+    const choice = element("select", { onchange: (event) => {
+      const all = state.lanes.map((one) => one.aircraft);
+      all[index] = event.target.value || null;
+      ask("aircraft", { names: all });
+    } }, ...["", ...names].map((name) => element("option", { value: name, textContent: name || "as the file says",
+      selected: name === (lane.aircraft ?? "") })));
+    const range = lane.n_z_range && lane.holds ? `, n_z ${lane.n_z_range[0]} to ${lane.n_z_range[1]}` : "";
+    const six = lane.six_dof && element("div", { textContent: `six-dof: ${lane.six_dof.time === null ? lane.six_dof.message
+      : seconds(lane.six_dof.time)}, ${lane.six_dof.status}${lane.six_dof.revision === state.revision ? "" : ", of an earlier layout"}` });
+    return element("div", { className: `lane ${index ? "second" : ""}` },
+      element("div", { textContent: lane.title ?? "" }), told,
+      ...(difference === null ? [] : [element("div", { textContent: `${difference >= 0 ? "+" : ""}${difference.toFixed(3)} s` })]),
+      element("div", { textContent: `${lane.status ?? ""}${range}` }),
+      ...(six ? [six] : []),
+      element("div", { className: "problem", textContent: lane.problem || (lane.holds ? "" : lane.message ?? "") }),
+      element("div", { textContent: lane.note ?? "" }),
+      element("div", { className: "busy", textContent: lane.busy ?? "" }),
+      choice,
+      element("button", { textContent: "Six degrees of freedom", onclick: () => ask("six-dof", { lane: index }) }));
+  });
+  const first = state.lanes.map((one) => one.aircraft);
+  const pair = state.lanes.length < 2
+    ? element("button", { textContent: "A second aircraft", onclick: () => ask("aircraft", {
+      names: [...first, state.aircraft.find((one) => one !== first[0])] }) })
+    : element("button", { textContent: "One aircraft", onclick: () => ask("aircraft", { names: first.slice(0, 1) }) });
+  if (!find("lanes").contains(document.activeElement) || document.activeElement.tagName !== "SELECT") {
+    find("lanes").replaceChildren(...shown, pair);
+  }
+}
+
+export function showTables(state) {
+  const lane = state.lanes[0];
+  rows(find("splits"), (lane.splits ?? []).map(([name, time, speed, load]) => [[name, time.toFixed(2), `${speed} kt`, `${load} g`]]));
+  rows(find("distances"), (lane.distances ?? []).map(([what, distance, required]) => [
+    [what, `${distance} m`, `≥ ${required} m`], distance - required < 0.05 ? "tight" : ""]));
+  find("warnings").replaceChildren(...(lane.warnings ?? []).map((text) => element("li", { textContent: text })));
+}
+
+export function showSliders(state, ask) {
+  const form = find("sliders");
+  const limits = state.lanes[0].limits ?? {};
+  if (!form.children.length) {
+    for (const [text, [name], min, max, step] of SLIDERS) {
+      const input = element("input", { type: "range", name, min, max, step });
+      let rest = 0;
+      input.addEventListener("input", () => {
+        input.nextElementSibling.textContent = input.value;
+        clearTimeout(rest);
+        rest = setTimeout(() => ask("values", { values: { [name]: Number(input.value) } }), SETTLE_MS);
+      });
+      form.append(element("label", {}, text, input, element("output")));
+    }
+    const reset = element("button", { type: "button", textContent: "As the file says" });
+    reset.onclick = () => ask("values", { values: Object.fromEntries(SLIDERS.map(([, [name]]) => [name, null])) });
+    form.append(reset, element("p", { id: "whatif" }));
+  }
+  const metric = "environment.wind.speed_m_s" in limits;
+  for (const input of form.querySelectorAll("input")) {
+    const hidden = input.name.includes(metric ? "speed_kt" : "speed_m_s");
+    input.parentElement.hidden = hidden;
+    input.parentElement.style.display = hidden ? "none" : "";
+    if (input === document.activeElement && !Object.keys(state.values).length === false) continue;
+    input.value = state.values[input.name] ?? limits[input.name] ?? 0;
+    input.nextElementSibling.textContent = Number(input.value);
+  }
+  const changed = Object.keys(state.values).length > 0;
+  form.querySelector("#whatif").textContent = changed ? "A what-if: the file stays as it is." : "";
+}
+
+export function showPiece(piece, ask) {
+  const box = find("piece");
+  box.hidden = !piece;
+  if (!piece || box.contains(document.activeElement)) return;
+  box.querySelector("h2").textContent = `${piece.path.at(-1)}: ${piece.kind}`;
+  const fields = Object.entries(piece.entry).filter(([name, value]) => name !== "type" && typeof value !== "object");
+  box.querySelector("form").replaceChildren(...fields.map(([name, value]) => {
+    const number = typeof value === "number";
+    const input = element("input", { value, type: number ? "number" : "text", step: "any", name });
+    input.onchange = async () => {
+      const said = await ask("set", { path: [...piece.path, name], value: number ? Number(input.value) : input.value });
+      if (!said.done) input.value = value;
+      input.blur();
+    };
+    return element("label", {}, name, input);
+  }));
+  box.querySelector("form").onsubmit = (event) => event.preventDefault();
+}

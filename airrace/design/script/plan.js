@@ -1,0 +1,274 @@
+// The course from above, north up, and the hand on it.
+
+import { Hand, gain, key, middle } from "./hand.js";
+
+const SPACE = "http://www.w3.org/2000/svg";
+const REST_MS = 150;
+const GRIP = 14, LABEL = 12, ARROW = 46, TURN = 44, SNAP = 12;  // pixels
+const LEAST_GAIN = 0.5;  // ms per metre, below which no arrow is drawn
+const COLOURS = 8;
+
+const element = (name, attributes = {}, ...children) => {
+  const made = document.createElementNS(SPACE, name);
+  for (const [one, value] of Object.entries(attributes)) made.setAttribute(one, value);
+  made.append(...children);
+  return made;
+};
+const points = (line) => line.map(([north, east]) => `${east.toFixed(2)},${(-north).toFixed(2)}`).join(" ");
+// From blue, unloaded, to red.
+const colour = (share) => `hsl(${(230 * (1 - share)).toFixed(0)} 75% 48%)`;
+
+export class Plan {
+  constructor(svg, { ask, changed, chosen, click }) {
+    Object.assign(this, { svg, ask, changed, chosen, click });
+    this.state = null;
+    this.hand = null;
+    this.choice = null;
+    this.arrows = true;
+    this.view = null;  // middle and metres per pixel
+    svg.addEventListener("pointerdown", (event) => this.press(event));
+    svg.addEventListener("pointermove", (event) => this.drag(event));
+    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, (event) => this.release(event));
+    svg.addEventListener("wheel", (event) => this.zoom(event), { passive: false });
+    new ResizeObserver(() => this.draw()).observe(svg);
+  }
+
+  show(state) {
+    this.state = state;
+    if (this.hand?.sent !== undefined && state.revision >= this.hand.sent) this.hand = null;
+    if (!this.view && this.pieces().some((one) => one.spots.length)) this.fit();
+    this.draw();
+  }
+
+  // All pieces as they stand, one perhaps in the hand.
+  pieces() {
+    const held = this.hand?.piece;
+    return this.state.pieces.map((one) => (held && key(one.path) === key(held.path) ? this.hand.moved() : one));
+  }
+
+  chosenPiece() {
+    return this.pieces().find((one) => key(one.path) === this.choice) ?? null;
+  }
+
+  choose(path) {
+    this.choice = path && key(path);
+    this.chosen(this.chosenPiece());
+    this.draw();
+  }
+
+  fit() {
+    const lines = this.state.lanes.flatMap((lane) => lane.line ?? []);
+    const spots = this.pieces().flatMap((one) => one.spots.map((spot) => [spot.north, spot.east]));
+    const [norths, easts] = [0, 1].map((index) => [...lines, ...spots].map((one) => one[index]));
+    const [low, high] = [norths, easts].map((all) => [Math.min(...all), Math.max(...all)]);
+    const box = this.svg.getBoundingClientRect();
+    const scale = Math.max((low[1] - low[0]) / (box.height - 120), (high[1] - high[0]) / (box.width - 120), 0.2);
+    this.view = { north: (low[0] + low[1]) / 2, east: (high[0] + high[1]) / 2, scale };
+    this.draw();
+  }
+
+  at(event) {
+    const box = this.svg.getBoundingClientRect();
+    const { north, east, scale } = this.view;
+    return {
+      north: north - (event.clientY - box.top - box.height / 2) * scale,
+      east: east + (event.clientX - box.left - box.width / 2) * scale,
+    };
+  }
+
+  // The nearest place of a piece within some pixels, else where the hand is.
+  snapped(at) {
+    const spots = this.pieces().flatMap((one) => one.spots);
+    const far = (one) => Math.hypot(one.north - at.north, one.east - at.east) / this.view.scale;
+    const nearest = spots.sort((one, other) => far(one) - far(other))[0];
+    return nearest && far(nearest) < SNAP ? nearest : at;
+  }
+
+  press(event) {
+    if (!this.view || event.button !== 0) return;
+    this.svg.focus();
+    const at = this.at(event);
+    if (this.click(at)) return;
+    const target = event.target.closest("[data-piece]");
+    this.svg.setPointerCapture(event.pointerId);
+    if (!target) {
+      this.pan = { x: event.clientX, y: event.clientY, ...this.view };
+      return;
+    }
+    const piece = this.pieces().find((one) => key(one.path) === target.dataset.piece);
+    const corner = event.target.dataset.corner;
+    const spot = corner && piece.spots.find((one) => key(one.path) === corner);
+    this.hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset });
+    this.choose(piece.path);
+  }
+
+  drag(event) {
+    if (this.pan) {
+      const { x, y, north, east, scale } = this.pan;
+      this.view = { north: north + (event.clientY - y) * scale, east: east - (event.clientX - x) * scale, scale };
+      this.draw();
+    } else if (this.hand && this.hand.sent === undefined) {
+      this.hand.move(this.at(event));
+      this.hand.dirty = true;
+      clearTimeout(this.rest);
+      this.rest = setTimeout(() => this.send(), REST_MS);
+      this.draw();
+      this.changed();
+    }
+  }
+
+  async release() {
+    this.pan = null;
+    clearTimeout(this.rest);
+    const hand = this.hand;
+    if (!hand || hand.sent !== undefined) return;
+    hand.sent = Infinity;
+    this.send();
+    const said = await hand.sending;
+    if (this.hand !== hand) return;
+    hand.sent = said?.revision ?? -1;  // it is held until the state shows what it has done
+    this.show(this.state);
+    this.changed();
+  }
+
+  send() {
+    const { hand } = this;
+    if (!hand?.dirty) return;
+    hand.dirty = false;
+    hand.sending = this.ask("move", hand.message());
+  }
+
+  zoom(event) {
+    event.preventDefault();
+    if (!this.view) return;
+    const [before, factor] = [this.at(event), Math.exp(Math.sign(event.deltaY) * 0.15)];
+    this.view.scale *= factor;
+    const after = this.at(event);
+    this.view.north += before.north - after.north;
+    this.view.east += before.east - after.east;
+    this.draw();
+  }
+
+  draw() {
+    if (!this.view || !this.state) return;
+    const box = this.svg.getBoundingClientRect();
+    const { north, east, scale } = this.view;
+    const [width, height] = [box.width * scale, box.height * scale];
+    this.svg.setAttribute("viewBox", `${east - width / 2} ${-north - height / 2} ${width} ${height}`);
+    const pieces = this.pieces();
+    this.svg.replaceChildren(
+      ...this.below(),
+      ...this.state.lanes.flatMap((lane, index) => this.line(lane, index)),
+      ...pieces.filter((one) => one.spots.length).map((one) => this.piece(one)),
+      ...(this.arrows ? pieces.flatMap((one) => this.arrow(one)) : []),
+    );
+  }
+
+  below() {
+    const below = this.state.background;
+    if (!below) return [];
+    const { north, east, scale } = this.view;
+    if (!below.lines.length && !below.placed && !this.unplaced) {
+      this.unplaced = [scale, 0, north + 300 * scale, east - 400 * scale];
+    }
+    const [a, b, n, e] = below.placed ?? this.unplaced;
+    const transform = `matrix(${a} ${b} ${-b} ${a} ${e} ${-n})`;
+    this.placed = [a, b, n, e];
+    if (!below.lines.length) {
+      return [element("image", { href: `picture?${encodeURIComponent(below.file)}`, transform, opacity: 0.7 })];
+    }
+    const marks = below.lines.flatMap(([name, line]) => [
+      element("polyline", { class: "mark", points: points(line.length > 1 ? line : [line[0], line[0]]),
+        "stroke-width": line.length > 1 ? 1 : 6, "stroke-linecap": "round" }),
+      this.label(name, line[0][0], line[0][1], "mark"),
+    ]);
+    return [element("g", { transform }, ...marks)];
+  }
+
+  line(lane, index) {
+    const lines = [];
+    if (lane.six_dof?.line?.length) {
+      lines.push(element("g", { class: "six" }, element("polyline", { class: "line", points: points(lane.six_dof.line) })));
+    }
+    if (!lane.line) return lines;
+    const old = lane.answered !== undefined && !lane.holds;
+    const group = element("g", { class: `${old ? "old" : ""} ${index ? "second" : ""}`, "data-line": index });
+    const [low, high] = lane.n_z_range;
+    const shade = (row) => Math.round((COLOURS * (row[2] - low)) / Math.max(high - low, 1e-9));
+    for (let begin = 0; begin < lane.line.length - 1; ) {
+      let end = begin + 1;
+      while (end < lane.line.length - 1 && shade(lane.line[end]) === shade(lane.line[begin])) end += 1;
+      const stroke = colour(shade(lane.line[begin]) / COLOURS);
+      group.append(element("polyline", { class: "line", points: points(lane.line.slice(begin, end + 1)), stroke }));
+      begin = end;
+    }
+    return [...lines, group];
+  }
+
+  piece(piece) {
+    const { scale } = this.view;
+    const chosen = key(piece.path) === this.choice;
+    const names = ["piece", piece.kind.split(" ")[0], chosen ? "chosen" : ""];
+    const group = element("g", { class: names.join(" "), "data-piece": key(piece.path) });
+    const corners = piece.spots.map((one) => [one.north, one.east]);
+    if (piece.closed) group.append(element("polygon", { class: "area", points: points(corners) }));
+    else if (corners.length > 1 && piece.path[0] !== "gates") {
+      group.append(element("polyline", { class: "stroke", points: points(corners) }));
+      group.append(element("polyline", { class: "stroke", points: points(corners), style: "stroke:transparent;stroke-width:14" }));
+    }
+    for (const stroke of piece.strokes) {
+      if (stroke.length > 1) group.append(element("polyline", { class: "stroke", points: points(stroke) }));
+      else group.append(element("circle", { class: "post", cx: stroke[0][1], cy: -stroke[0][0], r: Math.max(2.5 * scale, 1) }));
+    }
+    const centre = middle(piece.spots);
+    if (!piece.closed) {
+      group.append(element("circle", { class: "grip", cx: centre.east, cy: -centre.north, r: GRIP * scale }));
+    }
+    group.append(this.label(String(piece.path.at(-1)), centre.north, centre.east));
+    if (chosen) this.handles(piece, group, centre);
+    return group;
+  }
+
+  handles(piece, group, centre) {
+    const { scale } = this.view;
+    if (piece.spots.length > 1) {
+      for (const one of piece.spots) {
+        group.append(element("circle", { class: "handle", cx: one.east, cy: -one.north, r: 6 * scale,
+          "data-corner": key(one.path) }));
+      }
+    }
+    if (piece.turn || piece.spots.length > 1) {
+      const angle = ((piece.turn?.[1] ?? 0) * Math.PI) / 180;
+      const [x, y] = [centre.east + TURN * scale * Math.sin(angle), -centre.north - TURN * scale * Math.cos(angle)];
+      group.append(element("line", { class: "stroke", x1: centre.east, y1: -centre.north, x2: x, y2: y }));
+      group.append(element("circle", { class: "handle", cx: x, cy: y, r: 7 * scale, "data-turn": "" }));
+    }
+  }
+
+  arrow(piece) {
+    const lane = this.state.lanes[0];
+    if (piece.path[0] !== "gates" || !piece.spots.length || !lane.holds) return [];
+    const { north, east } = gain(lane, piece);
+    const size = Math.hypot(north, east);
+    if (size < LEAST_GAIN) return [];
+    const { scale } = this.view;
+    const [un, ue, from] = [north / size, east / size, middle(piece.spots)];
+    const at = (along, across) => [
+      from.north + scale * (along * un - across * ue),
+      from.east + scale * (along * ue + across * un),
+    ];
+    const head = points([at(ARROW, 0), at(ARROW - 9, 5), at(ARROW - 9, -5)]);
+    const tip = at(ARROW + 6, 0);
+    return [
+      element("polyline", { class: "arrow", points: points([at(GRIP, 0), at(ARROW - 9, 0)]) }),
+      element("polygon", { class: "arrow", points: head }),
+      this.label(`${size.toFixed(size < 10 ? 1 : 0)} ms/m`, tip[0], tip[1], "slope"),
+    ];
+  }
+
+  label(text, north, east, name = "") {
+    const { scale } = this.view;
+    const place = { x: east + 7 * scale, y: -north - 7 * scale, "font-size": LABEL * scale, class: name };
+    return element("text", place, text);
+  }
+}

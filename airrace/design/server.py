@@ -1,0 +1,188 @@
+"""The server of the designer: one page and its state, for this machine and whoever knows the token alone.
+
+A request is refused unless it names this server as its host, the token in its path and, where it changes something,
+this server as its origin: no page of another origin, nor a name that leads here, reaches the state.
+"""
+
+import asyncio
+import json
+import secrets
+import socket
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from airrace.design.designer import Designer
+from airrace.design.track_file import ChangedOnDisk, StaleRevision
+from airrace.errors import AirraceError, InputError
+from airrace.records import record
+
+FOLDER = Path(__file__).parent
+LOOPBACK = "127.0.0.1"
+KINDS = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+@record
+class ServerSettings:
+    """The numbers of the server.
+
+    Attributes:
+        message: the largest message of a page, bytes; a layout of hundreds of corners has a tenth of it.
+        wait, look: the time for which a page waits for news, and between looks for some, s.
+        token: bytes of randomness in the address.
+    """
+
+    message: int = 256 * 1024
+    wait: float = 20.0
+    look: float = 0.02
+    token: int = 24
+
+
+SETTINGS = ServerSettings()
+
+
+class _Guard:
+    """What stands before all routes: host, token, origin, kind and size of what is sent."""
+
+    def __init__(self, app: ASGIApp, hosts: tuple[str, ...], token: str) -> None:
+        self._app, self._hosts, self._token = app, hosts, token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        refusal = self._refusal(Request(scope))
+        await (refusal or self._app)(scope, receive, send)
+
+    def _refusal(self, request: Request) -> Response | None:
+        """Return the answer to a request that is refused; None if it may pass."""
+        headers = request.headers
+        if headers.get("host", "") not in self._hosts:
+            return _refused(421, "this is another host than the designer's")
+        given = request.url.path.split("/")[1]
+        if not secrets.compare_digest(given.encode(), self._token.encode()):
+            return _refused(403, "the token in the address is missing or wrong; take the address that was printed")
+        origin = headers.get("origin")
+        own = {f"http://{host}" for host in self._hosts}
+        if origin is not None and origin not in own:
+            return _refused(403, "another origin may not use the designer")
+        if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+            return _refused(403, "another site may not use the designer")
+        if request.method == "POST":
+            if origin is None:
+                return _refused(403, "a change needs an origin")
+            if headers.get("content-type", "").partition(";")[0] != "application/json":
+                return _refused(415, "a message is JSON")
+            length = headers.get("content-length", "")
+            if not length.isdecimal():
+                return _refused(411, "a message tells its length")
+            if int(length) > SETTINGS.message:
+                return _refused(413, f"a message has at most {SETTINGS.message} bytes")
+        return None
+
+
+def _refused(status: int, text: str) -> Response:
+    return JSONResponse({"error": text}, status, headers=HEADERS)
+
+
+def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: Callable[[], bool]) -> ASGIApp:
+    """Return the application that serves a designer to those who name one of the hosts and the token."""
+
+    async def asset(request: Request) -> Response:
+        path = FOLDER / (request.path_params["path"] or "page.html")
+        if path not in {
+            file for pattern in ("page.html", "script/*.js", "style/*.css") for file in FOLDER.glob(pattern)
+        }:
+            return _refused(404, "there is no such file")
+        return Response(path.read_bytes(), media_type=KINDS[path.suffix], headers=HEADERS)
+
+    async def state(request: Request) -> Response:
+        """Answer as soon as there is another state than the page knows."""
+        known, left = request.query_params.get("since", ""), SETTINGS.wait
+        while str(designer.version) == known and left > 0.0 and not stops():
+            await asyncio.sleep(SETTINGS.look)
+            left -= SETTINGS.look
+        return JSONResponse(await run_in_threadpool(designer.state), headers=HEADERS)
+
+    async def act(request: Request) -> Response:
+        try:
+            await run_in_threadpool(designer.do, request.path_params["what"], json.loads(await request.body()))
+        except (ValueError, RecursionError):
+            return _refused(400, "the message is no JSON")
+        except ChangedOnDisk as error:
+            return JSONResponse({"error": str(error), "digest": error.digest}, 409, headers=HEADERS)
+        except StaleRevision as error:
+            return _refused(409, str(error))
+        except InputError as error:
+            findings = [f"{one.key}: {one.message}" if one.key else one.message for one in error.findings[:5]]
+            return _refused(422, "; ".join(findings))
+        except AirraceError as error:
+            return _refused(422, str(error))
+        return JSONResponse({"version": designer.version, "revision": designer.track.revision}, headers=HEADERS)
+
+    async def picture(request: Request) -> Response:
+        try:
+            content, kind = await run_in_threadpool(designer.picture)
+        except (AirraceError, OSError) as error:
+            return _refused(404, str(error))
+        return Response(content, media_type=kind, headers=HEADERS)
+
+    own = f"/{token}"
+    routes = [
+        Route(f"{own}/state", state),
+        Route(f"{own}/picture", picture),
+        Route(f"{own}/do/{{what}}", act, methods=["POST"]),
+        Route(f"{own}/{{path:path}}", asset),
+    ]
+    return _Guard(Starlette(routes=routes), hosts, token)
+
+
+class DesignServer:
+    """A server on the loopback address, listening from the start.
+
+    Attributes:
+        address: of the page, with its token.
+    """
+
+    def __init__(self, designer: Designer, port: int = 0) -> None:
+        """Take a port; 0 for one that is free.
+
+        Raises:
+            OSError: the port is taken.
+        """
+        self._socket = socket.create_server((LOOPBACK, port))
+        taken = self._socket.getsockname()[1]
+        token = secrets.token_urlsafe(SETTINGS.token)
+        self.address = f"http://{LOOPBACK}:{taken}/{token}/"
+        hosts = (f"{LOOPBACK}:{taken}", f"localhost:{taken}")
+        app = application(designer, hosts, token, lambda: self._server.should_exit)
+        config = uvicorn.Config(
+            app, log_config=None, access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1
+        )
+        self._server = uvicorn.Server(config)
+
+    def run(self, *, browser: bool) -> None:
+        """Serve until Ctrl-C or `stop`; open the page in a browser if that is wanted."""
+        if browser:
+            webbrowser.open(self.address)
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """End the server, from any thread."""
+        self._server.should_exit = True

@@ -1,0 +1,116 @@
+"""A hand on a gate in a browser: the time that the page shows is that of the file that it saves."""
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from browser_pages import READY_MS, browser_path
+from playwright.sync_api import Page, sync_playwright
+
+import airrace
+from airrace.design.designer import Designer
+from airrace.design.server import DesignServer
+
+pytestmark = pytest.mark.slow
+
+WITHIN = """(path) => {
+  const { plan } = window.designer;
+  const one = plan.pieces().find((piece) => piece.path.join(".") === path).spots[0];
+  const [{ north, east, scale }, box] = [plan.view, plan.svg.getBoundingClientRect()];
+  const [right, up] = [(one.east - east) / scale, (one.north - north) / scale];
+  return [box.left + box.width / 2 + right, box.top + box.height / 2 - up, scale];
+}"""
+SETTLED = """() => {
+  const { state } = window.designer.link;
+  if (!state) return false;
+  const [lane] = state.lanes;
+  return lane.answered === state.revision && lane.slope_time === lane.time && !window.designer.plan.hand;
+}"""
+
+
+@dataclass
+class Desk:
+    page: Page
+    designer: Designer
+
+    def settle(self) -> float:
+        """Wait for the answer to what is shown, and its sensitivities; return its race time, s."""
+        self.page.wait_for_function(SETTLED)
+        return float(self.page.locator(".time").get_attribute("data-time") or "nan")
+
+    def drag(self, piece: str, north: float, east: float) -> float:
+        """Drag a piece by metres, and let go; return the race time that was predicted in the hand, s."""
+        x, y, scale = self.page.evaluate(WITHIN, piece)
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        self.page.mouse.move(x + east / scale, y - north / scale)
+        predicted = float(self.page.locator(".time.guess").get_attribute("data-time") or "nan")
+        self.page.mouse.up()
+        return predicted
+
+
+@pytest.fixture
+def desk(track: Path) -> Iterator[Desk]:
+    designer = Designer(track)
+    server = DesignServer(designer)
+    thread = threading.Thread(target=lambda: server.run(browser=False))
+    thread.start()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=browser_path(), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 850})
+        page.set_default_timeout(READY_MS)
+        said: list[Any] = []
+        page.on("console", lambda one: said.append(one.text) if one.type == "error" else None)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(server.address)
+        yield Desk(page, designer)
+        browser.close()
+    server.stop()
+    thread.join()
+    designer.close()
+    assert said == []
+
+
+def test_a_dragged_gate_has_the_race_time_of_the_saved_file(desk: Desk, track: Path) -> None:
+    before = desk.settle()
+    predicted = desk.drag("gates.corner", 4.0, -3.0)
+    after = desk.settle()
+    assert desk.designer.track.document.text != track.read_text()
+    assert predicted - before == pytest.approx(after - before, rel=0.2)
+    desk.page.keyboard.press("Control+s")
+    desk.page.wait_for_selector("#save:disabled")
+    flown = airrace.optimize(track, until="point-mass")
+    assert after < flown.race_time + 0.005
+    desk.page.keyboard.press("Control+z")
+    desk.page.wait_for_function("() => window.designer.link.state.revision === 2")
+    assert desk.settle() == pytest.approx(before, abs=1e-4)
+
+
+def test_a_killed_solver_a_limit_that_nobody_meets_and_a_lost_link_lose_nothing(desk: Desk) -> None:
+    before = desk.settle()
+    for process in psutil.Process().children(recursive=True):
+        if any("airrace" in word for word in process.cmdline()):
+            process.kill()
+    desk.drag("gates.corner", 4.0, -3.0)
+    assert desk.settle() > before
+    # The old line stays, grey, and the page says what is wrong.
+    desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': 1.2 } })")
+    desk.page.wait_for_selector("g.old .line")
+    assert desk.page.locator(".problem").first.inner_text()
+    desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': null } })")
+    desk.page.wait_for_selector("g:not(.old) > .line")
+    desk.page.context.set_offline(True)
+    desk.drag("gates.corner", -4.0, 3.0)
+    desk.page.wait_for_selector("#link.lost")
+    desk.page.context.set_offline(False)
+    desk.page.wait_for_selector("#link:not(.lost)")
+    other = desk.page.context.new_page()
+    other.goto(desk.page.url)
+    other.wait_for_function(SETTLED)
+    other.evaluate("() => window.designer.link.ask('undo')")
+    desk.page.wait_for_function("() => window.designer.link.state.revision === 2")
+    assert desk.settle() == pytest.approx(before, abs=1e-4)
