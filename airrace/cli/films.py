@@ -52,8 +52,8 @@ def film(
         settings = film_settings(path, view=view, format=form, size=size, fps=fps, from_=begin, to=end, seconds=seconds)
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        page, flown = report_of_flights(names, stage=stage, verify=not no_verify)
-        answer.fail_if_refuted({one.label: one.source.confirmation for one in flown})
+        page, opened = report_of_flights(names, stage=stage, verify=not no_verify)
+        answer.fail_if_refuted({one.label: one.source.confirmation for one in opened})
         watched = not quiet and sys.stderr.isatty()
 
         def watch(share: float) -> None:
@@ -91,7 +91,7 @@ def card(
         ensure_card(path)
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=[name])
-        page, flown = report_of_flights([name], stage=stage, verify=not no_verify)
-        answer.fail_if_refuted({one.label: one.source.confirmation for one in flown})
+        page, opened = report_of_flights([name], stage=stage, verify=not no_verify)
+        answer.fail_if_refuted({one.label: one.source.confirmation for one in opened})
         replace_file(path, card_of(page))
         answer_with_files(answer, [path], quiet=quiet, format="png", flights=[name])

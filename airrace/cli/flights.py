@@ -110,7 +110,7 @@ UnitsOption = Annotated[
 
 def brief(
     name: Annotated[
-        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
+        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.")
     ],
     stage: StageOfFlights = None,
     units: UnitsOption = UnitsName.KT_M,
@@ -255,15 +255,15 @@ def report(
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        page, flown = report_of_flights(names, stage=stage, sensitivities=sensitivities, verify=not no_verify)
+        page, opened = report_of_flights(names, stage=stage, sensitivities=sensitivities, verify=not no_verify)
         write_text(path, page)
-        told = {one.label: one.source.confirmation for one in flown}
-        answer.fields["verified"] = [one and one.verified for one in told.values()]
-        answer.fields["verification"] = [one and one.words for one in told.values()]
+        confirmations = {one.label: one.source.confirmation for one in opened}
+        answer.fields["verified"] = [one and one.verified for one in confirmations.values()]
+        answer.fields["verification"] = [one and one.words for one in confirmations.values()]
         answer_with_files(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
         if not quiet:
-            answer.texts.extend(f"{label}: {one.remark}" for label, one in told.items() if one is not None)
-        answer.fail_if_refuted(told)
+            answer.texts.extend(f"{label}: {one.remark}" for label, one in confirmations.items() if one is not None)
+        answer.fail_if_refuted(confirmations)
 
 
 class _Formats(TyperGroup):

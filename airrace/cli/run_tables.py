@@ -74,7 +74,7 @@ class StoredStages:
         checkpoint: that holds them.
         every: all stages of the run; those that no longer stand are not certified.
         results: the stages that are shown, in their order.
-        confirmations: what measuring them again told, of every one.
+        confirmations: the outcome of measuring each of them again.
         flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
             is none, or where this version of airrace does not accept the stored inputs.
         stage: the name of the stage that the flight belongs to; empty without one.
@@ -90,8 +90,8 @@ class StoredStages:
     @property
     def verified(self) -> bool | None:
         """Whether all stages that are shown are verified; None where some are not, and none is refuted."""
-        told = [one.verified for one in self.confirmations.values()]
-        return False if False in told else True if told and all(told) else None
+        verified = [one.verified for one in self.confirmations.values()]
+        return False if False in verified else True if verified and all(verified) else None
 
     def as_object(self) -> dict[str, object]:
         """Return the object of the run, with `legs` and `laps` in the stage whose flight is shown.
@@ -138,36 +138,37 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         names = ", ".join(result.stage.value for result in every) or "none"
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
-    told = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
+    confirmations = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
     if name is not None and run is not None:
-        return StoredStages(checkpoint, every, results, told, run.flight(name), name)
+        return StoredStages(checkpoint, every, results, confirmations, run.flight(name), name)
     if name is not None:
         logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
-    return StoredStages(checkpoint, every, results, told)
+    return StoredStages(checkpoint, every, results, confirmations)
 
 
-def _headline(results: Sequence[StageResult], told: Confirmation | None = None) -> Iterator[str]:
-    """Yield race time and claim of the last stage, and what measuring it again told; nothing where it does not hold,
-    unless that was what told so.
+def _headline(results: Sequence[StageResult], confirmation: Confirmation | None = None) -> Iterator[str]:
+    """Yield race time and claim of the last stage, and the outcome of measuring it again.
+
+    Where the stage does not hold there is nothing, unless that is the outcome.
     """
-    claimed, confirmed = claim(results), "" if told is None else told.outcome
-    if told is not None and told.refutation:
+    claimed, confirmed = claim(results), "" if confirmation is None else confirmation.outcome
+    if confirmation is not None and confirmation.refutation:
         claimed = results[-1].status.value
     if claimed:
         words = "; ".join(text for text in (claimed, confirmed) if text)
         yield textwrap.fill(f"{results[-1].trajectory.race_time:.3f} s, {words}", PAGE)
 
 
-def _confirmation_texts(told: Mapping[Stage, Confirmation]) -> Iterator[str]:
-    """Yield what measuring stages again told, equal words once, and what nobody can verify.
+def _confirmation_texts(confirmations: Mapping[Stage, Confirmation]) -> Iterator[str]:
+    """Yield the outcomes of measuring stages again, equal words once, and what nobody can verify.
 
     What was refuted the remark on its stage tells.
     """
     alike: dict[str, list[str]] = {}
-    for stage, one in told.items():
+    for stage, one in confirmations.items():
         alike.setdefault(one.remark, []).append(stage.value)
     yield "\n".join(
-        textwrap.fill(f"{'all stages' if len(alike) == 1 < len(told) else ', '.join(stages)}: {words}", PAGE)
+        textwrap.fill(f"{'all stages' if len(alike) == 1 < len(confirmations) else ', '.join(stages)}: {words}", PAGE)
         for words, stages in alike.items()
     )
     yield textwrap.fill(NOBODY_CAN, PAGE)
@@ -445,7 +446,9 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
         for flight in (other, reference)
         if flight.source.certified is False
     ]
-    return lines + [f"  {one.label}: {told.remark}" for one in (other, reference) if (told := one.source.confirmation)]
+    return lines + [
+        f"  {one.label}: {found.remark}" for one in (other, reference) if (found := one.source.confirmation)
+    ]
 
 
 def _loss_texts(comparison: Comparison) -> Iterator[str]:

@@ -133,13 +133,13 @@ def safety(
             found = optimize(track, aircraft=one, threads=threads, progress=not quiet)
             runs[f"{track} {found.race.aircraft.name}"] = found
 
-        def flown(run: Run) -> SafetyCase | SafetyRose:
+        def case_of(run: Run) -> SafetyCase | SafetyRose:
             if winds is not None:
                 return run.safety_in_winds(winds, progress=not quiet, **options)
             return run.stage(stage).safety(**options, label=run.label)
 
         run = next(iter(runs.values()))
-        case = flown(run) if len(runs) == 1 else fly_runs(runs, flown)
+        case = case_of(run) if len(runs) == 1 else fly_runs(runs, case_of)
         if isinstance(case, SafetyCase):
             tables, failures = [case.counts_table(), case.gates_table(), case.legs_table()], [case.uncertified]
         else:

@@ -166,20 +166,20 @@ def _propulsion(work: Estimation) -> None:
         work.change("propulsion", GIVEN, P_max=figures.power)
         T_static = engine.T_static * (figures.power / engine.P_max) ** (2.0 / 3.0)
         work.change("propulsion", "momentum theory: as P^(2/3), propeller disc of the template", T_static=T_static)
-    V, climb, flown = figures.speed_max, figures.climb, work.by_the_manual
-    conditions = f"with {flown.airframe.m:g} kg, {flown.propulsion.P_max / 1000.0:.4g} kW"
-    if V is not None and stall_speed(flown) >= V:
-        raise UsageError(f"--speed-max {V:.4g} m/s is below the stall, {stall_speed(flown):.4g} m/s")
+    V, climb, manual = figures.speed_max, figures.climb, work.by_the_manual
+    conditions = f"with {manual.airframe.m:g} kg, {manual.propulsion.P_max / 1000.0:.4g} kW"
+    if V is not None and stall_speed(manual) >= V:
+        raise UsageError(f"--speed-max {V:.4g} m/s is below the stall, {stall_speed(manual):.4g} m/s")
     if climb is not None:
         ends, top = PLAUSIBLE.efficiency, f" and {V:.4g} m/s top speed" if V else ""
-        slow, fast = (climb_rate(_with_efficiency(flown, eta, V)) for eta in (ends.lower, ends.upper))
+        slow, fast = (climb_rate(_with_efficiency(manual, eta, V)) for eta in (ends.lower, ends.upper))
         text = f"{conditions}{top} no propeller makes a climb (--climb) in m/s of"
         _ensure(climb, Interval(slow, fast), text, "At which mass does it hold (--manual-mass)?")
-        eta = bisect(lambda eta: climb - climb_rate(_with_efficiency(flown, eta, V)), ends.lower, ends.upper)
+        eta = bisect(lambda eta: climb - climb_rate(_with_efficiency(manual, eta, V)), ends.lower, ends.upper)
         work.change("propulsion", "best rate of climb: m g0 sin(gamma) = T - D", eta_p=eta)
     if V is not None:
-        C_D0 = _with_efficiency(flown, work.aircraft.propulsion.eta_p, V).drag.C_D0
-        text = f"a top speed of {V:.4g} m/s (--speed-max) {conditions} and {flown.airframe.S:g} m2 takes a C_D0 of"
+        C_D0 = _with_efficiency(manual, work.aircraft.propulsion.eta_p, V).drag.C_D0
+        text = f"a top speed of {V:.4g} m/s (--speed-max) {conditions} and {manual.airframe.S:g} m2 takes a C_D0 of"
         _ensure(C_D0, PLAUSIBLE.C_D0, text, "Is it of level flight at sea level, with this power (--manual-power)?")
         work.change("drag", "top speed: T = D in level flight", C_D0=C_D0)
 

@@ -172,7 +172,7 @@ def xml_tree(path: str, content: bytes, take: Callable[[Element, int], None] = l
     """
     try:
         root = _parse(path, content, take)
-        assert root is not None  # all is kept
+        assert root is not None  # all is read
         return root
     except expat.ExpatError as error:
         refuse(path, error.lineno, f"is no XML: {expat.ErrorString(error.code)}")
@@ -185,24 +185,24 @@ def _codec(name: str) -> str:
         return ""
 
 
-def _parse(path: str, content: bytes, take: Callable[[Element, int], None], kept: str = "") -> Element | None:
+def _parse(path: str, content: bytes, take: Callable[[Element, int], None], only: str = "") -> Element | None:
     """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
 
-    Where only elements of one name are to be `kept` with what they hold, all others are taken empty and there is no
-    root: whatever else a document holds needs no memory.
+    Where only elements of one name are to be read (`only`) with what they hold, all others are taken empty and there is
+    no root: whatever else a document holds needs no memory.
     """
     encoding = None
     if (declared := _DECLARED.match(content)) and (known := _codec(declared[1].decode())) in _MULTIBYTE:
         content, encoding = content.decode(known, "replace").encode(), "utf-8"
     builder, parser = TreeBuilder(), expat.ParserCreate(encoding, namespace_separator=" ")
-    depth, inside = 0, 0  # of all elements, and of those that are kept
+    depth, inside = 0, 0  # of all elements, and of those that are read
 
     def begin(name: str, attributes: Mapping[str, str]) -> None:
         nonlocal depth, inside
         tag, depth = name.rpartition(" ")[2], depth + 1
         if depth > LIMITS.depth:
             refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {LIMITS.depth} deep")
-        if inside or not kept or tag == kept:
+        if inside or not only or tag == only:
             inside += 1
             builder.start(tag, dict(attributes))
 
@@ -214,7 +214,7 @@ def _parse(path: str, content: bytes, take: Callable[[Element, int], None], kept
             return
         inside -= 1
         take(builder.end(tag), parser.CurrentLineNumber)
-        if kept and not inside:
+        if only and not inside:
             builder = TreeBuilder()
 
     def data(text: str) -> None:
@@ -232,7 +232,7 @@ def _parse(path: str, content: bytes, take: Callable[[Element, int], None], kept
         parser.Parse(content, True)
     except (LookupError, ValueError):  # Python's codecs, of which expat takes those of a byte per letter
         refuse(path, 1, "declares an encoding that is not read; save it as UTF-8")
-    return None if kept else builder.close()
+    return None if only else builder.close()
 
 
 def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:

@@ -71,8 +71,8 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
-    told = first.source.confirmation
-    unsure = told is not None and told.verified is None
+    confirmation = first.source.confirmation
+    unsure = confirmation is not None and confirmation.verified is None
     good = "bad" if first.source.doubtful or misses else "unsure" if unsure else "good"
     look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
     verdict = f"<div {look}>{escape_html(first.source.verdict or 'recorded')}{near}</div>"

@@ -50,12 +50,12 @@ class ComparedAircraft:
     @property
     def table(self) -> Table:
         """Published and computed figures, at the manual's mass and power."""
-        flown = under(self.aircraft, self.figures.manual_mass, self.figures.manual_power)
-        conditions = f"{flown.airframe.m:.0f} kg, {flown.propulsion.P_max / 1000.0:.0f} kW, sea level, ISA"
-        return Table(f"{self.aircraft.name}: {conditions}", _COLUMNS, list(self._rows(flown)))
+        manual = under(self.aircraft, self.figures.manual_mass, self.figures.manual_power)
+        conditions = f"{manual.airframe.m:.0f} kg, {manual.propulsion.P_max / 1000.0:.0f} kW, sea level, ISA"
+        return Table(f"{self.aircraft.name}: {conditions}", _COLUMNS, list(self._rows(manual)))
 
-    def _rows(self, flown: Aircraft) -> Iterator[list[str | float | None]]:
-        figures, found = self.figures, performance(flown, self.figures.roll_speed)
+    def _rows(self, manual: Aircraft) -> Iterator[list[str | float | None]]:
+        figures, found = self.figures, performance(manual, self.figures.roll_speed)
         rolls = f"roll rate at {(figures.roll_speed or found.V_A) / KNOT:.0f} kt"
         for name, unit, factor, published, computed in (
             ("stall", "kt", KNOT, figures.stall, found.stall),

@@ -328,14 +328,14 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "stage": flight.source.stage or None,
         "status": None if flight.source.status is None else flight.source.status.value,
         "certified": flight.source.certified,
-        **({} if (told := flight.source.confirmation) is None else confirmation_object(told)),
+        **({} if (found := flight.source.confirmation) is None else confirmation_object(found)),
         "race_time_s": finite(flight.race_time),
     }
 
 
-def confirmation_object(told: Confirmation) -> dict[str, object]:
-    """Return what measuring a stage again told: `verified` is null where nothing was measured."""
-    return {"verified": told.verified, "verification": told.words}
+def confirmation_object(confirmation: Confirmation) -> dict[str, object]:
+    """Return the outcome of measuring a stage again: `verified` is null where nothing was measured."""
+    return {"verified": confirmation.verified, "verification": confirmation.words}
 
 
 def _comparison_object(comparison: Comparison) -> dict[str, object]:

@@ -84,7 +84,7 @@ def safety_document(
     """
     flight = view.flight(case.label)
     footprint = footprint_of(flight.race, [Track.of(flight)])
-    certificate, told = view.certificate, [view.message] if view.message else []
+    certificate, notes = view.certificate, [view.message] if view.message else []
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
     digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
     return document_page(
@@ -99,7 +99,7 @@ def safety_document(
             chapter("Distances of the optimum", *_distances(flight)),
             chapter("Loads of the optimum", *_loads(flight)),
             chapter("Falls and glides", *_falls(footprint, flight)),
-            chapter("The optimum", table_block(certificate_table(certificate, "Certificate", told)))
+            chapter("The optimum", table_block(certificate_table(certificate, "Certificate", notes)))
             if certificate
             else "",
             chapter("Pilot and disturbances", table_block(_assumptions(case.result))),
