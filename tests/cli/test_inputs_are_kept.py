@@ -39,6 +39,7 @@ COMMANDS: dict[str, str] = {
     "export csv run.h5:point-mass --output OUT": "run.h5",
     "footprint run.h5:point-mass --output OUT.csv": "run.h5",
     "safety run.h5 --output OUT.json": "run.h5",
+    "safety course.yaml --aircraft other.yaml --output OUT.json": "course.yaml other.yaml",
     "film run.h5 --output OUT.mp4": "run.h5",
     "card run.h5 --output OUT.png": "run.h5",
     "sweep run.h5 --sweep rules.n_z_max=9 --output OUT.csv": "run.h5",
