@@ -22,7 +22,7 @@ from airrace.report.browser import browser_path
 
 PICTURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 SIZE = {"width": 1240, "height": 720}
-FILM_WIDTH, FRAME_MS, COLOURS = 880, 120, 64
+FILM_WIDTH, FRAME_MS, COLOURS = 880, 120, 96
 STEPS = 8
 """Photographs of a movement of the hand."""
 AT = """([path, turn]) => {
@@ -70,7 +70,7 @@ class Film:
         self.shoot(6)
 
     def save(self, path: Path) -> None:
-        palette = [frame.quantize(COLOURS) for frame in self.frames]
+        palette = [frame.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE) for frame in self.frames]
         palette[0].save(path, save_all=True, append_images=palette[1:], duration=FRAME_MS, loop=0, optimize=True)
 
 
@@ -90,9 +90,9 @@ def main() -> int:
             page.click("#fit")
             film = Film(page)
             film.shoot(6)
-            film.drag("corner", 40.0, -30.0)
+            film.drag("corner", -70.0, -40.0)
             page.screenshot(path=folder / "design.png")
-            film.drag("edge", 60.0, 20.0)
+            film.drag("edge", 90.0, 20.0)
             film.drag("edge", 60.0, -60.0, turn=True)
             for speed in (4, 8, 12, 16, 20):
                 page.locator("[name='environment.wind.speed_kt']").fill(str(speed))

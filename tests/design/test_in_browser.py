@@ -61,7 +61,7 @@ def desk(track: Path) -> Iterator[Desk]:
     thread.start()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path(), args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1400, "height": 850})
+        page = browser.new_context(viewport={"width": 1400, "height": 850}).new_page()
         page.set_default_timeout(READY_MS)
         said: list[Any] = []
         page.on("console", lambda one: said.append(one.text) if one.type == "error" else None)
@@ -72,7 +72,7 @@ def desk(track: Path) -> Iterator[Desk]:
     server.stop()
     thread.join()
     designer.close()
-    assert said == []
+    assert [one for one in said if "net::ERR" not in one] == []  # which a lost link is
 
 
 def test_a_dragged_gate_has_the_race_time_of_the_saved_file(desk: Desk, track: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_dragged_gate_has_the_race_time_of_the_saved_file(desk: Desk, track: P
     assert desk.settle() == pytest.approx(before, abs=1e-4)
 
 
-def test_a_killed_solver_a_limit_that_nobody_meets_and_a_lost_link_lose_nothing(desk: Desk) -> None:
+def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(desk: Desk) -> None:
     before = desk.settle()
     for process in psutil.Process().children(recursive=True):
         if any("airrace" in word for word in process.cmdline()):
@@ -98,16 +98,16 @@ def test_a_killed_solver_a_limit_that_nobody_meets_and_a_lost_link_lose_nothing(
     desk.drag("gates.corner", 4.0, -3.0)
     assert desk.settle() > before
     # The old line stays, grey, and the page says what is wrong.
-    desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': 1.2 } })")
+    desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': 0.2 } })")
     desk.page.wait_for_selector("g.old .line")
-    assert desk.page.locator(".problem").first.inner_text()
+    assert "n_z_max: must be above 1" in desk.page.locator(".problem").first.inner_text()
     desk.page.evaluate("() => window.designer.link.ask('values', { values: { 'rules.n_z_max': null } })")
     desk.page.wait_for_selector("g:not(.old) > .line")
     desk.page.context.set_offline(True)
     desk.drag("gates.corner", -4.0, 3.0)
     desk.page.wait_for_selector("#link.lost")
     desk.page.context.set_offline(False)
-    desk.page.wait_for_selector("#link:not(.lost)")
+    desk.page.wait_for_selector("#link:not(.lost)", state="attached")
     other = desk.page.context.new_page()
     other.goto(desk.page.url)
     other.wait_for_function(SETTLED)
