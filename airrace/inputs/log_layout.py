@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.errors import Finding, InputError, UsageError
@@ -46,6 +46,11 @@ class LogEntry(Schema):
     position_noise_m: Annotated[float, Gt(0), Le(100)] | None = optional(
         "standard deviation of the positions; estimated from them by default"
     )
+    position_accuracy_m: Annotated[float, Ge(0), Le(100)] = Field(
+        default=0.0,
+        description="standard deviation of an error that all positions share, or that wanders for seconds: 1 to 3 m "
+        "without corrections",
+    )
 
 
 def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
@@ -73,7 +78,8 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     if reporter.findings:
         raise InputError(reporter.findings)
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
-    layout = ColumnLayout(entry.columns, entry.scale, entry.offset, zone, delimiter, entry.decimal == "comma")
+    comma, accuracy = entry.decimal == "comma", entry.position_accuracy_m
+    layout = ColumnLayout(entry.columns, entry.scale, entry.offset, zone, delimiter, comma, accuracy)
     return layout, entry.position_noise_m
 
 

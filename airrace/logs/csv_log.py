@@ -115,6 +115,7 @@ class ColumnLayout:
         zone: the time zone of times that name none; None for UTC.
         delimiter: between the columns of a CSV file; empty where it is to be found out.
         decimal_comma: whether numbers are written as `1,5`.
+        accuracy: of the positions, see `Recording`; it counts for logs of every format.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -123,6 +124,7 @@ class ColumnLayout:
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
+    accuracy: float = 0.0
 
     def corrected(self, name: str, numbers: Array) -> Array:
         """Return recorded numbers of a quantity, scaled and shifted."""

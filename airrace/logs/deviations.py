@@ -34,6 +34,10 @@ class ErrorModel:
         wings: of the angle by which the wings may lie otherwise across the path, for there is sideslip, rad.
         sideslip: rad, at most; it rolls a body that is pitched up, which a roll without heading does not tell.
         pull: acceleration that nobody knows of where samples are missing, m/s^2.
+        vertical: of the accuracy of heights to that over ground; that of satellites is usually 1.5 to 2 (assumption).
+        wander, jerk: of an error of the positions that wanders for 10 s to that of the velocity, 1/s, and of the
+            acceleration, 1/s^2, behind the smoother; measured likewise (`--bias`), rounded up.
+        truncated: of the deviation of rounding to that of numbers that may have been cut off: half a step beside it.
         onset, load_onset: s, in which an aircraft comes to its greatest rate of roll, and of the load factor.
         load_rate: the latter, 1/s.
         slant: the least cosine between path and axis that is counted.
@@ -47,6 +51,10 @@ class ErrorModel:
     time: float = 1.5
     sideslip: float = math.radians(15.0)
     pull: float = 25.0
+    vertical: float = 1.5
+    wander: float = 0.7
+    jerk: float = 2.0
+    truncated: float = 2.0
     onset: float = 0.1
     load_onset: float = 0.2
     load_rate: float = 25.0
@@ -103,7 +111,8 @@ def deviations_of(
     roll = _History(part, "phi", roll_rate, ERRORS.onset) if is_measured(flight, "phi") else None
     load = _History(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
-    zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0)
+    accuracy = part.accuracy
+    zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0, ERRORS.vertical * accuracy)
     straight = {
         one.time: max(abs(math.cos(one.value("chi") - axes[one.name])), ERRORS.slant)
         for one in flight.crossings
@@ -116,16 +125,23 @@ def deviations_of(
     def at(time: float) -> StandardDeviations:
         raw = path.deviations(np.array([offset + time]))[:, :, 0]
         place = min(max(int(np.searchsorted(places, offset + time)), 1), len(places) - 1)
-        step = float(places[place] - places[place - 1])
-        lost = ERRORS.pull * step**2 / 8.0 if step > SMOOTHING.missing * usual else 0.0
+        between = float(places[place] - places[place - 1])
+        step = between if between > SMOOTHING.missing * usual else 0.0
+        outside = max(places[0] - (offset + time), offset + time - places[-1], 0.0)  # the path goes straight on there
+        lost = ERRORS.pull * math.hypot(step**2 / 8.0, outside**2 / 2.0)
         across, along = (
-            math.hypot(*(float(one.max()) for one in (factor * raw[0, :2], least[:2])), lost) / straight.get(time, 1.0)
-            for factor in (ERRORS.across, ERRORS.time)
+            math.hypot(factor * float(raw[0, :2].max()), rounded * float(least[:2].max()), lost, accuracy)
+            / straight.get(time, 1.0)
+            for factor, rounded in ((ERRORS.across, 1.0), (ERRORS.time, ERRORS.truncated))
         )
-        velocity, acceleration = ERRORS.velocity * raw[1], ERRORS.acceleration * raw[2]
         row = int(np.argmin(np.abs(flight.time - time)))
         V_K, n_z, gamma = (float(flight[name][row]) for name in ("V_K", "n_z", "gamma"))
-        speed = float(velocity.max())
+        speed = math.hypot(
+            ERRORS.velocity * float(raw[1].max()),
+            ERRORS.wander * accuracy,
+            ERRORS.pull * math.hypot(step / 4.0, outside),
+        )
+        pull = math.hypot(ERRORS.acceleration * float(raw[2].max()), ERRORS.jerk * accuracy)
         direction = math.atan2(speed, max(V_K, 1.0))
         when = along / max(V_K * math.cos(gamma), 1.0)
         up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero, lost, when * V_K * math.sin(gamma))
@@ -136,11 +152,11 @@ def deviations_of(
             own, seen = roll.deviation(offset + time, math.hypot(when, late)), direction * math.sin(gamma)
             bank = math.hypot(own, seen, slipping, tilt, ERRORS.wings)
         if math.isnan(bank):  # estimated, and the aircraft may have rolled between what the path resolves
-            rolled = roll_rate * max(step, SMOOTHING.step)
-            bank = min(math.hypot(float(acceleration.max()) / (g0 * max(n_z, 0.1)), rolled), math.pi)
+            rolled = roll_rate * max(between, SMOOTHING.step)
+            bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
-        pull = float(acceleration.max()) / g0 if load is None else load.deviation(offset + time, when)
-        return StandardDeviations(across, math.hypot(across, tip), up, bank, direction, speed, pull, when)
+        known = pull / g0 if load is None else load.deviation(offset + time, when)
+        return StandardDeviations(across, math.hypot(across, tip), up, bank, direction, speed, known, when)
 
     return at
 

@@ -31,6 +31,7 @@ class PlausibilitySettings:
         speed: share of the speed by which a recorded one may differ, for wind and thin air.
         turning: load factor from which on bank and load factor of the path are certain enough, 1.
         load: difference of load factors, 1.
+        still_load: likewise, of one that stands still: noise makes the path's wrong by a g or two.
         surely: share of the difference of load factors that is left, at most, where they are recorded otherwise.
         bank, climb, course: differences of angles, rad.
         stuck: scatter of a roll that moves at all, rad.
@@ -50,6 +51,7 @@ class PlausibilitySettings:
     slowest: float = 20.0
     speed: float = 0.35
     turning: float = 2.5
+    still_load: float = 3.0
     surely: float = 0.5
     load: float = 1.5
     bank: float = math.radians(45.0)
@@ -217,12 +219,19 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             columns[name] = np.degrees(columns[name])
         remarks.append("angles are taken in radians, for none is larger than a full turn of these")
     banked = turning & (np.abs(np.sin(mu)) > PLAUSIBLE.banked)
-    if "phi" in columns:
-        stuck = _stuck(part.time, columns["phi"], part.time[rows[banked]], mu[banked])
+    for name, what, where, true, measure, most in (
+        ("phi", "roll", banked, mu, _around, PLAUSIBLE.bank),
+        ("n_z", "load factor", fast, flown["n_z"], np.asarray, PLAUSIBLE.still_load),
+    ):
+        if name not in columns:
+            continue
+        near = _latest(part.time, columns[name], part.time[rows[where]])
+        wrong = (near >= 0) & (np.abs(measure(columns[name][near] - true[where])) > most)
+        stuck = _stuck(part.time, columns[name], near[wrong])
         if stuck.any():
-            columns["phi"] = np.where(stuck, np.nan, columns["phi"])
+            columns[name] = np.where(stuck, np.nan, columns[name])
             first = int(part.lines[stuck][0])
-            remarks.append(f"the recorded roll stands still in turns from line {first} on and is not used there")
+            remarks.append(f"the recorded {what} stands still in turns from line {first} on and is not used there")
     off, turned = (difference("phi", one, banked, _around) if "phi" in columns else 0.0 for one in (mu, -mu))
     if turned < PLAUSIBLE.bank < off:
         columns["phi"] = -columns["phi"]
@@ -235,26 +244,31 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     return replace(part, columns=columns, remarks=(*part.remarks, *remarks))
 
 
-def _stuck(time: Array, roll: Array, when: Array, bank: Array) -> NDArray[np.bool_]:
-    """Return which samples of a roll belong to one that stands still, although the path is banked otherwise.
+def _latest(time: Array, values: Array, when: Array) -> NDArray[np.int64]:
+    """Return at some times the last sample that is known, its number; -1 before the first."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not len(known):
+        return np.full(len(when), -1, np.int64)
+    near = np.searchsorted(time[known], when, side="right") - 1
+    return np.where(near >= 0, known[near], -1)
+
+
+def _stuck(time: Array, values: Array, wrong: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which samples of a history belong to one that stands still, although some of it are wrong, shape (n,).
 
     Args:
-        time, roll: of all samples, s and rad, shape (n,).
-        when, bank: of the path where it turns hard, s and rad, shape (m,).
+        time, values: of all samples, shape (n,).
+        wrong: the numbers of samples that contradict the path.
     """
-    known = np.flatnonzero(np.isfinite(roll))
-    stretch = np.cumsum(np.diff(roll[known], prepend=np.inf) != 0.0) - 1
-    begins = np.flatnonzero(np.diff(stretch, prepend=-1))
+    known = np.flatnonzero(np.isfinite(values))
+    stretch = np.full(len(values), -1)
+    stretch[known] = np.cumsum(np.diff(values[known], prepend=np.inf) != 0.0) - 1
+    begins = np.flatnonzero(np.diff(stretch[known], prepend=-1))
     ends = np.append(begins[1:], len(known)) - 1
     still = time[known[ends]] - time[known[begins]] > HOLE
-    near = np.searchsorted(time[known], when, side="right") - 1
-    inside = near >= 0
-    off = np.abs(_around(roll[known][near] - bank)) > PLAUSIBLE.bank
-    wrong = np.zeros(len(begins), np.bool_)
-    wrong[stretch[near[inside & off]]] = True
-    found = np.zeros(len(roll), np.bool_)
-    found[known] = (still & wrong)[stretch]
-    return found
+    bad = np.zeros(len(begins) + 1, np.bool_)  # the last one for what is not known
+    bad[stretch[wrong]] = True
+    return np.append(still, False)[stretch] & bad[stretch]
 
 
 _LOADS = ((1.0, 1.0, "without the 1 g of level flight"), (-1.0, 0.0, "downward"), (-1.0, 1.0, "downward, without 1 g"))

@@ -12,6 +12,7 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from datetime import tzinfo
 from pathlib import Path
 from typing import IO, BinaryIO, cast
@@ -64,7 +65,14 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     Raises:
         InputError: there is no such file, it is too large, or it is damaged; it names the line.
     """
-    known, name = layout or ColumnLayout(), name_of(path)
+    known = layout or ColumnLayout()
+    found = _read(path, known, aircraft)
+    others = tuple(replace(one, accuracy=known.accuracy) for one in found.others)
+    return replace(found, accuracy=known.accuracy, others=others)
+
+
+def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
+    name = name_of(path)
     try:
         with _open(path) as file:
             logger.info("%s is read", name)

@@ -1,11 +1,15 @@
 """Record known flights as recorders do, import them, and print how well the import knows what it says.
 
-    python scripts/experiments/noisy_logs.py RUN.h5 [RUN.h5 ...] [--logs 300] [--seed 1]
+    python scripts/experiments/noisy_logs.py RUN.h5 [RUN.h5 ...] [--logs 300] [--seed 1] [--bias M]
 
 Each run is a checkpoint whose last stage found a flight. A log of one of them is drawn at random: 1 to 50 Hz, 0 to 3 m
 of white noise, numbers written in steps, positions held over several rows, gaps, heights that are missing, a clock of
 its own, angles of the body or none. An optimum breaks no rule, so no violation may be certain. In every second log a
 gate is passed too high on purpose, by up to 30 m: where that is more than eight deviations it has to be certain.
+
+With `--bias 3` all positions of a log are off together by a normal error of 3 m, in every second log by one that wanders
+with a time constant of 10 s (first-order Gauss-Markov), heights by 1.5 times as much; numbers are cut off instead of
+rounded; the load factor is recorded and stands still from some time on; and the import is told an accuracy of 3 m.
 
 The first table counts; the second one holds the errors at all passings, each divided by the standard deviation that the
 import tells of it: the shares within one and two of them, and the greatest.
@@ -24,6 +28,7 @@ import numpy as np
 import airrace
 from airrace.api import Run
 from airrace.errors import InputError
+from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.violations import height_window
@@ -34,6 +39,8 @@ LEAD = 4.0
 """The time of straight flight before the start and behind the finish, s."""
 EDGE = 1e-3
 """The time within which the speed at an end of the flight is measured, s."""
+WANDER = 10.0
+"""The time constant of an error that wanders, s."""
 PULL = 40.0
 """The acceleration with which a gate is passed too high, m/s^2."""
 ANGLES = ("phi", "theta", "psi")
@@ -55,6 +62,9 @@ class LogDraw:
         angles: of the body that are recorded.
         angle_step: in which they are written, deg.
         offset: of the clock, s.
+        bias: standard deviation of an error that all positions share, m.
+        wandering: whether that wanders.
+        stuck: from when on a recorded load factor stands still, s after the start; infinite without one.
         raised: the passing that is passed too high, and by how much, m.
     """
 
@@ -69,9 +79,12 @@ class LogDraw:
     angle_step: float
     offset: float
     raised: tuple[TimedCrossing, float] | None
+    bias: float = 0.0
+    wandering: bool = False
+    stuck: float = math.inf
 
 
-def drawn(random: np.random.Generator, flight: Flight) -> LogDraw:
+def drawn(random: np.random.Generator, flight: Flight, bias: float) -> LogDraw:
     """Return one way to record a flight."""
     gates = [
         one
@@ -95,7 +108,19 @@ def drawn(random: np.random.Generator, flight: Flight) -> LogDraw:
         angle_step=float(random.choice([0.0, 0.1, 1.0])),
         offset=float(random.choice([0.0, 40.0, 50_000.0])),
         raised=raised,
+        bias=bias,
+        wandering=bias > 0.0 and random.random() < 0.5,
+        stuck=float(random.uniform(0.0, flight.race_time)) if bias > 0.0 else math.inf,
     )
+
+
+def shared_error(draw: LogDraw, time: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Return the error of one axis over time that white noise is no model of, m."""
+    error = draw.bias * random.standard_normal(len(time))
+    kept = np.exp(-np.diff(time) / WANDER) if draw.wandering else np.ones(len(time) - 1)
+    for row, share in enumerate(kept.tolist(), start=1):
+        error[row] = share * error[row - 1] + math.sqrt(1.0 - share**2) * error[row]
+    return error
 
 
 def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
@@ -116,7 +141,10 @@ def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
             off = np.minimum(np.abs(fresh - draw.raised[0].time) / lasting, 1.0)
             place = place + draw.raised[1] * np.cos(0.5 * math.pi * off) ** 2
         place = place + draw.noise * random.standard_normal(len(fresh))
-        place = np.round(place / draw.step) * draw.step if draw.step else place
+        if draw.bias:
+            place = place + (1.5 if name == "z" else 1.0) * shared_error(draw, fresh, random)
+        whole = np.floor if draw.bias else np.round
+        place = whole(place / draw.step) * draw.step if draw.step else place
         written = np.array([f"{one:.4f}" for one in np.repeat(place, draw.held)[: len(rows)]])
         mute = (name == "z") & (rows > draw.mute[0]) & (rows < draw.mute[1])
         columns.append(np.where(mute, "", written))
@@ -125,16 +153,27 @@ def log_text(run: Run, draw: LogDraw, random: np.random.Generator) -> str:
         angle = np.degrees(recorded[name])
         angle = np.round(angle / draw.angle_step) * draw.angle_step if draw.angle_step else angle
         columns.append(np.array([f"{one:.4f}" for one in angle]))
-    head = ",".join(["time [s]", "north [m]", "east [m]", "height [m]", *(f"{one} [deg]" for one in draw.angles)])
+    titles = ["time [s]", "north [m]", "east [m]", "height [m]", *(f"{one} [deg]" for one in draw.angles)]
+    if math.isfinite(draw.stuck):
+        columns.append(
+            np.array([f"{one:.3f}" for one in np.interp(np.minimum(rows, draw.stuck), rows, recorded["n_z"])])
+        )
+        titles.append("load factor [g]")
+    head = ",".join(titles)
     return "\n".join([head, *(",".join(row) for row in np.stack(columns)[:, ~silent].T)]) + "\n"
 
 
-def imported(run: Run, text: str) -> LogFlight:
+def imported(run: Run, text: str, accuracy: float) -> LogFlight:
     """Return what the import makes of a log."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         path.write_text(text)
-        return flight_from_log(read_log(path), run.inputs.race, label="log", penalties=run.inputs.penalties)
+        return flight_from_log(
+            read_log(path, ColumnLayout(accuracy=accuracy)),
+            run.inputs.race,
+            label="log",
+            penalties=run.inputs.penalties,
+        )
 
 
 def errors(flown: LogFlight, known: Flight, draw: LogDraw) -> Iterator[Mapping[str, float]]:
@@ -205,10 +244,10 @@ def main() -> None:
     for number in range(arguments.logs):
         random = np.random.default_rng((arguments.seed, number))
         which = int(random.integers(len(runs)))
-        draw = drawn(random, flights[which])
+        draw = drawn(random, flights[which], arguments.bias)
         label = f"{number}: {runs[which].name} {draw}"
         try:
-            flown = imported(runs[which], log_text(runs[which], draw, random))
+            flown = imported(runs[which], log_text(runs[which], draw, random), arguments.bias)
         except InputError as error:
             count.refused += 1
             print(f"{label}: {error}", file=sys.stderr, flush=True)
@@ -232,6 +271,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.h5")
     parser.add_argument("--logs", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--bias", type=float, default=0.0, metavar="M")
     return parser.parse_args()
 
 

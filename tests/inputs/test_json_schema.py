@@ -58,6 +58,7 @@ LOG: dict[str, Any] = {
     "delimiter": "tab",
     "decimal": "comma",
     "position_noise_m": 1.5,
+    "position_accuracy_m": 2.0,
 }
 DOCUMENTS = {"track": COURSE, "aircraft": AIRCRAFT, "settings": SETTINGS, "batch": BATCH, "log": LOG}
 
