@@ -8,13 +8,14 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredHistory, StoredPassing
+from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver
 from airrace.checkpoint.store import (
     Sign,
     Signature,
     read_checkpoint,
     read_sealed,
     read_stored,
+    read_stored_sealed,
     write_checkpoint,
     write_log,
 )
@@ -29,11 +30,13 @@ __all__ = [
     "StoredHistory",
     "StoredInputs",
     "StoredPassing",
+    "StoredReceiver",
     "StoredStage",
     "inputs_hash",
     "read_checkpoint",
     "read_sealed",
     "read_stored",
+    "read_stored_sealed",
     "stale_stages",
     "write_checkpoint",
     "write_log",

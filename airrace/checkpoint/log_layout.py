@@ -46,6 +46,21 @@ class StoredPassing:
 
 
 @record
+class StoredReceiver:
+    """What is known of the errors of a log's positions.
+
+    Attributes:
+        noise: standard deviation that was given, m; NaN where it is estimated.
+        accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
+        barometric: whether heights are those of a barometer.
+    """
+
+    noise: float
+    accuracy: float
+    barometric: bool
+
+
+@record
 class RawLog:
     """The part of a log that the flight was made from, as it was read.
 
@@ -58,6 +73,7 @@ class RawLog:
         lines: of the file that they come from, shape (m,).
         columns: what was recorded, by the names of histories, in SI units, each of shape (m,).
         remarks: sentences on the log.
+        receiver: the errors of its positions.
     """
 
     path: str
@@ -68,6 +84,7 @@ class RawLog:
     lines: NDArray[np.int64]
     columns: Mapping[str, Array]
     remarks: tuple[str, ...]
+    receiver: StoredReceiver
 
 
 @record
@@ -122,6 +139,7 @@ def encode_log(recorded: LogCheckpoint) -> Group:
                 "offset": series(np.array([log.offset]), "s", "time of the log at which the flight's clock starts"),
                 "columns": Group({_named(name): series(one, "", "") for name, one in log.columns.items()}),
                 "remarks": StoredTable({"remark": log.remarks}),
+                "receiver": table_of(StoredReceiver, [log.receiver]),
             }
         ),
         "flight": Group(
@@ -189,7 +207,7 @@ def _named(name: str) -> str:
 
 
 def _log(place: GroupReader) -> RawLog:
-    place.expecting("path", "format", "begins", "time", "line", "offset", "columns", "remarks")
+    place.expecting("path", "format", "begins", "time", "line", "offset", "columns", "remarks", "receiver")
     time, lines, offset = place.floats("time"), place.integers("line"), place.floats("offset")
     columns = place.group("columns")
     values = {name: columns.floats(name) for name in columns.node.members}
@@ -198,7 +216,11 @@ def _log(place: GroupReader) -> RawLog:
     for name, recorded in {**values, "time": time, "offset": offset}.items():
         ensure_sizes(recorded[~np.isnan(recorded)], f"{place.path}/{name}")
     path, log_format, begins = (place.text(name) for name in ("path", "format", "begins"))
-    return RawLog(path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark"))
+    receiver = place.row("receiver", StoredReceiver)
+    if not 0.0 <= receiver.accuracy < np.inf or receiver.noise <= 0.0:
+        raise CheckpointError(f"{place.path}/receiver: no receiver has such errors")
+    remarks = place.texts("remarks", "remark")
+    return RawLog(path, log_format, begins, float(offset[0]), time, lines, values, remarks, receiver)
 
 
 def _histories(place: GroupReader, length: int) -> tuple[StoredHistory, ...]:

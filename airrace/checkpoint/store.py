@@ -154,7 +154,12 @@ def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
 
 def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
     """Return the run or the flight log at `path`, verified; errors as of `read_checkpoint`."""
-    return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))[0]
+    return read_stored_sealed(path)[0]
+
+
+def read_stored_sealed(path: Path) -> tuple[Checkpoint | LogCheckpoint, Signature | None]:
+    """Return what `read_stored` does, and the signature that the file carries, which is not examined."""
+    return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))
 
 
 def _write(

@@ -38,9 +38,11 @@ def show(
 
             log = open_log(stored)
             source_of(log, stage)
+            log = log.confirmed(verify=not no_verify)
             answer.fields.update(log_object(log))
             if not as_json:
                 answer.texts.extend(log_texts(log, legs=legs))
+            answer.fail_if_refuted({log.recorded.label: log.confirmation})
             return
         shown = stored_stages(stored, run_file, stage, verify=not no_verify)
         answer.fields.update(shown.as_object(), signed_by=signed_by or None)
@@ -69,10 +71,10 @@ def verify(
 
     Every stage is measured again from its histories and multipliers alone, and what is stored is compared with that. A
     run is verified if nothing differs, the stage that it ends with is certified, and all others hold in what they
-    claim.
+    claim. Of an imported log passings, histories and violations are made once more of the log that is stored.
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.checkpoint import read_sealed
+        from airrace.checkpoint import LogCheckpoint, read_stored_sealed
         from airrace.cli.run_tables import items_table
         from airrace.cli.tables import render
         from airrace.errors import UsageError
@@ -86,7 +88,21 @@ def verify(
         if sign is not None and run_file == STANDARD:
             raise UsageError("what is piped in cannot be signed: name a file")
         signer = None if sign is None else signer_of(sign)
-        checkpoint, signature = read_sealed(run_file)
+        checkpoint, signature = read_stored_sealed(run_file)
+        if isinstance(checkpoint, LogCheckpoint):
+            from airrace.runs.log_verification import confirmation_of
+            from airrace.runs.log_view import open_log
+
+            if sign is not None or trust is not None:
+                raise UsageError("a flight log is not signed: leave --sign and --trust out")
+            log = open_log(checkpoint)
+            told = confirmation_of(log, versions=not other_versions)
+            answer.fields.update(flown=True, track=log.inputs.race.course.name, verified=bool(told.verified))
+            answer.fields["verification"] = told.words
+            if not told.verified:
+                answer.fail(ExitCode.NOT_CERTIFIED, f"{checkpoint.label}: {told.words}")
+            answer.texts.append(f"{checkpoint.label}: {told.outcome}; its log is believed")
+            return
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
         run = ensure_readable(run_of_checkpoint(checkpoint, run_file))
         answer.fields["track"] = run.name

@@ -58,6 +58,7 @@ class LogFlight:
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
         remarks: what whoever looks at it should know, as sentences.
+        noise: standard deviation of the positions that was given, m; None where it was estimated.
     """
 
     flight: Flight
@@ -66,6 +67,7 @@ class LogFlight:
     recording: Recording
     offset: float
     remarks: tuple[str, ...]
+    noise: float | None
 
 
 def flight_from_log(
@@ -96,17 +98,27 @@ def flight_from_log(
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
     framed = in_feet_if_so(framed, race, chosen)
     within = (framed.time >= chosen.begin - IMPORT.margin) & (framed.time <= chosen.end + IMPORT.margin)
-    part = framed.select(within, *remarks)
+    return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
+
+
+def flight_of_part(
+    part: Recording, race: Race, *, label: str, penalties: Penalties = NONE_KNOWN, noise: float | None = None
+) -> LogFlight:
+    """Return the flight in the part of a recording that holds one run, in the track's frame.
+
+    What a `LogFlight` holds as its recording gives the same flight once more. Arguments and errors are those of
+    `flight_from_log`.
+    """
     placed = part.select(np.isfinite(part.columns["x"]))
     places, least = np.stack([placed.columns[name] for name in ("x", "y", "height")]), place_roundings(placed)
     if np.isfinite(places[2]).sum() < 2:
-        refuse(framed.path, 0, "tells no heights on the course")
+        refuse(part.path, 0, "tells no heights on the course")
     path = smooth(placed.time, places, noise, least)
     fine = path.time[0] + IMPORT.sampling * np.arange(int((path.time[-1] - path.time[0]) / IMPORT.sampling) + 1)
     (x, y, _), _, _ = path.at(fine)
     again = find_runs(race, fine, x, y)
     if not again:
-        refuse(framed.path, 0, "its positions scatter too widely for a passing to be seen")
+        refuse(part.path, 0, "its positions scatter too widely for a passing to be seen")
     final = max(again, key=lambda one: len(one.made))
     part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
@@ -116,7 +128,8 @@ def flight_from_log(
     deviations = deviations_of(part, path, least, flight, final.begin, axes, doubt=doubt, late=late, tilt=tilt)
     known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
     remarks = (*part.remarks, *doubts, *offsets, *_remarks(placed, path, flight, known))
-    return LogFlight(flight, violations(flight, axes, deviations, penalties), known, part, final.begin, remarks)
+    broken = violations(flight, axes, deviations, penalties)
+    return LogFlight(flight, broken, known, part, final.begin, remarks, noise)
 
 
 def _choose_flight(

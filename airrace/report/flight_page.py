@@ -73,9 +73,11 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     near = f", {misses} pylons too near" if misses else ""
     confirmation = first.source.confirmation
     unsure = confirmation is not None and confirmation.verified is None
-    good = "bad" if first.source.doubtful or misses else "unsure" if unsure else "good"
+    refuted = confirmation is not None and confirmation.verified is False
+    recorded = f"recorded; {confirmation.outcome}" if confirmation else "recorded"
+    good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
     look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
-    verdict = f"<div {look}>{escape_html(first.source.verdict or 'recorded')}{near}</div>"
+    verdict = f"<div {look}>{escape_html(first.source.verdict or recorded)}{near}</div>"
     if claim:
         words = escape_html(claim + near)
         verdict = f'<a {look} href="#claim" title="What this does not say">{words}</a>'

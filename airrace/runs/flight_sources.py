@@ -35,7 +35,8 @@ def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool
     Args:
         texts: `RUN.h5`, `RUN.h5:STAGE`, a flight log `LOG.h5`, or a log itself each.
         stage: for runs whose names say none; None for their last ones.
-        verify: whether stages of runs are measured again; None where that is no question.
+        verify: whether stages of runs are measured again, and imported logs made once more; None where that is no
+            question.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -55,7 +56,9 @@ def _open_with_files(
     labels = _labels(names, sources)
     if verify is not None:
         for path, one in opened.items():
-            if isinstance(one, RunState):
+            if isinstance(one, LogView):
+                opened[path] = one.confirmed(verify=verify)
+            else:
                 pairs = zip(names, sources, strict=True)
                 shown = {view.stage for name, view in pairs if name.path == path and isinstance(view, StageView)}
                 opened[path] = one.confirmed(shown, verify=verify)

@@ -270,6 +270,7 @@ def log_object(view: "LogView") -> dict[str, object]:
         "begins": log.begins or None,
         "start_in_log_s": log.offset,
         "race_time_s": finite(flight.race_time),
+        **({} if view.confirmation is None else confirmation_object(view.confirmation)),
         "penalty_s": finite(view.penalty),
         "race_over": math.isinf(view.penalty),
         "passings": _passings(flight),

@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
 import numpy as np
 
-from airrace.checkpoint import LogCheckpoint, RawLog, StoredHistory, StoredPassing, write_log
+from airrace.checkpoint import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver, write_log
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.inputs import Inputs, inputs_from_documents
 from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
-from airrace.results import Basis, Flight, History, Source, TimedCrossing
+from airrace.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
 from airrace.results.clearances import with_distances
 from airrace.runs.output import write_or_return
 from airrace.runs.run import document_of, library_versions, stored_inputs
@@ -36,10 +36,24 @@ class LogView:
     Attributes:
         inputs: course, aircraft and air, as they were given.
         recorded: what its file holds.
+        confirmation: what making the flight of the stored log once more told; None where that was no question.
     """
 
     inputs: Inputs
     recorded: LogCheckpoint
+    confirmation: Confirmation | None = None
+
+    def confirmed(self, *, verify: bool) -> Self:
+        """Return this log with what verifying it tells; see `airrace.runs.log_verification`.
+
+        Args:
+            verify: whether it is verified at all; else it is called not verified.
+        """
+        if not verify:
+            return replace(self, confirmation=Confirmation(None))
+        from airrace.runs.log_verification import confirmation_of  # takes what smooths, and needs this view itself
+
+        return replace(self, confirmation=confirmation_of(self))
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -79,7 +93,10 @@ class LogView:
                 values = {name: float(one.values[row]) for name, one in histories.items()}
             crossings.append(TimedCrossing(passage, passing.time, values))
         source = Source(
-            label or stored.label, version=stored.versions.get("airrace", ""), remark=" ".join(self.remarks)
+            label or stored.label,
+            version=stored.versions.get("airrace", ""),
+            remark=" ".join(self.remarks),
+            confirmation=self.confirmation,
         )
         return with_distances(Flight(race, source, stored.time, histories, tuple(crossings)))
 
@@ -150,6 +167,9 @@ def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:
             lines=log.lines,
             columns=log.columns,
             remarks=log_flight.remarks,
+            receiver=StoredReceiver(
+                math.nan if log_flight.noise is None else log_flight.noise, log.accuracy, log.barometric
+            ),
         ),
         time=flight.time,
         histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
