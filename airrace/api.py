@@ -543,6 +543,7 @@ class Run(RunState):
         stage: str | Stage | None = None,
         sensitivities: bool = False,
         verify: bool = True,
+        envelope: int = 0,
     ) -> Path:
         """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
 
@@ -553,8 +554,8 @@ class Run(RunState):
             others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
             stage: which stage; None for the last one.
             sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
-            verify: whether the stages are measured again, which takes about a second each; the page says what that
-                told, or that they are not verified.
+            verify: whether the stages are measured again, about a second each; the page tells the outcome.
+            envelope: how many closed-loop flights show in the scene how far they stray, see `safety`; 0 for none.
 
         Returns:
             The path.
@@ -564,7 +565,8 @@ class Run(RunState):
             NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
-        write_text(Path(path), report_page(self, stage, others, sensitivities=sensitivities, verify=verify))
+        page = report_page(self, stage, others, sensitivities=sensitivities, verify=verify, envelope=envelope)
+        write_text(Path(path), page)
         return Path(path)
 
     # Any: words of many types, those of `film_settings`.

@@ -11,6 +11,8 @@ The object, with the format's name first:
       passings        [{name, lap, time}], in their order: the element's name, and which lap it belongs to
       time            s, rising, N values
       histories       by name, N values each; a flight need not have all of them
+      envelope        of closed-loop flights along it, 95 % of them: time (s) and `left`, `right`, `below`, `above`, the
+                      deviations (m, to the right and upwards) at these times; null where none were flown
     strips          the histories that are drawn over time, from top to bottom
       title, unit, digits
       lines           [{history, label}], the main one first
@@ -51,6 +53,7 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -64,6 +67,9 @@ from airrace.track.course import CrowdShape
 from airrace.track.element import Element
 from airrace.trajectory import Array
 from airrace.views.map_model import MapModel, coordinates
+
+if TYPE_CHECKING:
+    from airrace.safety.result import SafetyResult
 
 FORMAT = "airrace-report/1"
 INFLATED = 25.0
@@ -136,20 +142,26 @@ COLOURS: tuple[dict[str, object], ...] = (
 )
 
 
-def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], map_: MapModel) -> dict[str, object]:
+def contents_of(
+    flights: Sequence[Flight], comparisons: Sequence[Comparison], map_: MapModel, envelope: "SafetyResult | None" = None
+) -> dict[str, object]:
     """Return the object that the module describes.
 
     Args:
         flights: the first is what the page is about, the others are its ghosts.
         comparisons: of the others with the first, in their order.
         map_: the race of the first from above.
+        envelope: closed-loop flights along the first; None for none.
     """
     flights = [with_nearest(one, NEAR) for one in flights]
     first = flights[0]
     return {
         "format": FORMAT,
         "course": _course(map_, first),
-        "flights": [_flight(*one) for one in zip(flights, short_labels(flights), strict=True)],
+        "flights": [
+            {**_flight(one, label), "envelope": _envelope(envelope, first) if one is first and envelope else None}
+            for one, label in zip(flights, short_labels(flights), strict=True)
+        ],
         "strips": [_strip(one, first) for one in STRIPS if any(map(one.has_history, flights))],
         "colours": [one for one in COLOURS if one["history"] in first],
         "differences": [
@@ -157,6 +169,13 @@ def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], ma
             for number, (time, lost) in enumerate(map(time_lost, comparisons), start=1)
         ],
     }
+
+
+def _envelope(result: "SafetyResult", flight: Flight) -> dict[str, str]:
+    """Return the deviations between which 95 % of closed-loop flights lie; none where that is not known."""
+    low, high = (np.nan_to_num(result.envelope[row]) for row in (1, 3))
+    edges = {"left": low[0], "right": high[0], "below": low[1], "above": high[1]}
+    return {"time": pack(result.clock - clock_start(flight)), **{name: pack(values) for name, values in edges.items()}}
 
 
 def as_json(contents: Mapping[str, object]) -> str:

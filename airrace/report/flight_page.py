@@ -11,6 +11,7 @@ import html
 import math
 import string
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from airrace.views.plan_svg import plan_svg
 from airrace.views.stage_tables import NOTE, cue_table, distance_table
 from airrace.views.tables import Cell, Column, Table
 
+if TYPE_CHECKING:
+    from airrace.safety.result import SafetyResult
+
 STYLES = (
     LIBRARIES / "uplot" / "uPlot.min.css",
     FOLDER / "style" / "page.css",
@@ -47,7 +51,14 @@ READINGS = (
 """Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
 
 
-def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "", *, claim: str = "") -> str:
+def flight_page(
+    flights: Sequence[Flight],
+    sections: Sequence[str] = (),
+    footer: str = "",
+    *,
+    claim: str = "",
+    envelope: "SafetyResult | None" = None,
+) -> str:
     """Return the page about some flights as HTML.
 
     Args:
@@ -100,7 +111,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         sections="\n".join(filter(None, sections)),
         footer=escape_html(footer),
         style=style,
-        contents=as_json(contents_of(flights, comparisons, map_)),
+        contents=as_json(contents_of(flights, comparisons, map_, envelope)),
         script=script,
     )
 

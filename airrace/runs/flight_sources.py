@@ -200,7 +200,12 @@ def begin_of(text: str) -> datetime:
 
 
 def report_of_flights(
-    names: Sequence[str], *, stage: str | None = None, sensitivities: bool = False, verify: bool = True
+    names: Sequence[str],
+    *,
+    stage: str | None = None,
+    sensitivities: bool = False,
+    verify: bool = True,
+    envelope: int = 0,
 ) -> tuple[str, list[Flight]]:
     """Return the page as text, and its flights.
 
@@ -210,6 +215,7 @@ def report_of_flights(
         stage: for those that name none; None for the last one of the run.
         sensitivities: whether the sensitivities are computed and shown, which takes some seconds.
         verify: whether the stages are measured again, which takes about a second each.
+        envelope: how many closed-loop flights show in the scene how far they stray; 0 for none.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
@@ -225,9 +231,11 @@ def report_of_flights(
     if isinstance(opened, LogView):
         if sensitivities:
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
+        if envelope:
+            raise UsageError(f"{first.path} is a flight log: no envelope is flown along it")
         return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}"), flights
     view = opened.stage(first.stage or stage)
-    return _stage_page(opened, view, flights, sensitivities=sensitivities), flights
+    return _stage_page(opened, view, flights, sensitivities=sensitivities, envelope=envelope), flights
 
 
 def log_sections(view: LogView) -> list[str]:
@@ -250,6 +258,7 @@ def report_page(
     *,
     sensitivities: bool = False,
     verify: bool = True,
+    envelope: int = 0,
 ) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
@@ -257,18 +266,23 @@ def report_page(
     run = run.confirmed([run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
-    return _stage_page(run, view, flights, sensitivities=sensitivities)
+    return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope)
 
 
-def _stage_page(run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool) -> str:
+def _stage_page(
+    run: RunState, view: StageView, flights: Sequence[Flight], *, sensitivities: bool, envelope: int
+) -> str:
     """Return the report about a stage of a run, with its flight and those beside it."""
     from airrace.report.flight_page import flight_page
     from airrace.report.sections import claim_section
 
     claimed, told = claim_of(run, view), view.confirmation or Confirmation(None)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
+    scatter = view.safety(flights=envelope).result if envelope else None
     badge = f"{claimed or flights[0].source.verdict}; {told.outcome}"
-    return flight_page(flights, [claim_section(claimed, told), *sections], footer_of(view), claim=badge)
+    return flight_page(
+        flights, [claim_section(claimed, told), *sections], footer_of(view), claim=badge, envelope=scatter
+    )
 
 
 def claim_of(run: RunState, view: StageView) -> str:

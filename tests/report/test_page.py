@@ -9,6 +9,7 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.command_result import ExitCode
 from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
+from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.map_model import map_model
 from airrace.views.tables import Cell, Column, Table
@@ -54,6 +56,20 @@ def test_nothing_in_the_page_is_loaded_and_nothing_runs_but_its_own_script() -> 
     assert rules["style-src-elem"] == f"'sha256-{digest(style)}'"
     assert rules["img-src"] == "data:"
     assert not re.search(r"https?:|\*|unsafe-eval", policy)
+
+
+def test_the_envelope_is_of_the_first_flight_on_its_clock_and_nothing_where_it_is_not_known() -> None:
+    first, second = circle(), circle(25.0).with_label("slower")
+    scatter = Mock(spec=SafetyResult, clock=first.time + 0.0, envelope=np.full((5, 4, len(first.time)), np.nan))
+    scatter.envelope[1], scatter.envelope[3] = -1.0, 2.0
+    scatter.envelope[3, 1, 0] = np.nan
+    lead, ghost = read(flight_page([first, second], envelope=scatter)).contents["flights"]
+    assert ghost["envelope"] is None
+    own = {name: unpack(text) for name, text in lead["envelope"].items()}
+    assert own["time"] == pytest.approx(unpack(lead["time"]), abs=1e-5)
+    assert set(own["left"]) == {-1.0}
+    assert own["above"][0] == 0.0
+    assert set(own["above"][1:]) == {2.0}
 
 
 def digest(text: str) -> str:
@@ -183,7 +199,7 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
         "elevation",
         "frame",
     ]
-    assert list(page["flights"][0]) == ["label", "aircraft", "race_time", "passings", "time", "histories"]
+    assert list(page["flights"][0]) == ["label", "aircraft", "race_time", "passings", "time", "histories", "envelope"]
     assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
     assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]
     assert list(page["differences"][0]) == ["flight", "time", "difference"]

@@ -34,6 +34,8 @@ export class Flight {
     this.count = this.time.length;
     this.duration = this.time[this.count - 1];
     this.visible = true;
+    const deviations = Object.entries(flight.envelope ?? {}).map(([name, text]) => [name, numbersOf(text)]);
+    this.envelope = flight.envelope ? Object.fromEntries(deviations) : null;
   }
 
   /** The history of this name, or undefined. */

@@ -43,6 +43,24 @@ export function ribbonOf(flight) {
   return group;
 }
 
+/** The tube in which most closed-loop flights along a flight lie, as a group. */
+export function envelopeOf(flight) {
+  const { time, left, right, below, above } = flight.envelope;
+  const centre = Array.from(time, (one) => flight.position(one));
+  const up = new Vector3(0, 1, 0);
+  const edges = [[left, above], [right, above], [right, below], [left, below]].map(([aside, upward]) =>
+    centre.map((place, i) => {
+      const along = centre[Math.min(i + 1, centre.length - 1)].clone().sub(centre[Math.max(i - 1, 0)]);
+      const across = along.cross(up).normalize();
+      return place.clone().addScaledVector(across, aside[i]).addScaledVector(up, upward[i]);
+    }),
+  );
+  const sight = { now: { value: 1e9 }, ahead: { value: 1 }, near: { value: 0 } };
+  const sides = edges.map((edge, i) => band(edge, edges[(i + 1) % 4], { times: time, sight, opacity: 0.16 }));
+  for (const one of sides) one.paintAll("#e08b3c");
+  return new Group().add(...sides);
+}
+
 /** The samples that are drawn: the first, the last, and between them as few as follow the way. */
 function rowsOf(flight) {
   const rows = [];

@@ -21,7 +21,7 @@ import { groundOf } from "./ground.js";
 import { labelsOver, writeLabels } from "./labels.js";
 import { roundStep, written } from "./numbers.js";
 import { tagColour, themed } from "./palette.js";
-import { ribbonOf } from "./ribbon.js";
+import { envelopeOf, ribbonOf } from "./ribbon.js";
 import { shadowOf } from "./shadow.js";
 import { Director, Television } from "./television.js";
 import { Chase, Cockpit, Orbit, Parallel } from "./views.js";
@@ -204,6 +204,7 @@ class Actor {
     this.size = this.model.scale.x;
     this.shadow = shadowOf(this.model, sun);
     this.parts = [this.way, this.shadow, this.model, this.plumb, this.dot];
+    if (flight.envelope) this.parts.push(envelopeOf(flight));
     const hidden = () => !this.model.visible || (flight.number === 0 && this.close);
     const colour = tagColour(flight.number);
     this.tag = { text: named ? flight.label : "", place: this.model.position, kind: "tag", colour, hidden };
