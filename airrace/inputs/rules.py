@@ -4,7 +4,7 @@ import difflib
 import math
 from functools import cache
 from importlib import resources
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
@@ -80,6 +80,11 @@ class PenaltiesEntry(Schema):
     bank: Seconds = optional("a gate is passed with another bank than prescribed", alias="bank_s")
     climb: Seconds = optional("a gate is passed climbing or descending too steeply", alias="climb_s")
     manoeuvre: Seconds = optional("a height or an attitude is not reached", alias="manoeuvre_s")
+    manoeuvres: dict[str, Seconds] = Field(
+        default_factory=dict[str, Seconds],
+        alias="manoeuvres_s",
+        description="the same of single kinds of elements: `high-turn: 2`",
+    )
     start_speed: Seconds = optional("the start is passed too fast", alias="start_speed_s")
     start_speed_end: Annotated[float, Ge(50), Le(500)] | None = optional(
         "the speed at the start from which on the race is over", alias="start_speed_dnf_kt"
@@ -187,6 +192,9 @@ def penalties_of(rules: RulesEntry) -> Penalties:
         return NONE_KNOWN
     preset = read_preset(rules.preset)
     values = preset.penalties.arguments()
-    return Penalties(
-        **{name: ENDS_RACE if value == "dnf" else value for name, value in values.items()}, source=preset.source
-    )
+    values["manoeuvres"] = {name: _penalty(value) for name, value in preset.penalties.manoeuvres.items()}
+    return Penalties(**{name: _penalty(value) for name, value in values.items()}, source=preset.source)
+
+
+def _penalty(value: Any) -> Any:  # Any: values of a document that was validated
+    return ENDS_RACE if value == "dnf" else value

@@ -7,7 +7,7 @@ standard deviations of its measurement is uncertain.
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,7 @@ class Penalties:
         bank: a gate is passed with another bank than prescribed.
         climb: a gate is passed climbing or descending too steeply.
         manoeuvre: a height or an attitude is not reached.
+        manoeuvres: the same of single kinds of elements, by the names of the kinds.
         start_speed: the start is passed too fast.
         start_speed_end: m/s, from which on that ends the race.
         load_factor: the load factor exceeds the limit of the rules.
@@ -58,6 +59,7 @@ class Penalties:
     bank: float | None = None
     climb: float | None = None
     manoeuvre: float | None = None
+    manoeuvres: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
     start_speed: float | None = None
     start_speed_end: float | None = None
     load_factor: float | None = None
@@ -212,7 +214,7 @@ def _passing_violations(
 ) -> Iterator[tuple[str, float, float, float, str, float | None]]:
     """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks."""
     element: Element = crossing.passage.element
-    manoeuvre = ("manoeuvre", penalties.manoeuvre)
+    manoeuvre = ("manoeuvre", penalties.manoeuvres.get(element.type_name, penalties.manoeuvre))
     if not crossing.found:
         rule, penalty = ("missed", penalties.missed) if element.stands else manoeuvre
         yield rule, math.nan, math.nan, math.nan, "", penalty

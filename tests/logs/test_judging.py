@@ -12,8 +12,9 @@ from airrace.inputs import load_inputs
 from airrace.inputs.rules import preset_names
 from airrace.logs.histories import between_samples
 from airrace.logs.recording import Recording
-from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties, Violation, shown
-from airrace.results import Basis
+from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, NOT_KNOWN, Penalties, Violation, shown, violations
+from airrace.quantities import Quantity
+from airrace.results import Basis, Flight, History, Source, TimedCrossing
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
 RULES = Penalties(pylon=3.0, missed=4.0, too_high=2.0, too_low=ENDS_RACE, bank=2.0, climb=2.0, start_speed=1.0)
@@ -206,3 +207,15 @@ def test_seasons_have_penalties_with_their_sources(name: str) -> None:
 def test_a_course_without_a_season_has_no_penalties_and_they_change_no_inputs_of_a_run() -> None:
     assert load_inputs("half_cuban_eight").penalties == NONE_KNOWN
     assert "penalties" not in str(load_inputs("rovinj_2014").resolved)
+
+
+def test_a_turn_that_stays_too_low_costs_less_than_a_roll() -> None:
+    """Air Race X: 2 s and 3 s (airracex.com/regulations)."""
+    given = load_inputs("air_race_x_2024")
+    time = np.linspace(0.0, 1.0, 3)
+    histories = {name: History(Quantity(name, "m"), np.zeros(3), Basis.DERIVED) for name in ("x", "y", "z", "height")}
+    missed = tuple(TimedCrossing(passage, math.nan, {}) for passage in given.race.course.passages)
+    flight = Flight(given.race, Source("log"), time, histories, missed)
+    found = violations(flight, {}, lambda _: NOT_KNOWN, given.penalties)
+    costs = {one.passing.partition(":")[2]: one.penalty for one in found if one.rule == "manoeuvre"}
+    assert costs == {"top": 2.0, "roll/begin": 3.0, "roll": 3.0}
