@@ -31,6 +31,8 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "reserve": ("rovinj_2014", *PLAN, "--reserve", "0.9"),
     "pc9": ("rovinj_2014", "--aircraft", "pc9", *POINT_MASS),
     "extra": ("rovinj_2014", "--aircraft", "extra330sc", *POINT_MASS),
+    "flown_ada": ("rovinj_2014", "--set", "rules.n_z_max=7.5", "--set", "rules.start_speed_max_kt=195", *POINT_MASS),
+    "flown_bo": ("rovinj_2014", "--set", "rules.start_speed_max_kt=180", *POINT_MASS),
     "wind_240": ("rovinj_2014", *WIND, "environment.wind.from_deg=240", *POINT_MASS),
     "wind_280": ("rovinj_2014", *WIND, "environment.wind.from_deg=280", *POINT_MASS),
     "over_the_top": ("abu_dhabi_2016", *POINT_MASS),
@@ -164,6 +166,19 @@ def draw_card(runs: Path) -> None:
         card.convert("RGB").save(PICTURES / "card.jpg", quality=84, optimize=True)
 
 
+def draw_lost_time(runs: Path) -> None:
+    """Two flights of Rovinj 2014, recorded at 10 Hz and imported again, in the colours of the time lost."""
+    for flight in ("rovinj", "flown_ada", "flown_bo"):
+        if not (runs / f"{flight}.h5").exists():
+            call(runs, "optimize", *FLIGHTS[flight], "--output", f"{flight}.h5", "--quiet")
+    for pilot in ("ada", "bo"):
+        call(runs, "export", "csv", f"flown_{pilot}.h5", "--rate", "10", "--output", f"{pilot}.csv", "--force")
+        call(runs, "import", f"{pilot}.csv", "--course", "rovinj_2014", "--output", f"{pilot}.h5", "--force")
+    path = PICTURES / "lost_time.png"
+    call(runs, "compare", "rovinj.h5", "ada.h5", "bo.h5", "--map", str(path), "--force")
+    shrink(path)
+
+
 def print_case(runs: Path) -> None:
     """The first pages of the printed case of the harbour, side by side."""
     from PIL import Image
@@ -185,6 +200,7 @@ def print_case(runs: Path) -> None:
 PRINTED: dict[str, Callable[[Path], None]] = {
     "card": draw_card,
     "case": print_case,
+    "lost_time": draw_lost_time,
     "report": photograph_report,
     "views": lambda runs: photograph_scene(runs, "views", VIEWS),
     "film": lambda runs: photograph_scene(runs, "film", FILM),
