@@ -144,6 +144,7 @@ def deviations_of(
         pull = math.hypot(ERRORS.acceleration * float(raw[2].max()), ERRORS.jerk * accuracy)
         direction = math.atan2(speed, max(V_K, 1.0))
         when = along / max(V_K * math.cos(gamma), 1.0)
+        turned = math.hypot(direction, when * abs(n_z) * g0 / max(V_K, 1.0))
         up = math.hypot(ERRORS.up * float(raw[0, 2]), float(least[2]), zero, lost, when * V_K * math.sin(gamma))
         bank = math.nan
         if roll is not None:
@@ -156,7 +157,7 @@ def deviations_of(
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
         known = pull / g0 if load is None else load.deviation(offset + time, when)
-        return StandardDeviations(across, math.hypot(across, tip), up, bank, direction, speed, known, when)
+        return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, known, when)
 
     return at
 
