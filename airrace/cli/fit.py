@@ -1,4 +1,4 @@
-"""The command `airrace fit`: drag and power of an aircraft from flown logs."""
+"""The command `airrace fit`: drag, power and roll rate of an aircraft from flown logs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -42,10 +42,10 @@ def fit(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Fit drag polar and power of an aircraft to logs of races flown at full power; the wind is found for each log.
+    """Fit drag polar, power and roll rate of an aircraft to logs of races at full power; each log has its own wind.
 
-    What the logs do not show stays as in the aircraft of --aircraft, and is marked so in the file. Bias and scatter are
-    measured on the optimum of the fitted aircraft, which takes a minute or two.
+    The roll rate is found where the roll is recorded. What logs do not show stays as in the aircraft of --aircraft, and
+    is marked so in the file. Bias and scatter are measured on the optimum of the fitted aircraft: a minute or two.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.cli.tables import render

@@ -1,4 +1,4 @@
-"""Aircraft fitted to flown logs: drag polar and power, and how well the logs tell them.
+"""Aircraft fitted to flown logs: drag polar, power and roll rate, and how well the logs tell them.
 
 The bias and the scatter of the estimate are measured where the truth is known [B. Efron & R. J. Tibshirani, An
 Introduction to the Bootstrap, 1993]: the optimum of the fitted aircraft is recorded as the logs were, and fitted again.
@@ -22,6 +22,7 @@ from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.output_error import FACTORS, FIT, Estimate, FlownPath, estimate_factors, flown_path
 from airrace.logs.reading import read_log
 from airrace.logs.recording import refuse
+from airrace.logs.roll_rate import RollRate, measure_roll_rate
 from airrace.logs.smoothing import smooth
 from airrace.planning.race import Race
 from airrace.procedure.progress import Progress, Silent
@@ -54,9 +55,8 @@ class BootstrapSettings:
 
 
 BOOTSTRAP = BootstrapSettings()
-_MARKS = (("fitted", "by output error, with its standard deviation"),)
+_MARKS = (("fitted", "to the logs, with its standard deviation"),)
 ORIGIN = Origin("An aircraft that is fitted to flown logs", _MARKS, "flown logs")
-_LEFT = ("roll rate", "lag of the roll", "lag of the load factor")
 _COLUMNS = (
     Column("number", key="number"),
     Column("unit", key="unit"),
@@ -97,6 +97,7 @@ class FittedAircraft:
         start, aircraft: before and after.
         estimate: factors, winds and their covariance, the bias taken away.
         bias: of the factors, as it was measured, shape (3,).
+        roll: the factor of the roll rate; None where it is not visible.
         logs: what was fitted.
     """
 
@@ -105,17 +106,20 @@ class FittedAircraft:
     aircraft: Aircraft
     estimate: Estimate
     bias: Array
+    roll: RollRate | None
     logs: tuple[FittedLog, ...]
 
     @property
     def table(self) -> Table:
         """The numbers before and after with standard deviations; correlations, winds and what is left as notes."""
-        rows: list[list[str | float | None]] = []
         seen, percent = self.estimate.visible.tolist(), (100.0 * self.estimate.deviations).tolist()
         before, after = _numbers(self.start), _numbers(self.aircraft)
-        for index, (name, unit, value) in enumerate(after):
-            remark, told = ("", percent[index]) if seen[index] else ("not visible in the data: left as it was", None)
-            rows.append([name, unit, before[index][2], value, told, remark])
+        deviations = [one if visible else None for one, visible in zip(percent[:FACTORS], seen, strict=True)]
+        deviations.append(100.0 * self.roll.deviation if self.roll else None)
+        rows: list[list[str | float | None]] = [
+            [*old, new, told, "not visible in the data: left as it was" if told is None else ""]
+            for old, (_, _, new), told in zip(before, after, deviations, strict=True)
+        ]
         pairs = [(i, j) for i in range(FACTORS) for j in range(i) if seen[i] and seen[j]]
         related = ", ".join(f"{after[j][0]} and {after[i][0]} {self.correlations[j, i]:+.2f}" for i, j in pairs)
         notes = [f"correlations: {related}"] if related else []
@@ -123,8 +127,9 @@ class FittedAircraft:
             speed, origin = math.hypot(*wind) / KNOT, math.degrees(math.atan2(-wind[1], -wind[0])) % 360.0
             blows = f"{speed:.1f} kt from {origin:.0f} deg"
             notes.append(f"{log.path.name}: wind beside that of the course {blows}, +-{told / 100.0 / KNOT:.1f} kt")
-        notes.append(f"positions do not show {', '.join(_LEFT)}: left as they were")
-        notes.append("full power is assumed from the first gate to the last")
+        notes.append("no log shows the lags of roll and load factor, for none records the stick: left as they were")
+        ailerons = ", full ailerons in the quickest roll" if self.roll else ""
+        notes.append(f"full power is assumed from the first gate to the last{ailerons}")
         return Table(
             f"{self.aircraft.name}, fitted to {', '.join(log.path.name for log in self.logs)}", _COLUMNS, rows, notes
         )
@@ -138,8 +143,8 @@ class FittedAircraft:
 
 def _numbers(aircraft: Aircraft) -> tuple[tuple[str, str, float], ...]:
     """Return names, units and values of what is fitted."""
-    drag, kilowatts = aircraft.drag, aircraft.propulsion.P_max / 1000.0
-    return ("C_D0", "", drag.C_D0), ("k", "", drag.k), ("power", "kW", kilowatts)
+    drag, kilowatts, rate = aircraft.drag, aircraft.propulsion.P_max / 1000.0, math.degrees(aircraft.point_mass.p)
+    return ("C_D0", "", drag.C_D0), ("k", "", drag.k), ("power", "kW", kilowatts), ("roll rate", "deg/s", rate)
 
 
 def fit(
@@ -154,7 +159,7 @@ def fit(
     columns: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> FittedAircraft:
-    """Fit the drag polar and the power of an aircraft to flown logs of races at full power.
+    """Fit the drag polar, the power and the roll rate of an aircraft to flown logs of races at full power.
 
     Args:
         logs: one log or several of the same aircraft, as of `airrace.import_log`; the wind is found for each.
@@ -187,22 +192,27 @@ def fit(
         ensure_unread([target], documents_of(inputs))
     layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
     read = tuple(_read(path, inputs.race, layout) for path in paths)
-    found = estimate_factors(inputs.race.aircraft, inputs.race.air, [one.own for one in read])
+    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [one.flown for one in read])
+    race = race if roll is None else Race(race.course, roll.aircraft(race.aircraft), race.air)
+    found = estimate_factors(race.aircraft, race.air, [one.own for one in read])
     if not (found.visible.any() and np.isfinite(found.covariance).all()):
         missing = "that takes turns and straights at several speeds; more logs would help"
         refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
-    found, bias = _corrected(found, inputs.race, read, progress or Silent())
-    fitted = found.aircraft(inputs.race.aircraft)
+    found, bias = _corrected(found, race, read, progress or Silent())
+    fitted = found.aircraft(race.aircraft)
     if target is not None:
         name = Path(named).stem if isinstance(named, str | Path) else inputs.race.aircraft.name
-        write_text(target, aircraft_text(template, name, fitted, _relations(found), origin=ORIGIN))
-    return FittedAircraft(target, inputs.race.aircraft, fitted, found, bias, read)
+        write_text(target, aircraft_text(template, name, fitted, _relations(found, roll), origin=ORIGIN))
+    return FittedAircraft(target, inputs.race.aircraft, fitted, found, bias, roll, read)
 
 
-def _relations(found: Estimate) -> dict[tuple[str, str], str]:
+def _relations(found: Estimate, roll: RollRate | None) -> dict[tuple[str, str], str]:
     """Return the marks of the numbers that were fitted."""
     told = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), found.deviations[:FACTORS], strict=True)
-    return {key: f"fitted, +-{100.0 * one:.1f} %" for (key, one), seen in zip(told, found.visible, strict=True) if seen}
+    fitted = {key: deviation for (key, deviation), seen in zip(told, found.visible, strict=True) if seen}
+    rolling = (("roll", "C_lxi"), ("yaw", "C_nxi"), ("point_mass", "p"))
+    fitted |= {} if roll is None else dict.fromkeys(rolling, roll.deviation)
+    return {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in fitted.items()}
 
 
 def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:

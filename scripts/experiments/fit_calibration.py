@@ -4,8 +4,8 @@
 
 True aircraft differ from the Edge 540 at random: C_D0 and roll (ailerons and the limit of the roll rate) by up to 15 %,
 k and power by up to 10 %, and 2 kt of wind blow from anywhere, of which the fit knows nothing. Their six-dof optima are
-recorded at 5 and at 20 Hz with 1.5 m of white noise. Optima start from that of the Edge 540, here and within the fit,
-which saves time and changes nothing else. Results go to FOLDER, one line per log; lines that are there are not computed
+recorded at 5 and at 20 Hz with 1.5 m of white noise, the roll with 1 degree. Optima start from that of the Edge 540,
+here and within the fit, which saves time and changes nothing else. Results go to FOLDER, one line per log; lines that are there are not computed
 again. The tables hold, for every number, the shares of errors within one and two of the standard deviations that the
 fit tells, and the errors of the race time with which the fitted aircraft flies the course in the true wind.
 """
@@ -28,6 +28,8 @@ COURSES = ("rovinj_2014", "chiba_2015")
 SPREAD = {"C_D0": 0.15, "k": 0.10, "power": 0.10, "roll": 0.15}
 RATES = (5.0, 20.0)
 NOISE = 1.5
+ROLL_NOISE = 1.0
+"""deg."""
 LEAD = 4.0
 """Straight flight before the start and behind the finish, s."""
 
@@ -55,8 +57,10 @@ def log_text(run: Run, hz: float, random: np.random.Generator) -> str:
         first, final = np.diff(ends[name])[[0, -1]] / 1e-3
         place = inside[name] + first * np.minimum(time, 0.0) + final * np.maximum(time - last, 0.0)
         columns.append(sign * place + NOISE * random.standard_normal(len(time)))
+    roll = np.degrees(run.stages[-1].flight().at(np.clip(time, 0.0, last))["phi"])
+    columns.append(roll + ROLL_NOISE * random.spawn(1)[0].standard_normal(len(time)))
     rows = [",".join(f"{value:.4f}" for value in row) for row in zip(*columns, strict=True)]
-    return "\n".join(["time [s],north [m],east [m],height [m]", *rows]) + "\n"
+    return "\n".join(["time [s],north [m],east [m],height [m],roll [deg]", *rows]) + "\n"
 
 
 def measure(folder: Path, course: str, number: int) -> None:
@@ -88,6 +92,7 @@ def measure(folder: Path, course: str, number: int) -> None:
             "wind_errors": (fitted.estimate.winds[0] - [blows.north, blows.east]).tolist(),
             "deviations": fitted.estimate.deviations.tolist(),
             "bias": fitted.bias.tolist(),
+            "roll": fitted.roll and [fitted.roll.factor - np.log(factors["roll"]), fitted.roll.deviation],
             "race_time_error": again.race_time - run.race_time,
             "again": again.certified,
         }
@@ -109,6 +114,11 @@ def tables(folder: Path) -> None:
             sizes = [np.sqrt(np.mean(one**2)) for one in (e, d)]
             shown = " | ".join(f"{one:.2f} m/s" if index > 2 else f"{100.0 * one:.1f} %" for one in sizes)
             print(f"| {hz:g} | {len(those)} | {name} | {shown} | {counts} |")
+        if rolls := [one["roll"] for one in those if one.get("roll")]:
+            e, d = np.array(rolls).T
+            counts = " | ".join(str(np.sum(np.abs(e) <= most * d)) for most in (1.0, 2.0))
+            shown = " | ".join(f"{100.0 * np.sqrt(np.mean(one**2)):.1f} %" for one in (e, d))
+            print(f"| {hz:g} | {len(rolls)} | roll rate | {shown} | {counts} |")
     late = np.abs([one["race_time_error"] for one in lines])
     print(f"\nrace time, {len(late)} logs: {np.sqrt(np.mean(late**2)):.3f} s (rms), at most {late.max():.3f} s")
 

@@ -95,6 +95,11 @@ def fixes(hz: float, *, noise: float = 1.5, seed: int = 1, gap: tuple[float, flo
     return Fixes(time[received], *(one[received] for one in places))
 
 
+def banks(times: Array, rate: float) -> Array:
+    """The bank, deg, with a full roll at a rate (deg/s) where the flight itself hardly rolls."""
+    return np.degrees(known().at("mu", times)) + np.clip(rate * (times - 0.5), 0.0, 360.0)
+
+
 def on_globe(seen: Fixes) -> tuple[Array, Array, Array]:
     """Latitude and longitude, deg, and height above the sea, m."""
     origin = race().course.origin

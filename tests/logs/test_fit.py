@@ -19,10 +19,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def write_log(hz: float) -> None:
+def write_log(hz: float, *, roll: bool = False) -> None:
     fixes = synthetic.fixes(hz, noise=1.0)
     columns = np.stack([fixes.time + 10.0, fixes.north, fixes.east, fixes.height], axis=1)
-    np.savetxt("log.csv", columns, "%.3f", ",", header="time [s],north [m],east [m],height [m]", comments="")
+    header = "time [s],north [m],east [m],height [m]"
+    if roll:
+        columns = np.column_stack([columns, synthetic.banks(fixes.time, 380.0)])
+        header += ",roll [deg]"
+    np.savetxt("log.csv", columns, "%.3f", ",", header=header, comments="")
 
 
 FIT = ("fit", "log.csv", "--course", "rovinj_2014", "--aircraft", "edge540", "--output", "mine.yaml")
@@ -38,9 +42,22 @@ def test_the_file_says_what_was_fitted_and_what_was_not(monkeypatch: pytest.Monk
     assert "C_lp: -0.45" in text
     fitted = read_aircraft_file("mine.yaml").aircraft
     assert fitted.drag.C_D0 != read_aircraft_file("edge540").aircraft.drag.C_D0
-    assert "positions do not show roll rate" in ran.out
+    assert "420" in ran.out
+    assert ran.out.count("not visible") == 1  # the roll rate
     assert airrace("check", "rovinj_2014", "--aircraft", "mine.yaml").code == 0
     assert airrace(*FIT).code == 2  # the file exists
+
+
+def test_a_roll_that_is_recorded_shows_the_roll_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fitting, "_corrected", lambda found, *_: (found, np.zeros(3)))
+    write_log(20.0, roll=True)
+    assert airrace(*FIT).code == 0
+    assert Path("mine.yaml").read_text(encoding="utf-8").count("# fitted, +-") == 6
+    start, fitted = (read_aircraft_file(one).aircraft for one in ("edge540", "mine.yaml"))
+    ratios = fitted.roll.C_lxi / start.roll.C_lxi, fitted.yaw.C_nxi / start.yaw.C_nxi
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-4)
+    assert fitted.point_mass.p == pytest.approx(np.radians(380.0), rel=0.03)
+    assert fitted.roll.C_lp == start.roll.C_lp
 
 
 def test_a_log_that_is_too_coarse_or_flies_elsewhere_is_told_what_is_missing() -> None:

@@ -51,3 +51,16 @@ def test_straight_flight_tells_nothing_of_drag_and_power() -> None:
     found = estimated(time, places + 0.5 * random.standard_normal(places.shape))
     assert not found.visible.any()
     assert not found.factors.any()
+
+
+def test_logs_in_different_winds_are_fitted_together() -> None:
+    time, places = recorded()
+    winds = np.array([[2.0, -1.0], [-1.5, 0.5]])
+    paths = [
+        flown_path(smooth(time, moved), time, moved, float(time[0]), float(time[-1]))
+        for moved in (places + np.outer([*wind, 0.0], time - time[0]) for wind in winds)
+    ]
+    one, both = estimate_factors(START, AIR, paths[:1]), estimate_factors(START, AIR, paths)
+    np.testing.assert_allclose(both.winds[1] - both.winds[0], winds[1] - winds[0], atol=0.1)
+    np.testing.assert_allclose(both.factors, one.factors, atol=0.02)
+    assert np.all(both.deviations[:3] < 0.85 * one.deviations[:3])  # white noise has 0.71
