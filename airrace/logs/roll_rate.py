@@ -13,7 +13,7 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.performance import roll_rate
 from airrace.logs.deviations import is_measured
-from airrace.logs.freshness import held, rounding
+from airrace.logs.freshness import rounding
 from airrace.logs.histories import samples_of
 from airrace.logs.log_flight import LogFlight
 from airrace.records import record
@@ -77,15 +77,14 @@ def _of_log(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
     flight = log.flight
     if not (is_measured(flight, "phi") and "p_Kbar" in flight.histories):
         return None
-    time, roll = samples_of(log.recording, "phi")
-    fresh = ~held(roll[None], time)
-    if np.median(np.diff(time[fresh])) > ROLL.step:
+    time, roll = samples_of(log.recording, "phi")  # fresh ones
+    if np.median(np.diff(time)) > ROLL.step:
         return None
     limits = np.minimum(aircraft.point_mass.p, roll_rate(aircraft, 1.0) * flight["V_A"])
     shares = np.where(np.abs(flight["gamma"]) < ROLL.steep, flight["p_Kbar"] / limits, 0.0)
     count = round(ROLL.held / float(np.median(np.diff(flight.time))))
     means, shorter = _means(shares, count), _means(shares, count // 2)
-    white = float(np.median(np.abs(np.diff(roll[fresh], 3)))) / 0.6745 / math.sqrt(20.0)  # its third differences
+    white = float(np.median(np.abs(np.diff(roll, 3)))) / 0.6745 / math.sqrt(20.0)  # its third differences
     deviation = max(white, rounding(roll)) * math.sqrt(2.0) / ROLL.held / aircraft.point_mass.p
     rate = float(means.max()) - ROLL.excess * deviation
     if rate <= 0.0 or means.max() < ROLL.share * shorter.max():
