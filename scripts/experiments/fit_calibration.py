@@ -1,6 +1,6 @@
 """Fly other aircraft than the start's, fit the start to their logs, and print how well that tells the truth.
 
-    python scripts/experiments/fit_calibration.py FOLDER [--truths 12] [--first 0] [--course rovinj_2014 ...]
+    python scripts/experiments/fit_calibration.py FOLDER [--truths 12] [--first 0] [--n-z 8] [--course rovinj_2014 ...]
 
 True aircraft differ from the Edge 540 at random: C_D0 and roll (ailerons and the limit of the roll rate) by up to 15 %,
 k and power by up to 10 %, and 2 kt of wind blow from anywhere, of which the fit knows nothing. Their six-dof optima are
@@ -63,11 +63,12 @@ def log_text(run: Run, hz: float, random: np.random.Generator) -> str:
     return "\n".join(["time [s],north [m],east [m],height [m],roll [deg]", *rows]) + "\n"
 
 
-def measure(folder: Path, course: str, number: int) -> None:
-    """Fly one aircraft, and fit its logs."""
+def measure(folder: Path, course: str, number: int, n_z: float | None) -> None:
+    """Fly one aircraft, and fit its logs; `n_z` is the greatest load factor that is flown, None for that of the rules."""
     start, random = read_aircraft_file("edge540").aircraft, np.random.default_rng((number, len(course)))
     factors = {name: float(1.0 + most * random.uniform(-1.0, 1.0)) for name, most in SPREAD.items()}
     wind = {"environment.wind.from_deg": float(random.uniform(0.0, 360.0)), "environment.wind.speed_kt": 2.0}
+    wind |= {} if n_z is None else {"rules.n_z_max": n_z}
     base = folder / f"{course}.h5"
     if not base.exists():
         airrace.optimize(course, aircraft="edge540", search="off", output=base)
@@ -129,6 +130,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--truths", type=int, default=12)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--n-z", type=float, help="of pilots who pull less than the rules allow")
     parser.add_argument("--course", nargs="*", default=COURSES)
     arguments = parser.parse_args()
     arguments.folder.mkdir(exist_ok=True)
@@ -137,7 +139,7 @@ def main() -> None:
     for number in range(arguments.first, arguments.first + arguments.truths):
         for course in arguments.course:
             if not any((one["course"], one["number"]) == (course, number) for one in done):
-                measure(arguments.folder, course, number)
+                measure(arguments.folder, course, number, arguments.n_z)
     tables(arguments.folder)
 
 
