@@ -93,9 +93,9 @@ class Designer:
             "set": lambda: self._set(said),
             "add": lambda: self.track.edit(
                 said["revision"],
-                self.track.layout.added(_text(said["kind"]), Point(_number(said["north"]), _number(said["east"]))),
+                self.track.layout.addition(_text(said["kind"]), Point(_number(said["north"]), _number(said["east"]))),
             ),
-            "remove": lambda: self.track.edit(said["revision"], self.track.layout.removed(_path(said["path"]))),
+            "remove": lambda: self.track.edit(said["revision"], self.track.layout.removal(_path(said["path"]))),
             "undo": lambda: self.track.go(said["revision"], back=True),
             "redo": lambda: self.track.go(said["revision"], back=False),
             "reload": lambda: self.track.reload(said["revision"]),

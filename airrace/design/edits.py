@@ -58,7 +58,7 @@ def edit_document(document: Document, edits: Sequence[Edit]) -> Document:
             _change(wanted, edit)
         except (KeyError, IndexError, TypeError, AttributeError) as error:
             raise UsageError(f"there is no {dotted(edit.path)}") from error
-        text = _Text(text).edited(edit)
+        text = _Text(text).apply(edit)
         if read_yaml(document.path, text).plain() != wanted:
             raise UsageError(f"{dotted(edit.path)} has a form that cannot be edited in place; edit the file by hand")
     return Document(document.path, text)
@@ -107,7 +107,7 @@ class _Text:
         self.root = cast(yaml.Node, yaml.compose(text, Loader=FAST))  # pyright: ignore[reportUnknownMemberType]
         self.newline = "\r\n" if "\r\n" in text else "\n"
 
-    def edited(self, edit: Edit) -> str:
+    def apply(self, edit: Edit) -> str:
         holders, path = [self.root], edit.path  # those above the end of the path, as far as there are any
         for part in path[:-1]:
             if (index := _index(holders[-1], part)) is None:

@@ -81,7 +81,7 @@ class Piece:
 
 
 @record
-class Layout:
+class EditableCourse:
     """The pieces of a course, and what a hand does with them as edits of the track file."""
 
     inputs: Inputs
@@ -114,7 +114,7 @@ class Layout:
             raise UsageError(f"there is no {dotted(path)}")
         return found
 
-    def removed(self, path: KeyPath) -> list[Edit]:
+    def removal(self, path: KeyPath) -> list[Edit]:
         """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
         group, name = self.piece(path).path[0], path[-1]
         edits = list[Edit]()
@@ -127,7 +127,7 @@ class Layout:
                 edits.append(Remove((*where, "safety_lines", lines.index(name))))
         return [*edits, Remove(path)]
 
-    def added(self, kind: str, at: Point) -> list[Edit]:
+    def addition(self, kind: str, at: Point) -> list[Edit]:
         """Return the edits that put a new piece down; a gate is passed where that makes the least detour."""
         gates = [(one.north, one.east) for piece in self.pieces if piece.path[0] == "gates" for one in piece.spots]
         known = np.array(gates or [(at.north, at.east)])
@@ -139,16 +139,16 @@ class Layout:
 
         match kind:
             case "obstacle":
-                return self._entered("obstacles", "mast", {**place(0.0, 0.0), "height_m": NEW.mast})
+                return self._insertion("obstacles", "mast", {**place(0.0, 0.0), "height_m": NEW.mast})
             case "crowd":
                 half = 0.5 * NEW.crowd
                 corners = [place(a * half, b * half) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
-                return self._entered("crowd", "crowd", {"polygon": corners, "distance_m": NEW.crowd_distance})
+                return self._insertion("crowd", "crowd", {"polygon": corners, "distance_m": NEW.crowd_distance})
             case "safety line":  # with the middle of the course to its left
                 north, east = known.mean(axis=0) - (at.north, at.east)
                 along = 0.5 * NEW.line / (math.hypot(north, east) or 1.0) * np.array([-east, north])
                 line = {"from": place(*-along), "to": place(*along), "keep": "left"}
-                return self._entered("safety_lines", "line", line)
+                return self._insertion("safety_lines", "line", line)
             case "airspace" if "airspace" not in self.plain:
                 (south, west), (north, east) = known.min(axis=0) - NEW.airspace, known.max(axis=0) + NEW.airspace
                 ends = [(north, west), (north, east), (south, east), (south, west)]
@@ -175,7 +175,7 @@ class Layout:
         key, turn = ("pass_side_deg", course - 90.0 if to_right else course + 90.0)
         if kind != "pylon":
             key, turn = "heading_deg", course
-        entered = self._entered("gates", "g", {"type": kind, **place, key: round(turn % 360.0, 1)})
+        entered = self._insertion("gates", "g", {"type": kind, **place, key: round(turn % 360.0, 1)})
         return [*entered, *(Insert(path, entered[0].path[1]) for path in passed.values())]
 
     def _legs(self) -> Iterator[tuple[KeyPath, Point, Point]]:
@@ -194,7 +194,7 @@ class Layout:
                 yield path, before, here
             before = here
 
-    def _entered(self, group: str, stem: str, entry: dict[str, Any]) -> list[Edit]:
+    def _insertion(self, group: str, stem: str, entry: dict[str, Any]) -> list[Edit]:
         taken: Plain = self.plain.get(group) or {}
         name = next(name for number in range(1, len(taken) + 2) if (name := f"{stem}{number}") not in taken)
         return [Put((group, name), entry)]
@@ -207,7 +207,7 @@ class Layout:
         return {key: round(math.degrees(one[0]), NEW.degrees) for key, one in zip(GEODETIC, angles, strict=True)}
 
 
-def layout_of(inputs: Inputs) -> Layout:
+def layout_of(inputs: Inputs) -> EditableCourse:
     """Return the pieces of a course whose track file is known to be without fault."""
     plain: Any = read_yaml(inputs.track.path, inputs.track.text).plain()
     course = inputs.race.course
@@ -230,7 +230,7 @@ def layout_of(inputs: Inputs) -> Layout:
         strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawn)
         closed = kind == "airspace" or "polygon" in entry
         pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
-    return Layout(inputs, plain, tuple(pieces))
+    return EditableCourse(inputs, plain, tuple(pieces))
 
 
 def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:

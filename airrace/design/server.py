@@ -74,30 +74,30 @@ class _Guard:
         """Return the answer to a request that is refused; None if it may pass."""
         headers = request.headers
         if headers.get("host", "") not in self._hosts:
-            return _refused(421, "this is another host than the designer's")
+            return _refusal(421, "this is another host than the designer's")
         given = request.url.path.split("/")[1]
         if not secrets.compare_digest(given.encode(), self._token.encode()):
-            return _refused(403, "the token in the address is missing or wrong; take the address that was printed")
+            return _refusal(403, "the token in the address is missing or wrong; take the address that was printed")
         origin = headers.get("origin")
         own = {f"http://{host}" for host in self._hosts}
         if origin is not None and origin not in own:
-            return _refused(403, "another origin may not use the designer")
+            return _refusal(403, "another origin may not use the designer")
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
-            return _refused(403, "another site may not use the designer")
+            return _refusal(403, "another site may not use the designer")
         if request.method == "POST":
             if origin is None:
-                return _refused(403, "a change needs an origin")
+                return _refusal(403, "a change needs an origin")
             if headers.get("content-type", "").partition(";")[0] != "application/json":
-                return _refused(415, "a message is JSON")
+                return _refusal(415, "a message is JSON")
             length = headers.get("content-length", "")
             if not length.isdecimal():
-                return _refused(411, "a message tells its length")
+                return _refusal(411, "a message tells its length")
             if int(length) > SETTINGS.message:
-                return _refused(413, f"a message has at most {SETTINGS.message} bytes")
+                return _refusal(413, f"a message has at most {SETTINGS.message} bytes")
         return None
 
 
-def _refused(status: int, text: str) -> Response:
+def _refusal(status: int, text: str) -> Response:
     return JSONResponse({"error": text}, status, headers=HEADERS)
 
 
@@ -109,7 +109,7 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: C
         if path not in {
             file for pattern in ("page.html", "script/*.js", "style/*.css") for file in FOLDER.glob(pattern)
         }:
-            return _refused(404, "there is no such file")
+            return _refusal(404, "there is no such file")
         return Response(path.read_bytes(), media_type=KINDS[path.suffix], headers=HEADERS)
 
     async def state(request: Request) -> Response:
@@ -124,23 +124,23 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: C
         try:
             await run_in_threadpool(designer.do, request.path_params["what"], json.loads(await request.body()))
         except (ValueError, RecursionError):
-            return _refused(400, "the message is no JSON")
+            return _refusal(400, "the message is no JSON")
         except ChangedOnDisk as error:
             return JSONResponse({"error": str(error), "digest": error.digest}, 409, headers=HEADERS)
         except StaleRevision as error:
-            return _refused(409, str(error))
+            return _refusal(409, str(error))
         except InputError as error:
             findings = [f"{one.key}: {one.message}" if one.key else one.message for one in error.findings[:5]]
-            return _refused(422, "; ".join(findings))
+            return _refusal(422, "; ".join(findings))
         except AirraceError as error:
-            return _refused(422, str(error))
+            return _refusal(422, str(error))
         return JSONResponse({"version": designer.version, "revision": designer.track.revision}, headers=HEADERS)
 
     async def picture(request: Request) -> Response:
         try:
             content, kind = await run_in_threadpool(designer.picture)
         except (AirraceError, OSError) as error:
-            return _refused(404, str(error))
+            return _refusal(404, str(error))
         return Response(content, media_type=kind, headers=HEADERS)
 
     own = f"/{token}"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.design.pieces import Layout, layout_of
+from airrace.design.pieces import EditableCourse, layout_of
 from airrace.errors import AirraceError, SolverCrash
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.nodes import KeyPath, dotted
@@ -170,12 +170,12 @@ class Lane:
         self._show(**_told(view), answered=question.revision, note=note, busy="")
         if view.result.holds:
             self._known = view
-            self._show(**_drawn(view.flight()))
-            self._show(**_sloped(view, layout_of(view.inputs)))
+            self._show(**_drawing_of(view.flight()))
+            self._show(**_slopes_of(view, layout_of(view.inputs)))
         self._show(warnings=[one.text for one in check_course(view.inputs).warnings])
 
     def _fly(self, plan: ExecutionPlan, threads: int, what: str) -> RunState:
-        *_, run = execute(plan, threads=threads, progress=_Watcher(self._show, what))
+        *_, run = execute(plan, threads=threads, progress=_ProgressLine(self._show, what))
         return run
 
     def _open(self, run: RunState, session: Session) -> None:
@@ -219,11 +219,11 @@ class Lane:
             return
         plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=LAST)
         view = self._fly(plan, available_cores(), "").stage()
-        drawn = _drawn(view.flight()) if view.result.is_flight else {"line": ()}
+        drawn = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
         self._show(busy="", six_dof={**_told(view), **drawn, "revision": question.revision})
 
 
-class _Watcher(Silent):
+class _ProgressLine(Silent):
     """A view of a run under way that shows one line."""
 
     def __init__(self, show: Callable[..., None], what: str) -> None:
@@ -250,7 +250,7 @@ def _told(view: StageView) -> dict[str, object]:
     }
 
 
-def _drawn(flight: Flight) -> dict[str, Any]:
+def _drawing_of(flight: Flight) -> dict[str, Any]:
     """Return line, passings and distances of a flight."""
     rows = np.unique(np.linspace(0, len(flight.time) - 1, SETTINGS.points).round().astype(int))
     n_z = flight["n_z"]
@@ -266,7 +266,7 @@ def _drawn(flight: Flight) -> dict[str, Any]:
     }
 
 
-def _sloped(view: StageView, layout: Layout) -> dict[str, object]:
+def _slopes_of(view: StageView, layout: EditableCourse) -> dict[str, object]:
     """Return how the race time changes with every place (s/m) and every turn (s/deg), and at which values."""
     numbers, race = Variation(view.inputs).parameters, view.inputs.race
     wanted = dict[str, tuple[KeyPath, str, float]]()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.design.edits import Edit, edit_document
-from airrace.design.pieces import Layout, layout_of
+from airrace.design.pieces import EditableCourse, layout_of
 from airrace.errors import UsageError
 from airrace.inputs import Document, load_inputs
 from airrace.records import record
@@ -31,7 +31,7 @@ class ChangedOnDisk(UsageError):
 
 @record
 class _Step:
-    layout: Layout
+    layout: EditableCourse
     gesture: str = ""
 
     @property
@@ -64,7 +64,7 @@ class TrackFile:
         self._now = self._read()
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> EditableCourse:
         return self._now.layout
 
     @property

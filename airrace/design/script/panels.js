@@ -64,7 +64,7 @@ export function showTables(state) {
   const lane = state.lanes[0];
   rows(find("splits"), (lane.splits ?? []).map(([name, time, speed, load]) => [[name, time.toFixed(2), `${speed} kt`, `${load} g`]]));
   rows(find("distances"), (lane.distances ?? []).map(([what, distance, required]) => [
-    [what, `${distance} m`, `≥ ${required} m`], distance - required < 0.05 ? "tight" : ""]));
+    [what, `${distance} m`, `≥ ${required} m`], distance < required - 0.01 ? "missed" : distance < required + 0.05 ? "tight" : ""]));
   find("warnings").replaceChildren(...(lane.warnings ?? []).map((text) => element("li", { textContent: text })));
 }
 
