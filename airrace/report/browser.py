@@ -7,7 +7,6 @@ from descriptor 3 and answers on descriptor 4.
 import contextlib
 import json
 import os
-import select
 import shutil
 import signal
 import tempfile
@@ -112,6 +111,8 @@ class Page:
 
     def _message(self) -> bytes:
         while b"\0" not in self._received:
+            import select  # which Windows has for sockets alone
+
             if not select.select([self._answers], [], [], PATIENCE)[0]:
                 raise StorageError(f"Chromium has not answered for {PATIENCE:g} s")
             part = os.read(self._answers, 1 << 20)

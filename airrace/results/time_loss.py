@@ -158,8 +158,9 @@ def time_loss(comparison: Comparison) -> TimeLoss:
         comparison = compare_flights(comparison.other, comparison.reference)
     reference, other = comparison.reference, comparison.other
     losses: list[Loss] = []
+    known = all("chi" in one for one in (reference, other))  # a flight without its course tells no causes
     for leg in comparison.legs:
-        if leg.reference.is_complete and leg.other.is_complete:
+        if known and leg.reference.is_complete and leg.other.is_complete:
             flown = reference, leg.reference, other, leg.other
             facts = {cause: differences(*flown, measures, SETTINGS.facts) for cause, measures in FACTS.items()}
             losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*flown, (_LEAVING,), 1)))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import COURSE
+from three_gates import COURSE
 
 from airrace.design.designer import Designer
 from airrace.design.pieces import layout_of

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from conftest import COURSE
+from three_gates import COURSE
 
 from airrace.design.designer import Designer
 from airrace.design.server import DesignServer
