@@ -133,12 +133,16 @@ class ColumnLayout:
 
 @record
 class CsvColumn:
-    """A column of the file: where it stands, what it records, and its unit; that is empty where none is said."""
+    """A column of the file: where it stands, what it records, and its unit; that is empty where none is said.
+
+    `usual` is the unit that its dialect has where the file says none.
+    """
 
     index: int
     header: str
     field: Field
     unit: str
+    usual: str = ""
 
     def factor(self, numbers: Array) -> float:
         """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
@@ -355,22 +359,21 @@ def _is_number(cells: Sequence[str], index: int) -> bool:
 
 
 def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
-    """Return a column with the unit of a row of units, where its header names none."""
+    """Return a column with the unit of a row of units, else that of its dialect, where its header names none."""
     text = units[column.index] if column.index < len(units) else ""
-    unit = column.unit or parse_unit(column.field, text.strip()) or ""
+    unit = column.unit or parse_unit(column.field, text.strip()) or column.usual
     return CsvColumn(column.index, column.header, column.field, unit)
 
 
 def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     """Return the columns that the mapping names, or that are recognised where there is none."""
     found: dict[str, CsvColumn] = {}
-    if not layout.columns and (dialect := dialect_of(headers)) is not None:
-        return _columns_of(dialect, headers)
-    if not layout.columns:
+    if "time" not in layout.columns and (dialect := dialect_of(headers)) is not None:
+        found = {one.field.name: one for one in _columns_of(dialect, headers)}
+    elif not layout.columns:
         for index, header in enumerate(headers):
             if (own := recognise(header)) is not None:
                 found.setdefault(own[0].name, CsvColumn(index, header, *own))
-        return list(found.values())
     plain = [" ".join(one.split()) for one in headers]
     bases = [split_unit(one)[0] for one in plain]
     for name, text in layout.columns.items():
@@ -396,7 +399,7 @@ def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
         if there := next(((header, unit) for header, unit in candidates if header in plain), None):
             index, known = plain.index(there[0]), FIELDS[name]
             said = parse_unit(known, split_unit(headers[index])[1])
-            found.append(CsvColumn(index, headers[index], known, said or there[1]))
+            found.append(CsvColumn(index, headers[index], known, said or "", there[1]))
     return found
 
 

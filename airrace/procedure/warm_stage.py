@@ -12,6 +12,7 @@ from functools import cached_property
 from types import TracebackType
 from typing import Self
 
+from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import Mesh, restrict
 from airrace.optimal_control.solvers.interface import Multipliers
@@ -74,7 +75,11 @@ class WarmStage:
         self._service = self._new_service(threads)
         limits = replace(self._settings, certificate=_with_spare(settings.certificate))
         flight = self._perturbed.flight
-        found = self._solve(flight, flight, optimum, limits, coarse=True)
+        try:
+            found = self._solve(flight, flight, optimum, limits, coarse=True)
+        except BaseException:
+            self.close()
+            raise
         self.optimum = found if found.holds else optimum
 
     def __enter__(self) -> Self:
@@ -151,7 +156,10 @@ class WarmStage:
         there, flight = (one.with_conditions(known.pylon_conditions) for one in (before, after))
         mesh, guess = _coarse_mesh(known) if coarse else (mesh_of(known.trajectory), iterate_of(known.trajectory))
         multipliers = Multipliers(known.constraint_multipliers, known.bound_multipliers)
-        carried = carry_multipliers(multipliers, there.problem(mesh_of(known.trajectory)), flight.problem(mesh))
+        whole = there.problem(mesh_of(known.trajectory))
+        layout, carried = Layout(whole), None
+        if multipliers.constraints.shape == (layout.constraints,) and multipliers.bounds.shape == (layout.unknowns,):
+            carried = carry_multipliers(multipliers, whole, flight.problem(mesh))  # else they belong to other limits
         provenance = StageProvenance(source_stage=known.stage.value)
         start = Start(flight, flight.problem(mesh), guess, InitialBarrier.OTHER_MESH, provenance, carried)
         with closing(self._session(settings, self._service)) as session:

@@ -56,6 +56,7 @@ class Session:
         self.optimum = StageView(self._run.inputs, self._warm.optimum, current_versions())
         self._background = ThreadPoolExecutor(1, thread_name_prefix="mesh check")
         self._check: Future[StageView] | None = None
+        self._closed = False
 
     def __enter__(self) -> Self:
         return self
@@ -67,6 +68,7 @@ class Session:
 
     def close(self) -> None:
         """End the solver processes; a check under way is given up, and its future has an error."""
+        self._closed = True
         self._warm.close()
         self._background.shutdown(cancel_futures=True)
 
@@ -104,7 +106,12 @@ class Session:
         Returns:
             The future of the stage, certified; as it was where its race time could not be confirmed. It is cancelled if
             another answer is to be certified before this one's turn.
+
+        Raises:
+            UsageError: the session is closed.
         """
+        if self._closed:
+            raise UsageError("the session is closed")
         check = self._warm.mesh_check(solved.inputs.race, solved.result)
         if self._check is not None:
             self._check.cancel()

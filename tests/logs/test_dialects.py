@@ -12,7 +12,7 @@ import pytest
 from synthetic import BEGIN, fixes, gpx_text, igc_text, known, on_globe, race
 
 from airrace.errors import InputError
-from airrace.inputs.log_layout import read_layout
+from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.dialects import DIALECTS, dialect_of
 from airrace.logs.log_flight import LogFlight, flight_from_log
@@ -173,6 +173,17 @@ def test_a_flight_in_a_dialect_is_read_without_a_mapping(tmp_path: Path, name: s
     if "n_z" in found.flight.histories and found.flight.basis("n_z").value == "measured":
         n_z = np.interp(known().time - begin, found.flight.time, found.flight.values("n_z"))
         assert np.median(np.abs(n_z - known().histories["n_z"])) < 0.05
+
+
+def test_a_row_of_units_counts_more_than_the_dialect_and_a_column_more_than_both(tmp_path: Path) -> None:
+    metres = g1000().replace("ft msl", "m").splitlines()
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(metres) + "\n")
+    assert read_log(path).columns["altitude"] == pytest.approx(FEET, abs=1e-6)
+    other = with_columns(ColumnLayout(), ["pitch=Roll [deg]"])
+    found = read_log(path, other)
+    assert found.columns["theta"] == pytest.approx(np.radians(ROLL), abs=1e-8)
+    assert len(found.time) == len(SINCE)
 
 
 def test_every_dialect_is_the_first_that_its_own_headers_are_of() -> None:
