@@ -44,10 +44,13 @@ class WarmSettings:
             refined; races that differ a little then rarely need another one.
         iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
             60 is another route or no flight, and is told at once.
+        prepared_intervals: that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and
+            each set of them is another problem; 200 MB at most.
     """
 
     spare: float = 0.6
     iterations_max: int = 60
+    prepared_intervals: int = 2500
 
 
 SETTINGS = WarmSettings()
@@ -129,7 +132,11 @@ class WarmStage:
         return self._new_service(1)
 
     def _new_service(self, threads: int) -> SolverService:
-        service = SolverService(threads=threads, stall_seconds=self._settings.solver.stall_seconds)
+        service = SolverService(
+            threads=threads,
+            stall_seconds=self._settings.solver.stall_seconds,
+            prepared_intervals=SETTINGS.prepared_intervals,
+        )
         self._services.append(service)
         return service
 

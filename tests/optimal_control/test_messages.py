@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
-from known_flights import rest_to_rest
+from known_flights import oscillator, rest_to_rest
 
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.messages import Receiver, Sender, SolveRequest
@@ -24,16 +24,18 @@ def test_the_thread_that_reads_unpacks_nothing() -> None:
     with pytest.raises(pickle.UnpicklingError):
         receiver.unpack(content)
     cut = Receiver(io.BytesIO(whole[:-1]))
-    first = cut.read()
-    assert first is not None
-    assert cut.unpack(first) is None  # the system, to which the request will refer
-    assert cut.read() is None
+    definitions = 0
+    while (content := cut.read()) is not None:
+        assert cut.unpack(content) is None  # a function, to which the request will refer
+        definitions += 1
+    assert definitions == 2  # rates and path
 
 
-def test_a_system_is_pickled_once_by_one_thread_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_function_is_pickled_once_by_one_thread_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many processes it is sent to, from however many threads."""
     problem, guess = rest_to_rest()
-    problem = replace(problem, system=replace(problem.system))  # not yet known
+    system = oscillator()  # not yet known
+    problem = replace(problem, system=system)
     alone = threading.Lock()
     calls: list[object] = []
 
@@ -53,5 +55,5 @@ def test_a_system_is_pickled_once_by_one_thread_at_a_time(monkeypatch: pytest.Mo
             for _ in range(8)
         ]
     assert [future.result() for future in futures] == [None] * 8
-    assert len(calls) == 1
-    assert calls[0] is problem.system
+    assert {id(one) for one in calls} == {id(system.rates), id(system.path_values)}
+    assert len(calls) == 2

@@ -1,6 +1,6 @@
 """The messages between a process and its solver process, and how they travel.
 
-Systems and observations are large and few: they are sent once and then named, by `Sender` and `Receiver`.
+Casadi functions are large and few: they are sent once and then named, by `Sender` and `Receiver`.
 """
 
 import hashlib
@@ -12,17 +12,26 @@ import threading
 from collections.abc import Callable
 from typing import IO, Any, Self
 
+import casadi as ca
+
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.records import record
-from airrace.system import Observation, System
+from airrace.system import System
+
+PREPARED_INTERVALS = 600
+"""The number of intervals of all problems together that a solver process keeps ready for the next request.
+
+A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
+(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
+"""
 
 
 @record
 class SolveRequest:
-    """A request to solve `problem` from `guess`."""
+    """A request to solve `problem` from `guess`, and to keep so many intervals prepared for the next one."""
 
     problem: Problem
     guess: Iterate
@@ -30,6 +39,7 @@ class SolveRequest:
     solver: str
     options: SolverOptions
     threads: int
+    prepared_intervals: int = PREPARED_INTERVALS
 
 
 @record
@@ -64,33 +74,32 @@ class WorkerFailure:
 
 
 Reply = IterationReport | Notice | Solution | WorkerFailure
-Shared = System | Observation
 
 
 @record
 class _Definition:
-    """A pickled shared object under the name by which later messages refer to it."""
+    """A pickled function under the name by which later messages refer to it."""
 
     name: str
     content: bytes
 
 
-_known: dict[int, tuple[Shared, _Definition]] = {}  # by id, which the reference keeps valid
+_known: dict[int, tuple[ca.Function, _Definition]] = {}  # by id, which the reference keeps valid
 _pickling = threading.Lock()
 
 
-def _definition(shared: Shared) -> _Definition:
-    """Pickle a shared object, once for all solver processes.
+def _definition(function: ca.Function) -> _Definition:
+    """Pickle a function, once for all solver processes.
 
     One thread at a time: casadi lets other threads run meanwhile, and counts references to SX nodes without a lock.
     """
     with _pickling:
-        if id(shared) not in _known:
-            content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
-            _known[id(shared)] = shared, _Definition(hashlib.sha256(content).hexdigest(), content)
-            if len(_known) > 32:  # objects of 0.1 MB each; a race through all stages has a dozen
+        if id(function) not in _known:
+            content = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
+            _known[id(function)] = function, _Definition(hashlib.sha256(content).hexdigest(), content)
+            if len(_known) > 64:  # up to 0.1 MB each; a race through all stages has two dozen
                 del _known[next(iter(_known))]
-        return _known[id(shared)][1]
+        return _known[id(function)][1]
 
 
 _SIZE = struct.Struct("<Q")
@@ -98,25 +107,27 @@ _SIZE = struct.Struct("<Q")
 
 
 class _Pickler(pickle.Pickler):
-    def __init__(self, stream: IO[bytes], names: dict[int, str]) -> None:
+    """A pickler that puts a name in the place of a function."""
+
+    def __init__(self, stream: IO[bytes], name_of: Callable[[ca.Function], str]) -> None:
         super().__init__(stream, protocol=pickle.HIGHEST_PROTOCOL)
-        self._names = names
+        self._name_of = name_of
 
     def persistent_id(self, obj: Any) -> str | None:  # Any: pickle offers every object it meets
-        return self._names.get(id(obj)) if isinstance(obj, Shared) else None
+        return self._name_of(obj) if isinstance(obj, ca.Function) else None
 
 
 class _Unpickler(pickle.Unpickler):
-    def __init__(self, stream: IO[bytes], shared: dict[str, Shared]) -> None:
+    def __init__(self, stream: IO[bytes], functions: dict[str, ca.Function]) -> None:
         super().__init__(stream)
-        self._shared = shared
+        self._functions = functions
 
-    def persistent_load(self, pid: str) -> Shared:
-        return self._shared[pid]
+    def persistent_load(self, pid: str) -> ca.Function:
+        return self._functions[pid]
 
 
 class Sender:
-    """A writer of messages, which sends every System and Observation once.
+    """A writer of messages, which sends every function once.
 
     Writing raises OSError where the other side is gone, ValueError where the stream is closed.
     """
@@ -125,7 +136,7 @@ class Sender:
         self.stream = stream
         self._waiting: list[bytes] = []
         self._names: dict[int, str] = {}
-        self._sent: list[Shared] = []  # keeps the ids valid
+        self._sent: list[ca.Function] = []  # keeps the ids valid
 
     def send(self, message: SolveRequest | PreloadRequest) -> None:
         """Write one message, after those that wait."""
@@ -133,21 +144,19 @@ class Sender:
         self.deliver()
 
     def pack(self, message: SolveRequest | PreloadRequest) -> None:
-        """Get a message ready that is to wait until `deliver`."""
-        shared: list[Shared] = []
-        if isinstance(message, PreloadRequest):
-            shared.append(message.system)
-        else:
-            watches = [watch for phase in message.problem.phases for watch in phase.watches]
-            exact = [watch.exact for watch in watches if watch.exact is not None]
-            shared += [message.problem.system, *message.problem.observations, *exact]
-        for one in shared:
-            if id(one) not in self._names:
-                definition = _definition(one)
-                self._pack(definition)
-                self._names[id(one)] = definition.name
-                self._sent.append(one)
-        self._pack(message)
+        """Get a message ready that is to wait until `deliver`, behind the functions that it is the first to use."""
+        buffer = io.BytesIO()
+        _Pickler(buffer, self._name_of).dump(message)
+        self._append(buffer)
+
+    def _name_of(self, function: ca.Function) -> str:
+        if id(function) not in self._names:
+            definition, buffer = _definition(function), io.BytesIO()
+            pickle.dump(definition, buffer, protocol=pickle.HIGHEST_PROTOCOL)
+            self._append(buffer)
+            self._names[id(function)] = definition.name
+            self._sent.append(function)
+        return self._names[id(function)]
 
     def deliver(self) -> None:
         """Write the messages that wait, if any."""
@@ -155,14 +164,12 @@ class Sender:
             self.stream.write(self._waiting.pop(0))
             self.stream.flush()
 
-    def _pack(self, message: SolveRequest | PreloadRequest | _Definition) -> None:
-        buffer = io.BytesIO()
-        _Pickler(buffer, self._names).dump(message)
+    def _append(self, buffer: io.BytesIO) -> None:
         self._waiting += [_SIZE.pack(buffer.tell()), buffer.getvalue()]
 
 
 class Receiver:
-    """A reader of messages, in which equal Systems and Observations arrive as the same object.
+    """A reader of messages, in which equal functions arrive as the same object.
 
     Any thread may `read`, but only the one that works with casadi may `unpack`: casadi lets other threads run, and
     counts the references to its nodes without a lock.
@@ -170,7 +177,7 @@ class Receiver:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
-        self._shared: dict[str, Shared] = {}
+        self._functions: dict[str, ca.Function] = {}
 
     def read(self) -> bytes | None:
         """Return the next message as it was sent; None at the end of the stream."""
@@ -182,11 +189,11 @@ class Receiver:
 
     def unpack(self, content: bytes) -> SolveRequest | PreloadRequest | None:
         """Return a message; None if it only defines what later ones refer to."""
-        message = _Unpickler(io.BytesIO(content), self._shared).load()
+        message = _Unpickler(io.BytesIO(content), self._functions).load()
         if not isinstance(message, _Definition):
             return message
-        if message.name not in self._shared:
-            self._shared[message.name] = pickle.loads(message.content)
+        if message.name not in self._functions:
+            self._functions[message.name] = pickle.loads(message.content)
         return None
 
     def receive(self) -> SolveRequest | PreloadRequest | None:

@@ -56,6 +56,7 @@ class SolverService:
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
         deadline: the time, by `time.monotonic`, after which nothing is solved any more.
         on_notice: called with what the process does besides solving.
+        prepared_intervals: of all problems that the process keeps ready to be solved again.
     """
 
     def __init__(
@@ -65,8 +66,10 @@ class SolverService:
         stall_seconds: float = STALL_SECONDS,
         deadline: float = math.inf,
         on_notice: Callable[[str], None] | None = None,
+        prepared_intervals: int = messages.PREPARED_INTERVALS,
     ) -> None:
         self._on_notice = on_notice
+        self._prepared_intervals = prepared_intervals
         self._threads = threads
         self._stall_seconds = stall_seconds
         self._deadline = deadline
@@ -134,7 +137,9 @@ class SolverService:
         """
         if self._process is None:
             self._start()
-        request = messages.SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
+        request = messages.SolveRequest(
+            problem, guess, multipliers, solver, options, threads or self._threads, self._prepared_intervals
+        )
         try:
             with self._diagnose_death():
                 self._sender.send(request)

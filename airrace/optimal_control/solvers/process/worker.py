@@ -11,8 +11,11 @@ import os
 import re
 import sys
 import traceback
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+
+import casadi as ca
 
 from airrace import process
 from airrace.errors import SolverCrash, is_lack_of_memory
@@ -28,19 +31,13 @@ from airrace.optimal_control.solvers.process.messages import (
     Outbox,
     PreloadRequest,
     Receiver,
-    Shared,
     SolveRequest,
     WorkerFailure,
 )
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.quantities import Quantity
 from airrace.system import System
 
-PREPARED_INTERVALS = 600
-"""The number of intervals of all problems together that stay ready for the next request.
-
-A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
-(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
-"""
 LARGE = 4000
 """The number of intervals of a problem from which on its memory is given back to the system when it is forgotten.
 
@@ -50,6 +47,8 @@ Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 
+Numbers = tuple[int | None, ...]
+"""Numbers of functions, None where there is none."""
 Structure = tuple[str, bytes]
 """All that the prepared functions of a problem depend on; `bytes` are of its rows."""
 
@@ -84,8 +83,8 @@ class SolveServer:
     """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
     def __init__(self) -> None:
-        self._shared: list[Shared] = []
-        self._kernels: dict[tuple[int, RungeKutta], Kernels] = {}
+        self._functions: list[ca.Function] = []
+        self._kernels: dict[tuple[Numbers, RungeKutta], Kernels] = {}
         self._prepared: dict[Structure, tuple[PreparedProblem, int]] = {}
 
     def solve(self, request: SolveRequest) -> Solution:
@@ -94,7 +93,7 @@ class SolveServer:
         key = self._key(layout, request)
         prepared, _ = self._prepared.pop(key, (None, 0))
         if prepared is None:
-            self._make_room(layout.intervals)
+            self._make_room(layout.intervals, request.prepared_intervals)
             kernels = self._kernels_of(request.problem.system, request.problem.scheme)
             prepared = PreparedProblem(layout, kernels, request.solver, request.options, request.threads)
         self._prepared[key] = prepared, layout.intervals
@@ -104,24 +103,30 @@ class SolveServer:
         """Make the kernels of a system ready."""
         self._kernels_of(request.system, request.scheme)
 
-    def _make_room(self, intervals: int) -> None:
-        """Forget the problems that were not asked for longest."""
+    def _make_room(self, intervals: int, most: int) -> None:
+        """Forget the problems that were not asked for longest, so that there are at most so many intervals."""
         largest = max((size for _, size in self._prepared.values()), default=0)
-        while self._prepared and intervals + sum(size for _, size in self._prepared.values()) > PREPARED_INTERVALS:
+        while self._prepared and intervals + sum(size for _, size in self._prepared.values()) > most:
             del self._prepared[next(iter(self._prepared))]
         if largest > LARGE:
             process.return_freed_memory()
 
-    def _number(self, shared: Shared) -> int:
-        """Return the number of a system or observation; equal ones are one object here, see `Receiver`."""
-        for number, known in enumerate(self._shared):
-            if known is shared:
+    def _numbers(self, *functions: ca.Function | None) -> Numbers:
+        """Return the numbers of functions; equal ones are one object here, see `Receiver`."""
+        return tuple(None if one is None else self._number(one) for one in functions)
+
+    def _number(self, function: ca.Function) -> int:
+        for number, known in enumerate(self._functions):
+            if known is function:
                 return number
-        self._shared.append(shared)
-        return len(self._shared) - 1
+        self._functions.append(function)
+        return len(self._functions) - 1
+
+    def _equations(self, system: System) -> Numbers:
+        return self._numbers(system.rates, system.path_values, system.projection)
 
     def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
-        key = (self._number(system), scheme)
+        key = self._equations(system), scheme
         if key not in self._kernels:
             self._kernels[key] = build_kernels(system, scheme)
         return self._kernels[key]
@@ -129,16 +134,26 @@ class SolveServer:
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
         """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
-        samples = [(self._number(one.observation), one.offset, one.jump) for one in layout.output_samples]
+        samples = [
+            (self._number(one.observation.values), _scales(one.observation.quantities), one.offset, one.jump)
+            for one in layout.output_samples
+        ]
         final = problem.objective.observation
         cost = (
             replace(problem.objective, observation=None, values=()),
-            None if final is None else self._number(final),
+            None if final is None else (self._number(final.values), _scales(final.quantities)),
         )
-        parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
-        solving = (request.solver, request.options, request.threads)
+        system = problem.system
+        quantities = [_scales(one) for one in (system.states, system.controls, system.path)]
+        parts = (self._equations(system), quantities, problem.scheme, cost, problem.time_scale)
+        solving = request.solver, request.options, request.threads
         key = repr((parts, layout.first_node.tolist(), len(layout.jump_at), samples, solving))
         return key, layout.rows.structure
+
+
+def _scales(quantities: Sequence[Quantity]) -> list[tuple[str, float, str]]:
+    """Return what derivatives depend on of quantities: all but their bounds."""
+    return [(one.name, one.scale, one.rate_of) for one in quantities]
 
 
 def main() -> None:
