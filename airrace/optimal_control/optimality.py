@@ -67,9 +67,11 @@ def _balance(multiplier: Array, value: Array, lower: Array, upper: Array) -> tup
     """Return the largest dual and complementarity error of `lower <= value <= upper`.
 
     Positive multipliers press on `upper`. A multiplier is either carried by its bound (error: multiplier times slack)
-    or left over (error: its size), whichever is the smaller.
+    or left over (error: its size), whichever is the smaller. An equality carries any; what it is violated by is a
+    primal error.
     """
     slack = np.where(multiplier > 0, upper - value, value - lower)
+    slack = np.where(lower == upper, 0.0, slack)
     size = np.abs(multiplier)
     carried = np.where(np.isfinite(slack), size * np.abs(np.where(np.isfinite(slack), slack, 0.0)), np.inf)
     leftover = size < carried

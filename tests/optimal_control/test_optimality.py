@@ -74,6 +74,13 @@ def test_each_violation_is_an_error_of_its_kind(
         assert error.primal == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_violated_equality_is_a_primal_error_alone() -> None:
+    """However large its multiplier is: only inequalities have slacks."""
+    error, _, _ = measured(duration=1.5, u=3.0, costate=1 / 6)
+    assert error.primal == pytest.approx(3.0)
+    assert error.complementarity == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.parametrize("field", ["primal", "dual", "complementarity"])
 def test_a_missing_number_is_never_small(field: str) -> None:
     assert np.isnan(replace(KktError(1e-9, 1e-9, 1e-9), **{field: np.nan}).largest)
