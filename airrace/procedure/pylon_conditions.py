@@ -270,10 +270,13 @@ class PylonRooms:
             missed = max(missed, approach.shortfall)
             if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
-            left = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
-            left -= self._required_room(before)
+            room = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
+            left = room - self._required_room(before)
             conditions[number] = after = replayed.at(before, approach)
-            if left < SETTINGS.holds:
+            if approach.shortfall > 0.0 and before.side is PylonSide.BELOW and room <= 0.0:  # it is not over the top
+                side = PylonSide.BELOW if approach.pylon.is_obstacle else self._side(after, approach.pylon, replayed)
+                conditions[number] = dataclasses.replace(after, side=side, error=0.0)
+            elif left < SETTINGS.holds:
                 needless = max(needless, -approach.shortfall)
                 moved = max(moved, abs(approach.abeam - replayed.time(before)))
                 side = self._side(after, approach.pylon, replayed)

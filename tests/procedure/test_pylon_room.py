@@ -289,3 +289,22 @@ def test_a_pylon_whose_top_is_below_the_wing_does_not_keep_it_away_to_the_side()
     (after,) = (one for one in measured.conditions if one.element == "pylon")
     assert measured.is_needless
     assert (before.side in (PylonSide.LEFT, PylonSide.RIGHT), after.side) == (True, PylonSide.BELOW)
+
+
+def test_a_wing_beside_a_pylon_below_its_top_is_kept_away_to_the_side() -> None:
+    """A condition that it flies above the top cannot say how far away it is there."""
+    result = optimum(SMALL, PLAN)
+    (own,) = (one for one in result.pylon_conditions if one.element == "pylon")
+    above = dataclasses.replace(own, side=PylonSide.BELOW, error=-3.0)
+    others = [one for one in result.pylon_conditions if one is not own]
+    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, above])
+    assert flight.rooms is not None
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
+    more = {key: dataclasses.replace(one, required=one.required + 0.2) for key, one in flight.rooms.pylons.items()}
+    rooms = dataclasses.replace(flight.rooms, pylons=more)
+    wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
+    measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(more.values()), legs)))
+    (after,) = (one for one in measured.conditions if one.element == "pylon")
+    assert measured.missed > 0.1
+    assert (after.side, after.error) == (own.side, 0.0)
