@@ -459,12 +459,12 @@ class PylonParameters(Vector[T]):
 
 @vector
 class PylonRoom(Vector[T]):
-    """Where the pylon is when it is abeam, as seen from both wing tips."""
+    """Where the pylon is as seen from either wing tip, when that passes it abeam."""
 
-    left_tip: T = quantity("m", scale=100.0, text="pylon to the right of the left wing tip, when abeam")
-    right_tip: T = quantity("m", scale=100.0, text="pylon to the right of the right wing tip, when abeam")
-    above_left: T = quantity("m", scale=100.0, text="left wing tip above the top of the pylon, when abeam")
-    above_right: T = quantity("m", scale=100.0, text="right wing tip above the top of the pylon, when abeam")
+    left_tip: T = quantity("m", scale=100.0, text="pylon to the right of the left wing tip, when that is abeam")
+    right_tip: T = quantity("m", scale=100.0, text="pylon to the right of the right wing tip, when that is abeam")
+    above_left: T = quantity("m", scale=100.0, text="left wing tip above the top of the pylon, when that is abeam")
+    above_right: T = quantity("m", scale=100.0, text="right wing tip above the top of the pylon, when that is abeam")
 
 
 def pylon_room_observation(model: FlightModel) -> Observation:
@@ -482,25 +482,28 @@ def pylon_room_observation(model: FlightModel) -> Observation:
     acceleration, turning = change[:3], change[3:]
     way = [b["north"] - x["x"], b["east"] - x["y"], -b["top"] - x["z"]]
 
-    def ahead(t: Scalar) -> tuple[list[Scalar], list[Scalar]]:
-        """Return the way to the top of the pylon and the velocity at a time."""
-        rows = list(zip(way, velocity, acceleration, strict=True))
-        return [d - v * t - 0.5 * a * t * t for d, v, a in rows], [v + a * t for _, v, a in rows]
+    def tip(side: float) -> tuple[Scalar, Scalar]:
+        """Return the way from a wing tip to the pylon, to the right, and its height above the top, when it is abeam."""
 
-    t: Scalar = ca.SX(0.0)
-    for _ in range(2):
+        def ahead(t: Scalar) -> tuple[list[Scalar], list[Scalar]]:
+            """Return the way from the tip to the top of the pylon, and the velocity of the tip, at a time."""
+            wing = [one + rate * t for one, rate in zip(right, turning, strict=True)]
+            half = side * b["semispan"] / sqrt(sum(one * one for one in wing))
+            rows = list(zip(way, velocity, acceleration, wing, turning, strict=True))
+            return [d - v * t - 0.5 * a * t * t - half * w for d, v, a, w, _ in rows], [
+                v + a * t + half * rate for _, v, a, _, rate in rows
+            ]
+
+        t: Scalar = ca.SX(0.0)
+        for _ in range(3):
+            d, v = ahead(t)
+            slope = v[0] ** 2 + v[1] ** 2 - d[0] * acceleration[0] - d[1] * acceleration[1] + LEVEL_BLEND
+            t = t + (d[0] * v[0] + d[1] * v[1]) / slope
         d, v = ahead(t)
-        slope = v[0] ** 2 + v[1] ** 2 - d[0] * acceleration[0] - d[1] * acceleration[1] + LEVEL_BLEND
-        t = t + (d[0] * v[0] + d[1] * v[1]) / slope
-    d, v = ahead(t)
-    speed = sqrt(v[0] ** 2 + v[1] ** 2 + LEVEL_BLEND)
-    wing = [one + rate * t for one, rate in zip(right, turning, strict=True)]
-    length = sqrt(sum(one * one for one in wing)) / b["semispan"]
-    reach, drop = (v[0] * wing[1] - v[1] * wing[0]) / (speed * length), wing[2] / length
-    lateral = (v[0] * d[1] - v[1] * d[0]) / speed
-    rooms = PylonRoom(
-        left_tip=lateral + reach, right_tip=lateral - reach, above_left=d[2] + drop, above_right=d[2] - drop
-    )
+        return (v[0] * d[1] - v[1] * d[0]) / sqrt(v[0] ** 2 + v[1] ** 2 + LEVEL_BLEND), d[2]
+
+    (left_tip, above_left), (right_tip, above_right) = tip(-1.0), tip(1.0)
+    rooms = PylonRoom(left_tip=left_tip, right_tip=right_tip, above_left=above_left, above_right=above_right)
     parameters: Sequence[Quantity] = (*PylonParameters.quantities(), *system.parameters)
     values = column(rooms.join())
     function = ca.Function("pylon_room", [states, column([*b.values(), *p.values()])], [values], {"cse": True})

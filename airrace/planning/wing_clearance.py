@@ -121,8 +121,8 @@ class ClosestApproach:
         leg: the number of the leg, from 0.
         distance: m.
         time: s.
-        abeam: when the aircraft's centre is abeam of the pylon, s; a wing that is banked in a climb is nearest a moment
-            before or after.
+        abeam: when that point of the wing is abeam of the pylon which is the nearest one at `time`, s; another moment
+            where the stretch ends before or begins after it.
         along, beside: where the aircraft's centre is then as seen from the pylon, in directions of the velocity over
             ground and to its right, m.
     """
@@ -176,6 +176,18 @@ def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:
         pylon: from which it is measured.
         centre, half: see `Wing`; shape (3, ...).
     """
+    return nearest_points(pylon, centre, half)[0]
+
+
+def nearest_points(pylon: PylonPost, centre: Array, half: Array) -> tuple[Array, Array]:
+    """Return the distance of a wing from a pylon, m, and which point it is of: from -1, the left tip, to 1.
+
+    Args:
+        pylon, centre, half: see `wing_distance`.
+
+    Returns:
+        Two arrays of shape (...).
+    """
     d = centre - np.array([pylon.north, pylon.east, pylon.height]).reshape(3, *(1,) * (centre.ndim - 1))
     level, whole = (np.sum(half[:rows] ** 2, axis=0) for rows in (2, 3))
     vertices = (
@@ -183,12 +195,14 @@ def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:
         -np.sum(d * half, axis=0) / np.where(whole > SEARCH.level**2, whole, 1.0),
         -d[2] / np.where(np.abs(half[2]) > SEARCH.level, half[2], np.inf),
     )
-    least = np.full(level.shape, np.inf)
+    least, nearest = np.full(level.shape, np.inf), np.zeros(level.shape)
     for vertex in vertices:
-        foot = d + np.clip(vertex, -1.0, 1.0) * half
+        share = np.clip(vertex, -1.0, 1.0)
+        foot = d + share * half
         squared = foot[0] ** 2 + foot[1] ** 2 + np.maximum(foot[2], 0.0) ** 2
+        nearest = np.where(squared < least, share, nearest)
         least = np.minimum(least, squared)
-    return np.sqrt(least)
+    return np.sqrt(least), nearest
 
 
 def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
@@ -214,14 +228,6 @@ def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
     return distance, time
 
 
-def at(wing: Wing, times: Array) -> tuple[Array, Array]:
-    """Return velocities over ground (2, m), m/s, and centres (3, m) of an aircraft at times (m,), s."""
-    steps = np.clip(np.searchsorted(wing.time, times, side="right") - 1, 0, len(wing.time) - 2)
-    h = wing.time[steps + 1] - wing.time[steps]
-    (centre, _) = _between(wing, steps, ((times - wing.time[steps]) / h)[:, None])
-    return (wing.centre[:2, steps + 1] - wing.centre[:2, steps]) / h, centre[:, :, 0]
-
-
 def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[int]) -> Iterator[ClosestApproach]:
     """Yield the least distance from every pylon on every leg.
 
@@ -233,15 +239,36 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
     for pylon in pylons:
         distance, time = closest_in_steps(wing, pylon)
         steps = np.array([begin + int(np.argmin(distance[begin:end])) for begin, end in pairwise(legs)])
-        velocity, centre = at(wing, time[steps])
-        speed = np.maximum(np.hypot(*velocity), 1e-9)
-        d = centre[:2] - np.array([[pylon.north], [pylon.east]])
-        along = np.sum(velocity * d, axis=0) / speed
-        beside = (velocity[0] * d[1] - velocity[1] * d[0]) / speed
-        abeam = time[steps] - np.clip(along / speed, -SEARCH.abeam_max, SEARCH.abeam_max)
+        (velocity, centre), (turning, half) = _motion(wing, time[steps])
+        along, beside, _ = _seen_from(pylon, velocity, centre)
+        _, nearest = nearest_points(pylon, centre, half)
+        ahead, _, speed = _seen_from(pylon, velocity + nearest * turning, centre + nearest * half)
+        abeam = time[steps] - np.clip(ahead / speed, -SEARCH.abeam_max, SEARCH.abeam_max)
         columns = (distance[steps], time[steps], abeam, along, beside)
         for leg, numbers in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
             yield ClosestApproach(pylon, leg, *numbers)
+
+
+def _motion(wing: Wing, times: Array) -> list[tuple[Array, Array]]:
+    """Return velocity and place of centre and half at times (m,), s: m/s and m, each of shape (3, m)."""
+    steps = np.clip(np.searchsorted(wing.time, times, side="right") - 1, 0, len(wing.time) - 2)
+    h = wing.time[steps + 1] - wing.time[steps]
+    places = _between(wing, steps, ((times - wing.time[steps]) / h)[:, None])
+    return [
+        ((way[:, steps + 1] - way[:, steps]) / h, place[:, :, 0])
+        for way, place in zip((wing.centre, wing.half), places, strict=True)
+    ]
+
+
+def _seen_from(pylon: PylonPost, velocity: Array, place: Array) -> tuple[Array, Array, Array]:
+    """Return where points are as seen from a pylon, along and to the right of their velocity, m, and their speed, m/s.
+
+    Args:
+        velocity, place: of the points, shape (3, m).
+    """
+    speed = np.maximum(np.hypot(*velocity[:2]), 1e-9)
+    d = place[:2] - np.array([[pylon.north], [pylon.east]])
+    return np.sum(velocity[:2] * d, axis=0) / speed, (velocity[0] * d[1] - velocity[1] * d[0]) / speed, speed
 
 
 def _between(wing: Wing, steps: np.ndarray, shares: Array) -> tuple[Array, Array]:

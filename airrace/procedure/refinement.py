@@ -99,6 +99,10 @@ class RefinementSettings:
     """
     clearance_safety: float = 0.3
     """Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
+    far: float = 1.0
+    """Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
+    cured: float = 0.9
+    """Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
 
 
 SETTINGS = RefinementSettings()

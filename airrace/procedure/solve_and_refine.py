@@ -45,9 +45,6 @@ from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 
-FAR = 1.0
-"""The length, m, by which a clearance is missed beyond which multipliers of the flight that misses it mislead."""
-
 
 @record
 class Failure:
@@ -210,6 +207,7 @@ class Refined:
     def too_near(self, share: float = 1.0) -> bool:
         """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may cure it.
 
+        A needless distance that the last solve has not cured stays: it is that of a wing which passes a top aslant.
         Likewise where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh cures.
 
         Args:
@@ -218,8 +216,10 @@ class Refined:
         limits, pylons = self.session.settings.certificate, self.pylons
         if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
+        before = self.state.too_near and self.state.too_near.pylons
+        needless = pylons.is_needless and (before is None or pylons.needless < SETTINGS.cured * before.needless)
         drifts = self.nodes_beside_passings and not self.state.nodes_beside_passings
-        return pylons.missed > share * limits.gate_length or pylons.is_needless or drifts
+        return pylons.missed > share * limits.gate_length or needless or drifts
 
     @cached_property
     def nodes_beside_passings(self) -> bool:
@@ -232,7 +232,7 @@ class Refined:
     @property
     def barrier(self) -> InitialBarrier:
         """The first value of the barrier parameter for the next mesh, by how far wings are from what is asked."""
-        far = self.pylons is not None and self.pylons.missed > FAR
+        far = self.pylons is not None and self.pylons.missed > SETTINGS.far
         return InitialBarrier.COARSE if far else InitialBarrier.OTHER_MESH
 
     @cached_property

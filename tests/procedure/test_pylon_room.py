@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from races import PLAN, ROOT, SHIPPED, SMALL, optimum
+from scipy.integrate import solve_ivp
 
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
@@ -86,6 +87,37 @@ def test_the_room_is_the_distance_of_a_wing_that_is_abeam() -> None:
     away = wing_distance(PylonPost("g", 0.0, 6.5, 25.0, 0.5), centre, np.repeat(half[:, None], len(way), axis=1)).min()
     found = rooms(Stage.POINT_MASS, 0.5, 0.0)["east"]
     assert min(found["left_tip"], found["right_tip"]) == pytest.approx(away, abs=0.03)
+
+
+@pytest.mark.parametrize(("climb", "bank", "roll_rate"), [(-0.9, 1.0, -7.0), (-0.9, -1.0, 2.0), (0.8, 0.6, 0.0)])
+def test_the_room_is_the_distance_of_a_wing_that_rolls_in_a_dive(climb: float, bank: float, roll_rate: float) -> None:
+    """Its tips pass a pylon before and after its centre, and elsewhere than where they are when that does."""
+    model = stage_model(Stage.POINT_MASS, RACE)
+    c, s, m, n = math.cos(climb / 2), math.sin(climb / 2), math.cos(bank / 2), math.sin(bank / 2)
+    x = {one.name: 0.0 for one in model.system.states} | {"V_K": 70.0, "z": -15.0, "n_z": 6.0, "p_Kbar": roll_rate}
+    x |= {"q0": c * m, "q1": c * n, "q2": s * m, "q3": -s * n}
+    start, idle = np.array(list(x.values())), np.zeros(len(model.system.controls))
+    numbers = np.array(model.parameter_values)
+    time = np.linspace(-0.15, 0.15, 3001)
+    halves = [
+        solve_ivp(
+            lambda _, y: np.asarray(model.system.rates(y, idle, numbers)).ravel(),
+            (0.0, end),
+            start,
+            t_eval=np.sort(time[np.sign(time) == np.sign(end)])[:: int(np.sign(end))],
+            rtol=1e-9,
+        ).y
+        for end in (-0.15, 0.15)
+    ]
+    states = dict(zip(x, np.hstack([halves[0][:, ::-1], halves[1]]), strict=True))
+    q0, q1, q2, q3 = (states[name] for name in ("q0", "q1", "q2", "q3"))
+    right = np.array([2 * (q1 * q2 - q0 * q3), q0**2 - q1**2 + q2**2 - q3**2, -2 * (q2 * q3 + q0 * q1)])
+    centre = np.array([states["x"], states["y"], -states["z"]])
+    for east in (-6.5, 6.5):
+        away = wing_distance(PylonPost("g", 0.0, east, 40.0, 0.5), centre, 3.8 * right).min()
+        b = np.concatenate([[0.0, east, 40.0, 3.8], model.parameter_values])
+        seen = np.asarray(pylon_room_observation(model).values(start, b)).ravel()[:2]
+        assert np.abs(seen).min() == pytest.approx(away, abs=0.08)
 
 
 def by(rule: ClearanceRule, race: Race) -> Race:
