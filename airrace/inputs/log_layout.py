@@ -16,8 +16,11 @@ from airrace.inputs.document import read_document
 from airrace.inputs.schema import Schema, optional, read_entry
 from airrace.logs.csv_log import FIELDS, ColumnLayout, is_foreign_unit, split_unit
 
-_OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
+_OFFSET = re.compile(r"([+-])(\d{2}):?([0-5]\d)")
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|"}
+
+
+_Number = Annotated[float, Ge(-1e9), Le(1e9)]
 
 
 class LogEntry(Schema):
@@ -30,11 +33,11 @@ class LogEntry(Schema):
         default_factory=dict[str, str],
         description="the header of every quantity, with its unit in brackets: `altitude: GPS alt [ft]`",
     )
-    scale: dict[str, float] = Field(
+    scale: dict[str, _Number] = Field(
         default_factory=dict[str, float],
         description="what recorded numbers are multiplied by: `load_factor: -1` where it counts downward",
     )
-    offset: dict[str, float] = Field(
+    offset: dict[str, _Number] = Field(
         default_factory=dict[str, float],
         description="what is added then, in the column's unit: `load_factor: 1` where it is recorded without the 1 g",
     )

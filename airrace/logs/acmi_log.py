@@ -87,8 +87,8 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
         if number <= 2 or not line or line.startswith("-"):
             continue
         if line.startswith("#"):
-            told = read.number(number, line[1:], "#")
-            time = time if math.isnan(told) else told
+            seconds = read.number(number, line[1:], "#")
+            time = time if math.isnan(seconds) else seconds
             continue
         name, *parts = line.replace("\\,", "\0").split(",")  # commas behind a backslash belong to a value
         name = name.strip().lower()[: LIMITS.text]

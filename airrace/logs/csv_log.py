@@ -210,7 +210,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
             the time cannot be true.
     """
     numbered = enumerate(lines, 1)
-    delimiter, columns, rest = _find_headers(path, numbered, layout)
+    delimiter, columns, instance, rest = _find_headers(path, numbered, layout)
     timed = next(one for one in columns if one.field.name == "time")
     others = [one for one in columns if one is not timed]
     samples, zoned = SampleTable(path, 1 + len(others)), True
@@ -218,10 +218,16 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     notation = said
     indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
     garbled = 0  # times that are there and cannot be read
+    receiver = ""  # the first of several
     for at, line in _rows(samples, itertools.chain(rest, numbered)):
         row = _cells(line, delimiter)
         if len(row) <= max(indices) and not line.endswith("\n"):
             row = row[:-1]  # the file was cut in this cell
+        if 0 <= instance < len(row):
+            receiver = receiver or row[instance].strip()
+            if row[instance].strip() != receiver:
+                samples.leave_out(at, f"is of another receiver than {receiver}", "receiver")
+                continue
         when, *cells = [row[index].strip() if index < len(row) else "" for index in indices]
         if commas or (delimiter != "," and not any("." in cell for cell in cells) and any("," in one for one in cells)):
             when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
@@ -264,8 +270,9 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     dated = notation == "iso" or (notation == "number" and float(np.median(time)) > CLOCKS.since_1970)
     time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
     guessed = tuple(one.field.history for one in others if not one.unit)
+    mapped = tuple(FIELDS[one].history for one in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
-    return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), unsaid=guessed)
+    return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
 
 
 def _unread(samples: SampleTable, key: str) -> int:
@@ -303,8 +310,11 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 def _find_headers(
     path: str, numbered: Iterator[tuple[int, str]], layout: ColumnLayout
-) -> tuple[str, list[CsvColumn], list[tuple[int, str]]]:
-    """Return the delimiter, the columns that are read, and lines below the headers that were looked at already."""
+) -> tuple[str, list[CsvColumn], int, list[tuple[int, str]]]:
+    """Return the delimiter, the columns that are read, and lines below the headers that were looked at already.
+
+    Before these lines stands the place of the column that tells receivers apart, -1 where there is none.
+    """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])
     for at, line in itertools.islice(numbered, _PREAMBLE):
@@ -326,7 +336,9 @@ def _find_headers(
                     break
                 units = cells if below.strip() and not number else units  # else sources, or headers once more
                 rest = []
-            return delimiter, [_with_unit(one, units) for one in columns], rest
+            dialect, plain = dialect_of(headers), [plain_header(one) for one in headers]
+            instance = plain.index(dialect.instance) if dialect and dialect.instance in plain else -1
+            return delimiter, [_with_unit(one, units) for one in columns], instance, rest
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
         above = line, headers

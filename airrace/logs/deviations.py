@@ -89,7 +89,7 @@ def deviations_of(
     offset: float,
     axes: Mapping[str, float],
     *,
-    doubt: float = 0.0,
+    bias: float = 0.0,
     late: float = 0.0,
     tilt: float = 0.0,
 ) -> Callable[[float], StandardDeviations]:
@@ -103,7 +103,7 @@ def deviations_of(
         offset: of the flight's clock on that of the recording, s.
         axes: along which each element was passed, rad, by the names of the passages. Where the path is slanted to it,
             an error of the position makes a greater one of the time, and of the place on the line.
-        doubt: by which all heights may be off together, m.
+        bias: by which all heights may be off together, m.
         late, tilt: by which all recorded rolls may be late, s, and off together, rad.
     """
     limits = flight_limits(flight.aircraft, flight.course.rules)
@@ -112,7 +112,7 @@ def deviations_of(
     load = _History(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
     accuracy = part.accuracy
-    zero = math.hypot(doubt, ERRORS.barometer if part.barometric else 0.0, ERRORS.vertical * accuracy)
+    zero = math.hypot(bias, ERRORS.barometer if part.barometric else 0.0, ERRORS.vertical * accuracy)
     straight = {
         one.time: max(abs(math.cos(one.value("chi") - axes[one.name])), ERRORS.slant)
         for one in flight.crossings

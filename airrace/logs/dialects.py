@@ -20,12 +20,14 @@ class Dialect:
         columns: by the name of the quantity, the headers that it may have, the best first, each with its unit; an empty
             unit is found out.
         source: where the headers are described.
+        instance: the header of a column that numbers several receivers, of which the first one is read; else empty.
     """
 
     name: str
     headers: frozenset[str]
     columns: Mapping[str, Sequence[tuple[str, str]]]
     source: str
+    instance: str = ""
 
 
 def plain_header(header: str) -> str:
@@ -180,6 +182,7 @@ DIALECTS = (
             "ground_speed": [("spd", "m/s")],
         },
         "ArduPilot, log message GPS; mavlogdump.py --format csv --types GPS",
+        instance="i",
     ),
     Dialect(
         "X-Plane",

@@ -6,6 +6,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from airrace.errors import InputError
 from airrace.logs.clocks import instant
 from airrace.logs.recording import LIMITS, Recording, SampleTable, refuse
 from airrace.resources import extra
@@ -38,10 +39,13 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
                 if number - len(samples.lines) > LIMITS.idle:
                     refuse(path, number, f"has more than {LIMITS.idle} records without a place")
                 _append(samples, number, {one.name: one.value for one in frame.fields})
-    except (fitdecode.FitError, ValueError, OverflowError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # of damaged bytes fitdecode raises whatever becomes of them
+        why = str(error) or type(error).__name__
         if len(samples.lines) < 2:
-            refuse(path, 0, f"is a damaged FIT file: {error}")
-        samples.leave_out(number + 1, f"is damaged: {error}", "rest")
+            refuse(path, 0, f"is a damaged FIT file: {why}")
+        samples.leave_out(number + 1, f"is damaged: {why}", "rest")
     numbers, (time, latitude, longitude, altitude, speed) = samples.arrays("holds no records with time and place")
     columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude, "V_G": speed}
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}

@@ -10,7 +10,7 @@ from airrace.errors import InputError
 from airrace.logs.deviations import deviations_of, is_measured, place_roundings
 from airrace.logs.histories import log_histories
 from airrace.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
-from airrace.logs.plausibility import height_doubt, in_feet_if_so, plausible, roll_offsets
+from airrace.logs.plausibility import height_bias, in_feet_if_so, plausible, roll_offsets
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.logs.smoothing import SMOOTHING, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
@@ -123,11 +123,11 @@ def flight_of_part(
     part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
     axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
-    doubt, doubts = height_doubt(flight, axes)
+    bias, biases = height_bias(flight, axes)
     (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
-    deviations = deviations_of(part, path, least, flight, final.begin, axes, doubt=doubt, late=late, tilt=tilt)
+    deviations = deviations_of(part, path, least, flight, final.begin, axes, bias=bias, late=late, tilt=tilt)
     known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
-    remarks = (*part.remarks, *doubts, *offsets, *_remarks(placed, path, flight, known))
+    remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, known))
     broken = violations(flight, axes, deviations, penalties)
     return LogFlight(flight, broken, known, part, final.begin, remarks, noise)
 

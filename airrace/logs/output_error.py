@@ -1,4 +1,4 @@
-"""Drag, power and wind from flown paths by output error: the path obeys the point mass, its lift alone is free.
+"""Drag, power and wind from recorded paths by output error: the path obeys the point mass, its lift alone is free.
 
 It is the most probable path, as of `smoothing`, but its speed follows from the aircraft's drag and thrust:
 
@@ -79,7 +79,7 @@ FIT = FitSettings()
 
 
 @dataclass
-class FlownPath:
+class RecordedPath:
     """The part of a log that is fitted, on the nodes of its smoothed path; north, east, down.
 
     Attributes:
@@ -109,7 +109,7 @@ class FlownPath:
         return max(1.0, math.sqrt(float(np.mean(self.residuals**2)) * (1.0 + 2.0 * float(rho[:first].sum()))))
 
 
-def flown_path(path: Path, time: Array, places: Array, begin: float, end: float) -> FlownPath:
+def recorded_path(path: Path, time: Array, places: Array, begin: float, end: float) -> RecordedPath:
     """Return what of a smoothed path lies between two times, s.
 
     Args:
@@ -128,7 +128,7 @@ def flown_path(path: Path, time: Array, places: Array, begin: float, end: float)
     e = velocity / np.linalg.norm(velocity, axis=1)[:, None]
     u = force - e * np.sum(force * e, axis=1)[:, None]
     node = np.clip(((time[good] - nodes[0]) / SMOOTHING.step).astype(np.int64), 0, len(nodes) - 2)
-    return FlownPath(
+    return RecordedPath(
         np.hstack([position, velocity, u, np.zeros_like(u)]),
         (down * places[:, good]).T,
         path.noise,
@@ -171,7 +171,7 @@ class Estimate:
         )
 
 
-def estimate_factors(aircraft: Aircraft, air: Air, paths: Sequence[FlownPath]) -> Estimate:
+def estimate_factors(aircraft: Aircraft, air: Air, paths: Sequence[RecordedPath]) -> Estimate:
     """Return factors and winds with which an aircraft flies along all paths; the paths become those it flies.
 
     What is not visible is found out first, and left at the start's value then.
@@ -186,7 +186,7 @@ def estimate_factors(aircraft: Aircraft, air: Air, paths: Sequence[FlownPath]) -
     return Estimate(factors, ~hidden, values[FACTORS:].reshape(-1, 2), colour**2 * covariance)
 
 
-def _solve(step: ca.Function, paths: Sequence[FlownPath], hidden: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _solve(step: ca.Function, paths: Sequence[RecordedPath], hidden: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return factors and winds with their covariance."""
     prior = np.array([FIT.factor**-2] * FACTORS + [FIT.wind**-2] * (2 * len(paths)))
     prior[:FACTORS][hidden] = 1e12  # as good as certain
@@ -207,7 +207,7 @@ def _solve(step: ca.Function, paths: Sequence[FlownPath], hidden: NDArray[np.boo
     return values, np.linalg.inv(information)
 
 
-def _eliminate(path: FlownPath, step: ca.Function, values: Array) -> tuple[Array, Array, Array]:
+def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Array, Array, Array]:
     """Return the change of the states, with what every value takes from it, and information and score of the values.
 
     The normal equations are block-tridiagonal: `D` on the diagonal, `-W A` beside it. The variances of the states come
@@ -237,8 +237,8 @@ def _eliminate(path: FlownPath, step: ca.Function, values: Array) -> tuple[Array
     t, node = path.late[:, None], path.node
     curve = 0.5 * t * t * acceleration.T[node]
     off = path.places - path.states[node, :3] - t * path.states[node, 3:6] - curve
-    lever = np.hstack([t**0, t, 0.5 * t * t, 0.0 * t])
-    seen = (lever[:, None, :, None] * np.eye(3)[:, None, :]).reshape(len(t), 3, STATES)
+    sensitivity = np.hstack([t**0, t, 0.5 * t * t, 0.0 * t])
+    seen = (sensitivity[:, None, :, None] * np.eye(3)[:, None, :]).reshape(len(t), 3, STATES)
     np.add.at(D, node, np.einsum("mai,a,maj->mij", seen, path.noise**-2, seen))
     np.add.at(right[:, :, 0], node, np.einsum("mai,a,ma->mi", seen, path.noise**-2, off))
     path.residuals = np.sum(off / path.noise * e[node], axis=1)

@@ -1,4 +1,4 @@
-"""Recorded columns held against the path that was flown: units that nobody says, and what cannot be true."""
+"""Recorded columns held against the path: units that nobody says, and what cannot be true."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -40,11 +40,11 @@ class PlausibilitySettings:
         high: by which passings are too high for heights to be taken as feet, m.
         zero: by which almost all passings are too high, or too low, for the zero of the heights to be doubted, m.
         better: share of that which is left in feet, at most.
-        mostly: share of passings that are too high, or too low, for a doubt.
+        mostly: share of passings that are too high, or too low, for a bias.
         scatter: of the heights at passings, in terms of the widest window, below which they are no feet.
-        windows: passings with a window of heights that are needed for such a doubt.
+        windows: passings with a window of heights that are needed for such a bias.
         lag, lag_step: s, by which the roll may be late, and the steps in which that is looked for.
-        told: lag, s, and offset of the roll, deg, from which on they are told.
+        reported: lag, s, and offset of the roll, deg, from which on they are reported.
     """
 
     rows: int = 4000
@@ -68,7 +68,7 @@ class PlausibilitySettings:
     windows: int = 3
     lag: float = 0.5
     lag_step: float = 0.02
-    told: tuple[float, float] = (0.05, 3.0)
+    reported: tuple[float, float] = (0.05, 3.0)
 
 
 PLAUSIBLE = PlausibilitySettings()
@@ -106,7 +106,7 @@ def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     return replace(framed, columns=columns, remarks=(*framed.remarks, remark))
 
 
-def height_doubt(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
+def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple[str, ...]]:
     """Return how far all heights may be off together, m, and a remark, where almost all are too high, or too low.
 
     Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
@@ -117,12 +117,12 @@ def height_doubt(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tupl
         return 0.0, ()
     if np.mean(np.sign(off) == np.sign(np.median(off))) < PLAUSIBLE.mostly:
         return 0.0, ()
-    doubt = float(np.median(off))
-    side = "high" if doubt > 0.0 else "low"
+    bias = float(np.median(off))
+    side = "high" if bias > 0.0 else "low"
     remark = (
-        f"almost all passings are about {abs(doubt):.2g} m too {side}: are heights in another unit, or of another zero?"
+        f"almost all passings are about {abs(bias):.2g} m too {side}: are heights in another unit, or of another zero?"
     )
-    return abs(doubt), (remark,)
+    return abs(bias), (remark,)
 
 
 def roll_offsets(
@@ -134,9 +134,9 @@ def roll_offsets(
     of the positions, and its sensor may be mounted obliquely. They are found where roll and path agree best.
     """
     time = path.time[(path.time >= run.begin) & (path.time <= run.end)]
-    flown = path_histories(race, *path.at(time))
-    _, gamma, mu = attitude.euler_angles(attitude.path_axes([flown[name] for name in PATH_ATTITUDE]))
-    turning = (flown["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < STEEP)
+    derived = path_histories(race, *path.at(time))
+    _, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    turning = (derived["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < STEEP)
     if not turning.any():
         return (0.0, 0.0), ()
     count = round(PLAUSIBLE.lag / PLAUSIBLE.lag_step)
@@ -146,12 +146,12 @@ def roll_offsets(
     best = int(np.argmin(np.minimum(np.abs(apart), PLAUSIBLE.bank).mean(axis=1)))
     late, tilt = float(lags[best]), float(np.median(apart[best]))
     remarks: list[str] = []
-    if abs(late) > PLAUSIBLE.told[0]:
+    if abs(late) > PLAUSIBLE.reported[0]:
         side = "late" if late > 0.0 else "early"
         remarks.append(
             f"the recorded roll comes {abs(late):.2f} s {side} against the positions: banks are less certain"
         )
-    if abs(math.degrees(tilt)) > PLAUSIBLE.told[1]:
+    if abs(math.degrees(tilt)) > PLAUSIBLE.reported[1]:
         off = f"{math.degrees(tilt):.1f} deg"
         remarks.append(f"the recorded roll is off the path's by {off}, so that banks are less certain")
     return (math.hypot(late, PLAUSIBLE.lag_step / math.sqrt(12.0)), abs(tilt)), tuple(remarks)
@@ -178,9 +178,9 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     """
     inside = np.flatnonzero((part.time >= path.time[0]) & (part.time <= path.time[-1]))
     rows = inside[:: max(1, len(inside) // PLAUSIBLE.rows)]
-    flown = path_histories(race, *path.at(part.time[rows]))
-    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([flown[name] for name in PATH_ATTITUDE]))
-    fast, turning = flown["V_K"] > PLAUSIBLE.slowest, flown["n_z"] > PLAUSIBLE.turning
+    derived = path_histories(race, *path.at(part.time[rows]))
+    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    fast, turning = derived["V_K"] > PLAUSIBLE.slowest, derived["n_z"] > PLAUSIBLE.turning
     columns, remarks = dict(part.columns), list[str]()
 
     def difference(
@@ -197,7 +197,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         there = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
         if not there.any():
             continue
-        ratio = float(np.median(columns[name][rows][there] / flown["V_K"][there]))
+        ratio = float(np.median(columns[name][rows][there] / derived["V_K"][there]))
         if name in part.unsaid and ratio > 0.0:
             unit = min(_SPEEDS, key=lambda one: abs(math.log(ratio * _SPEEDS[one])))
             if unit != "m/s":
@@ -206,11 +206,11 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             ratio *= _SPEEDS[unit]
         if abs(ratio - 1.0) > PLAUSIBLE.speed:
             drop((name,), f"it is {ratio:.2g} times the speed of the path")
-    if "n_z" in columns:
-        columns["n_z"], remark = _load_factor(columns["n_z"], rows[fast], flown["n_z"][fast])
+    if "n_z" in columns and "n_z" not in part.mapped:
+        columns["n_z"], remark = _load_factor(columns["n_z"], rows[fast], derived["n_z"][fast])
         remarks += remark
-    if "n_z" in columns and difference("n_z", flown["n_z"], turning) > PLAUSIBLE.load:
-        drop(("n_z",), f"in turns it is off the path's by {difference('n_z', flown['n_z'], turning):.1f} g")
+    if "n_z" in columns and difference("n_z", derived["n_z"], turning) > PLAUSIBLE.load:
+        drop(("n_z",), f"in turns it is off the path's by {difference('n_z', derived['n_z'], turning):.1f} g")
     there = [name for name in _ANGLES if name in columns and name in part.unsaid]
     largest = float(np.nanmax(np.abs(columns[there[0]]), initial=0.0)) if there else 0.0  # of the roll, if any
     moves = bool(there) and float(np.nanstd(np.degrees(columns[there[0]]))) > PLAUSIBLE.stuck
@@ -221,7 +221,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     banked = turning & (np.abs(np.sin(mu)) > PLAUSIBLE.banked)
     for name, what, where, true, measure, most in (
         ("phi", "roll", banked, mu, _around, PLAUSIBLE.bank),
-        ("n_z", "load factor", fast, flown["n_z"], np.asarray, PLAUSIBLE.still_load),
+        ("n_z", "load factor", fast, derived["n_z"], np.asarray, PLAUSIBLE.still_load),
     ):
         if name not in columns:
             continue
@@ -275,20 +275,20 @@ _LOADS = ((1.0, 1.0, "without the 1 g of level flight"), (-1.0, 0.0, "downward")
 """How load factors are recorded besides upward with the 1 g: factor and summand that undo it, and words for it."""
 
 
-def _load_factor(recorded: Array, rows: NDArray[np.int64], flown: Array) -> tuple[Array, tuple[str, ...]]:
+def _load_factor(recorded: Array, rows: NDArray[np.int64], derived: Array) -> tuple[Array, tuple[str, ...]]:
     """Return a recorded load factor upward and with the 1 g of level flight, and a remark where it was not so.
 
     Args:
         recorded: of all samples, shape (n,).
         rows: the samples that are looked at, shape (m,).
-        flown: of the path there, shape (m,).
+        derived: of the path there, shape (m,).
     """
     there = np.isfinite(recorded[rows])
-    if not there.any():
+    if not there.any() or np.ptp(recorded[rows][there]) == 0.0:  # what does not move has no zero
         return recorded, ()
 
     def off(factor: float, summand: float) -> float:
-        return float(np.median(np.abs(factor * recorded[rows][there] + summand - flown[there])))
+        return float(np.median(np.abs(factor * recorded[rows][there] + summand - derived[there])))
 
     factor, summand, words = min(_LOADS, key=lambda one: off(one[0], one[1]))
     if off(factor, summand) > PLAUSIBLE.surely * off(1.0, 0.0):

@@ -61,6 +61,7 @@ class Recording:
         remarks: what whoever uses the recording should know, as sentences.
         others: further aircraft or tracks of the same file, one of which may pass the course.
         unsaid: columns whose units the log does not say.
+        mapped: columns whose scale or zero a mapping says.
         barometric: whether its heights are those of a barometer.
         accuracy: standard deviation of an error that all positions share, or that wanders for seconds, m.
         label: of the aircraft or track, where there are others.
@@ -75,6 +76,7 @@ class Recording:
     remarks: tuple[str, ...] = ()
     others: tuple["Recording", ...] = ()
     unsaid: tuple[str, ...] = ()
+    mapped: tuple[str, ...] = ()
     barometric: bool = False
     accuracy: float = 0.0
     label: str = ""

@@ -184,8 +184,8 @@ def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
     its end, is no near miss.
     """
     certain = [one for one in violations if one.certain]
-    told = [one for one in violations if not one.certain and math.isfinite(one.value)]
-    near = sorted(told, key=lambda one: -one.deviations)
+    possible = [one for one in violations if not one.certain and math.isfinite(one.value)]
+    near = sorted(possible, key=lambda one: -one.deviations)
     listed, others = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
     rules = Counter(one.rule for one in others).most_common()
     words = ", ".join(f"{count} {rule}" for rule, count in rules)

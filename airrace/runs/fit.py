@@ -19,7 +19,7 @@ from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.deviations import place_roundings
 from airrace.logs.log_flight import LogFlight, flight_from_log
-from airrace.logs.output_error import FACTORS, FIT, Estimate, FlownPath, estimate_factors, flown_path
+from airrace.logs.output_error import FACTORS, FIT, Estimate, RecordedPath, estimate_factors, recorded_path
 from airrace.logs.reading import read_log
 from airrace.logs.recording import refuse
 from airrace.logs.roll_rate import RollRate, measure_roll_rate
@@ -47,11 +47,11 @@ class BootstrapSettings:
 
     Attributes:
         replicates: recordings of the optimum that are fitted.
-        doubt: share of the bias that counts as a standard deviation, for the pilot does not fly the optimum.
+        bias: share of the bias that counts as a standard deviation, for the pilot does not fly the optimum.
     """
 
     replicates: int = 6
-    doubt: float = 0.5
+    bias: float = 0.5
 
 
 BOOTSTRAP = BootstrapSettings()
@@ -77,13 +77,13 @@ class FittedLog:
     places: Array
     least: Array
 
-    def along(self, places: Array, until: float) -> FlownPath:
+    def along(self, places: Array, until: float) -> RecordedPath:
         """Return what is fitted of it from the first passing up to so many s after it, with its places or others."""
         path, begin = smooth(self.time, places, least=self.least), self.flown.offset
-        return flown_path(path, self.time, places, begin, begin + until)
+        return recorded_path(path, self.time, places, begin, begin + until)
 
     @property
-    def own(self) -> FlownPath:
+    def own(self) -> RecordedPath:
         """What is fitted of it."""
         return self.along(self.places, float(self.flown.flight.time[-1]))
 
@@ -237,7 +237,7 @@ def _corrected(found: Estimate, race: Race, logs: Sequence[FittedLog], progress:
     random = np.random.default_rng(len(logs))  # the same inputs give the same aircraft
     errors: list[Array] = []
     for _ in range(BOOTSTRAP.replicates):
-        paths: list[FlownPath] = []
+        paths: list[RecordedPath] = []
         for log in logs:
             flown = at(np.clip(log.time - log.flown.offset, 0.0, last))
             noise = log.own.noise[:, None]
@@ -250,7 +250,7 @@ def _corrected(found: Estimate, race: Race, logs: Sequence[FittedLog], progress:
     squares = np.sum((table - bias) ** 2, axis=0) / (len(errors) - 1)
     scatter = float((squares / found.deviations**2)[seen].mean())
     covariance = found.covariance * max(1.0, scatter) * (1.0 + 1.0 / len(errors))
-    covariance += BOOTSTRAP.doubt**2 * np.outer(bias, bias)
+    covariance += BOOTSTRAP.bias**2 * np.outer(bias, bias)
     factors, winds = found.factors - bias[:FACTORS], found.winds - bias[FACTORS:].reshape(-1, 2)
     return replace(found, factors=factors, winds=winds, covariance=covariance), bias[:FACTORS]
 

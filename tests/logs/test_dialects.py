@@ -1,5 +1,8 @@
 """Recorders are known by their headers: a flight as each of them writes it is read as it was, without a mapping."""
 
+import io
+import random
+import re
 import struct
 from collections.abc import Callable, Sequence
 from datetime import timedelta
@@ -15,8 +18,12 @@ from airrace.errors import InputError
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.dialects import DIALECTS, dialect_of
+from airrace.logs.fit_log import read_fit
 from airrace.logs.log_flight import LogFlight, flight_from_log
+from airrace.logs.plausibility import plausible
 from airrace.logs.reading import read_log
+from airrace.logs.recording import Recording
+from airrace.logs.smoothing import smooth
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
 LATITUDE, LONGITUDE, ALTITUDE = on_globe(EXACT)
@@ -222,6 +229,23 @@ def test_a_fit_file_is_read_where_its_library_is_there(tmp_path: Path) -> None:
         read_log(path)
 
 
+def test_a_damaged_fit_file_is_read_as_far_as_it_goes_or_refused() -> None:
+    whole = fit_file(SINCE[::20], LATITUDE[::20], LONGITUDE[::20], ALTITUDE[::20])
+    rng, lengths, refusals = random.Random(5), list[int](), list[str]()
+    for trial in range(400):
+        damaged = bytearray(whole)
+        for _ in range(1 + trial % 4):
+            damaged[rng.randrange(len(damaged) if trial % 2 else 60)] = rng.randrange(256)
+        try:
+            found = read_fit("ride.fit", io.BytesIO(damaged[: rng.randrange(20, len(damaged) + 1)]))
+            lengths.append(len(found.time))
+        except InputError as refusal:
+            refusals.append(str(refusal.findings[0]))
+    assert max(lengths) > 0.8 * len(SINCE[::20])
+    assert refusals
+    assert all(re.search("damaged FIT file|no records|without a place", one) for one in refusals)
+
+
 def fit_file(time: np.ndarray, latitude: np.ndarray, longitude: np.ndarray, altitude: np.ndarray) -> bytes:
     """Records of timestamp, place and altitude, as FIT 1.0 packs them."""
     definition = struct.pack("<BBBHB", 0x40, 0, 0, 20, 4)
@@ -248,3 +272,36 @@ def test_other_readers_find_in_our_synthetic_logs_what_we_do(tmp_path: Path) -> 
     theirs = np.radians([one["lat"] for one in fix_records])
     minute = np.radians(1.0 / 60.0)
     assert theirs == pytest.approx(read_log(igc).columns["latitude"], abs=1e-3 * minute)  # without our further decimals
+
+
+def test_of_several_receivers_the_first_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "drone.csv"
+    rows = ["TimeUS,I,Status,Lat,Lng,Alt,Spd"]
+    for when, lat, lon, up in zip(SINCE, LATITUDE, LONGITUDE, ALTITUDE, strict=True):
+        for receiver, north in ((0, 0.0), (1, 1e-4)):
+            rows.append(f"{when * 1e6 + 5:.0f},{receiver},4,{lat + north:.7f},{lon:.7f},{up:.2f},90")
+    path.write_text("\n".join(rows) + "\n")
+    found = read_log(path)
+    assert np.degrees(found.columns["latitude"]) == pytest.approx(LATITUDE, abs=1e-6)
+    assert any("of another receiver than 0" in one for one in found.remarks)
+
+
+@pytest.mark.parametrize("text", ["scale: {load_factor: .nan}", "offset: {altitude: 1e308}", "time_zone: '+02:99'"])
+def test_numbers_and_zones_of_a_mapping_are_possible_ones(tmp_path: Path, text: str) -> None:
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(f"schema: airrace/log/1\n{text}\n")
+    with pytest.raises(InputError) as refused:
+        read_layout(mapping)
+    assert refused.value.findings[0].line == 2
+
+
+def test_a_load_factor_that_stands_still_or_is_mapped_is_left_as_it_is() -> None:
+    """What never moves has no zero to be found out, and what a mapping says counts."""
+    places = np.stack([EXACT.north, EXACT.east, EXACT.height])
+    path, count = smooth(EXACT.time, places), np.arange(len(EXACT.time))
+    for recorded, mapped in ((np.zeros(len(count)), ()), (LOAD - 1.0, ("n_z",))):
+        part = Recording("log", "csv", EXACT.time, {"n_z": recorded}, count, mapped=mapped)
+        found = plausible(part, path, race())
+        assert not any("1 g" in one for one in found.remarks)
+    whole = plausible(Recording("log", "csv", EXACT.time, {"n_z": LOAD - 1.0}, count), path, race())
+    assert any("1 g" in one for one in whole.remarks)

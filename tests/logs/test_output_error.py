@@ -6,7 +6,7 @@ import numpy as np
 import synthetic
 
 from airrace.inputs.aircraft_file import read_aircraft_file
-from airrace.logs.output_error import Estimate, estimate_factors, flown_path
+from airrace.logs.output_error import Estimate, estimate_factors, recorded_path
 from airrace.logs.smoothing import smooth
 from airrace.trajectory import Array
 
@@ -21,7 +21,7 @@ def recorded() -> tuple[Array, Array]:
 
 
 def estimated(time: Array, places: Array, start: object = START) -> Estimate:
-    path = flown_path(smooth(time, places), time, places, float(time[0]), float(time[-1]))
+    path = recorded_path(smooth(time, places), time, places, float(time[0]), float(time[-1]))
     return estimate_factors(start, AIR, [path])
 
 
@@ -57,7 +57,7 @@ def test_logs_in_different_winds_are_fitted_together() -> None:
     time, places = recorded()
     winds = np.array([[2.0, -1.0], [-1.5, 0.5]])
     paths = [
-        flown_path(smooth(time, moved), time, moved, float(time[0]), float(time[-1]))
+        recorded_path(smooth(time, moved), time, moved, float(time[0]), float(time[-1]))
         for moved in (places + np.outer([*wind, 0.0], time - time[0]) for wind in winds)
     ]
     one, both = estimate_factors(START, AIR, paths[:1]), estimate_factors(START, AIR, paths)
