@@ -1,12 +1,13 @@
-"""Mutated documents and checkpoints: read with one sentence or not at all, never with a traceback.
+"""Mutated documents, checkpoints and logs: read with one sentence or not at all, never with a traceback.
 
     python scripts/experiments/mutations.py [--count N] [--seed SEED] [--log FILE] [--part K/N] [--only KIND] [--verified N]
 
 Documents and checkpoints are read in this process; what is accepted is shown and exported, too, and one in N of these
-checkpoints is verified.
+checkpoints is verified. Logs are those of the optimum of a course, in three formats; what is accepted is shown.
 """
 
 import random
+import re
 import sys
 import tempfile
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from airrace.checkpoint.store import seal, unseal
 
 LONGEST = 5.0  # s
 MEMORY = 1024.0  # MB
+LONGEST_LOG, LOG_MEMORY = 10.0, 500.0  # s, MB
 NUMBERS = (
     "nan",
     ".inf",
@@ -38,6 +40,8 @@ NUMBERS = (
     "999999",
 )
 VALUES = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e29, 1e31, 1e200, 1e-300)
+KINDS = ("documents", "checkpoints", "logs")
+LOGGED = "rovinj_2014"
 BATCH = "schema: airrace/batch/1\ncourses: [a.yaml]\nsweep:\n  rules.n_z_max: [10, 11]\nuntil: point-mass\n"
 SETTINGS = "schema: airrace/settings/1\nsearch: off\nguess: plan\n"
 
@@ -174,24 +178,68 @@ def checkpoint(rng: random.Random, folder: Path, verified_every: int) -> tuple[s
     return kind, worst
 
 
+def numbers(rng: random.Random, text: str) -> str:
+    """Replace some numbers, most of them by others of the same kind."""
+    found = list(re.finditer(r"-?\d+\.?\d*", text))
+    for one in sorted(rng.sample(found, min(len(found), rng.randint(1, 20))), key=lambda one: -one.start()):
+        digits = "".join(rng.choice("0123456789") if each.isdigit() else each for each in one[0])
+        other = rng.choice((digits, digits, f"{one[0]}{rng.choice('0123456789')}", rng.choice(NUMBERS)))
+        text = text[: one.start()] + other + text[one.end() :]
+    return text
+
+
+@cache
+def sound_logs() -> dict[str, str]:
+    """The optimum of a course as logs, by format."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = Path(folder) / "run.h5"
+        ran = inside("optimize", LOGGED, "--until", "point-mass", "--search", "off", "--output", run, "--quiet")
+        assert ran.code == 0, ran.err
+        found: dict[str, str] = {}
+        for form in ("csv", "gpx", "acmi"):
+            path = Path(folder) / f"log.{form}"
+            ran = inside("export", form, run, "--output", path)
+            assert ran.code == 0, ran.err
+            found[form] = path.read_text(encoding="utf-8")
+        return found
+
+
+def log(rng: random.Random, folder: Path) -> tuple[str, Ran]:
+    form = rng.choice(sorted(sound_logs()))
+    name, mutate = choice_of(rng, {"characters": characters, "lines": lines, "numbers": numbers, "bytes": characters})
+    content = bytearray(mutate(rng, sound_logs()[form]).encode("utf-8", "surrogateescape"))
+    if name == "bytes":
+        for _ in range(rng.randint(1, 8)):
+            content[rng.randrange(len(content))] = rng.randrange(256)
+        content = content[: rng.choice((len(content), rng.randrange(len(content))))]
+    path, flight = folder / f"log.{form}", folder / "flight.h5"
+    path.write_bytes(bytes(content))
+    ran = inside("import", path, "--course", LOGGED, "--output", flight)
+    if ran.code == 0:
+        ran = inside("show", flight, "--no-verify")
+    return f"log, {form}, {name}", ran
+
+
 def trial(rng: random.Random, number: int, only: str | None, verified_every: int) -> Record:
-    """Half of the trials are documents, half checkpoints. Or all are of one kind."""
-    kind = only or rng.choice(("documents", "checkpoints"))
+    """A third of the trials are documents, checkpoints and logs each. Or all are of one kind."""
+    kind = only or rng.choice(KINDS)
     plays: dict[str, Callable[[random.Random, Path], tuple[str, Ran]]] = {
         "documents": document,
         "checkpoints": lambda rng, folder: checkpoint(rng, folder, verified_every),
+        "logs": log,
     }
+    longest, most = (LONGEST_LOG, LOG_MEMORY) if kind == "logs" else (LONGEST, MEMORY)
     with tempfile.TemporaryDirectory() as folder:
         what, ran = plays[kind](rng, Path(folder))
-    faults = ran.faults(LONGEST)
-    if (peak := peak_memory()) > MEMORY:
+    faults = ran.faults(longest)
+    if (peak := peak_memory()) > most:
         faults.append(f"{peak:.0f} MB of memory")
     return {"kind": what, "outcome": outcome(ran.code), "seconds": ran.seconds, "faults": faults}
 
 
 def main() -> int:
     parser = options(__doc__ or "", 400)
-    parser.add_argument("--only", choices=("documents", "checkpoints"), help="trials of this kind alone")
+    parser.add_argument("--only", choices=KINDS, help="trials of this kind alone")
     parser.add_argument("--verified", type=int, default=40, metavar="N", help="one in N accepted checkpoints")
     arguments = parser.parse_args()
     study = Study(arguments.seed, arguments.log)
