@@ -512,8 +512,9 @@ class Run(RunState):
         rate: float | None = None,
         origin: str | None = None,
         start: str | None = None,
+        model: str | None = None,
     ) -> Path:
-        """Write a flight into a file of another program, as `airrace export` does.
+        """Write a flight into a file of another program, as `airrace export` does; return its path.
 
         A file that exists is replaced as a whole.
 
@@ -524,17 +525,16 @@ class Run(RunState):
             rate: samples per second; None for what suits the format.
             origin: where the course lies, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what it says.
             start: when the clock starts, ISO 8601, UTC unless it says otherwise.
-
-        Returns:
-            The path.
+            model: the aircraft that X-Plane shows, as `--aircraft-model`.
 
         Raises:
             UsageError: there is no such format or stage, an argument says nothing sensible, the course has no origin
                 where the format needs one, or a library that it needs is not installed.
             StorageError: the system refused.
         """
-        write_flights(format_name, lambda: [self.flight(stage)], Path(path), rate=rate, origin=origin, start=start)
-        return Path(path)
+        target, opened = Path(path), lambda: [self.flight(stage)]
+        write_flights(format_name, opened, target, rate=rate, origin=origin, start=start, model=model)
+        return target
 
     def report(
         self,

@@ -1,5 +1,6 @@
 """Commands around flights, of runs and of flight logs: `import`, `brief`, `compare`, `plot`, `report` and `export`."""
 
+import inspect
 import sys
 from collections.abc import Mapping
 from enum import StrEnum
@@ -376,6 +377,10 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
             str | None,
             typer.Option(metavar="TIME", help="When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000."),
         ] = None,
+        aircraft_model: Annotated[
+            str | None,
+            typer.Option(metavar="FILE.acf", help="The aircraft that X-Plane shows; by default a Cessna 172."),
+        ] = None,
         force: Force = False,
         as_json: AsJson = False,
         quiet: Quiet = False,
@@ -389,10 +394,20 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
             ensure_room(path, as_json=as_json)
             ensure_free(path, force=force, sources=names)
             write_flights(
-                form.name, lambda: open_flights(names, stage=stage), path, rate=rate, origin=origin, start=start
+                form.name,
+                lambda: open_flights(names, stage=stage),
+                path,
+                rate=rate,
+                origin=origin,
+                start=start,
+                model=aircraft_model,
             )
             answer_with_files(answer, [path], quiet=quiet, format=form.name, flights=names)
 
+    if not form.has_models:  # then there is nothing to choose
+        signature = inspect.signature(write)
+        parameters = [one for name, one in signature.parameters.items() if name != "aircraft_model"]
+        write.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.command(form.name, help=form.help, cls=Command)(write)
     return typer.main.get_command(alone)

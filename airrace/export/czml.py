@@ -1,9 +1,10 @@
-"""CZML for Cesium: the course, and the flights in time with their attitude.
+"""CZML for Cesium: the course, and the flights in time with their attitude and a model of the aircraft.
 
 Cesium counts heights from the ellipsoid; those of the course are written as they are, so where the terrain of a viewer
 hides a flight, the undulation of the geoid at that place has to be added to the elevation of `--origin`.
 """
 
+import base64
 import json
 import math
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from datetime import datetime
 
 import numpy as np
 
+from airrace.export.aircraft_model import aircraft_model, glb
 from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
 from airrace.results import Flight
 from airrace.results.attitude import path_axes, quaternions
@@ -60,6 +62,8 @@ def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str,
         "label": {"text": printable(flight.label), "font": "12pt sans-serif", "pixelOffset": {"cartesian2": [0, -20]}},
     }
     if flight.has(*BODY_ATTITUDE):
+        model = base64.b64encode(glb(aircraft_model(flight.aircraft.airframe.b))).decode()
+        packet["model"] = {"gltf": f"data:model/gltf-binary;base64,{model}", "minimumPixelSize": 48}
         q = np.stack([flight.time, *_fixed_attitude(flight)], axis=1)
         packet["orientation"] = {"epoch": stamp(begin, 0.0), "unitQuaternion": np.round(q, 9).ravel().tolist()}
     return packet

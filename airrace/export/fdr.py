@@ -16,7 +16,7 @@ from airrace.quantities import DEGREE, FOOT, KNOT
 from airrace.results import Flight
 
 AIRCRAFT = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf"
-"""X-Plane shows the flight with this aircraft, which every installation has; another path may be put in its place."""
+"""X-Plane shows the flight with this aircraft, which every installation has, unless another one is named."""
 COLUMNS: tuple[tuple[str, str, float, int], ...] = (
     ("sim/cockpit2/gauges/indicators/airspeed_kts_pilot", "V_I", KNOT, 2),
     ("sim/cockpit2/gauges/indicators/true_airspeed_kts_pilot", "V_A", KNOT, 2),
@@ -30,28 +30,31 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 """Datarefs of X-Plane, the histories they show, their units in SI, and decimals."""
 
 
-def fdr(flights: Sequence[Flight], begin: datetime) -> bytes:
+def fdr(flights: Sequence[Flight], begin: datetime, model: str = AIRCRAFT) -> bytes:
     """Return the recording of one flight.
 
     Args:
         flights: one, on the globe.
         begin: when its clock starts.
+        model: the aircraft that X-Plane shows, a file below its folder.
 
     Raises:
-        UsageError: there are several flights.
+        UsageError: there are several flights, or the model is no file of an aircraft.
     """
+    if not model.lower().endswith(".acf") or model != _plain(model):
+        raise UsageError(f"{model[:80]!r} is no aircraft of X-Plane; expected a path such as {AIRCRAFT}")
     if len(flights) != 1:
         raise UsageError(f"an fdr file holds one flight, not {len(flights)}; write a file for each")
-    return ("\n".join(_lines(flights[0], begin)) + "\n").encode()
+    return ("\n".join(_lines(flights[0], begin, model)) + "\n").encode()
 
 
-def _lines(flight: Flight, begin: datetime) -> Iterator[str]:
+def _lines(flight: Flight, begin: datetime, model: str) -> Iterator[str]:
     when, first = begin.astimezone(UTC), float(flight.time[0])
     columns = [one for one in COLUMNS if one[1] in flight]
     yield from ("A", "4", "")
     yield f"COMM, {_plain(flight.course.name)} flown by {_plain(flight.aircraft.name)}: {_plain(flight.label)}"
     yield "COMM, headings are true; altitudes are the course's heights above mean sea level"
-    yield f"ACFT, {AIRCRAFT}"
+    yield f"ACFT, {model}"
     yield "TAIL, AIRRACE"
     yield f"TIME, {when:%H:%M:%S}"
     yield f"DATE, {when:%m/%d/%Y}"

@@ -11,8 +11,9 @@ from airrace.records import record
 if TYPE_CHECKING:
     from airrace.results import Flight
 
-Writer = Callable[[Sequence["Flight"], datetime], bytes]
-"""From flights and the instant at which their clocks start to the content of a file."""
+Writer = Callable[..., bytes]
+"""From flights and the instant at which their clocks start to the content of a file; one whose viewer has aircraft of
+its own takes the file of one as `model`."""
 
 
 @record
@@ -26,6 +27,7 @@ class Format:
         rate_hz: samples per second unless another rate is asked for; None for all samples of a flight.
         globe: whether it needs latitude, longitude and altitude, and so an origin of the course.
         suffix: of its files, where that is not the name.
+        has_models: whether its viewer has aircraft of its own, one of which may be named.
     """
 
     name: str
@@ -34,18 +36,21 @@ class Format:
     rate_hz: float | None = None
     globe: bool = False
     suffix: str = ""
+    has_models: bool = False
 
-    def write(self, flights: Sequence["Flight"], begin: datetime) -> bytes:
+    def write(self, flights: Sequence["Flight"], begin: datetime, model: str | None = None) -> bytes:
         """Return the content of a file.
 
         Args:
             flights: with latitudes and longitudes where `globe` says so.
             begin: the instant at which their clocks start.
+            model: an aircraft of the viewer's own, where it has any; None for the usual one.
         """
+        chosen = {} if model is None else {"model": model}
         if not isinstance(self.writer, str):
-            return self.writer(flights, begin)
+            return self.writer(flights, begin, **chosen)
         module, _, function = self.writer.partition(":")
-        return getattr(import_module(module), function)(flights, begin)
+        return getattr(import_module(module), function)(flights, begin, **chosen)
 
 
 _formats: dict[str, Format] = {}
@@ -75,19 +80,20 @@ def formats() -> Mapping[str, Format]:
     return _formats
 
 
-_KML = "gates, people, lines, the flight path, and the flight in time."
+_KML = "gates, people, lines, the flight path, the flight in time, and a tour behind it."
 _TACVIEW = "several aircraft with attitude, airspeeds and load factors; passings are events."
 for _name, _rate_hz, _help in (
     ("kml", 10.0, f"KML for Google Earth and map viewers: {_KML}"),
-    ("kmz", 10.0, "KML, zipped."),
+    ("kmz", 10.0, "KML, zipped, with a model of the aircraft."),
     ("acmi", 20.0, f"Tacview 2.2: {_TACVIEW}"),
     ("fdr", 20.0, "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight."),
-    ("czml", 10.0, "CZML for Cesium: the course, and the flights in time with their attitude."),
+    ("czml", 10.0, "CZML for Cesium: the course, the flights in time, and a model of the aircraft."),
     ("gpx", 5.0, "GPX 1.1: gates and pylons as waypoints, a track for every flight."),
     ("geojson", 10.0, "GeoJSON: the course, the flight paths and their passings."),
 ):
     _module = "kml" if _name == "kmz" else _name
-    register(Format(_name, _help, f"airrace.export.{_module}:{_name}", _rate_hz, globe=True))
+    _writer = f"airrace.export.{_module}:{_name}"
+    register(Format(_name, _help, _writer, _rate_hz, globe=True, has_models=_name == "fdr"))
 _PARQUET = "Parquet: all histories of all flights in one table (needs pyarrow)."
 _NETCDF = "netCDF after the CF conventions: all histories with units; every flight is a trajectory."
 register(Format("parquet", _PARQUET, "airrace.export.parquet:parquet"))

@@ -1,16 +1,20 @@
-"""KML 2.2 with Google's extension for moving things, and KMZ, which is KML in a zip archive.
+"""KML 2.2 with Google's extension for moving things, and KMZ, which is KML in a zip archive with a model beside it.
 
 Gates, people and lines are plain placemarks, and so is the flight path: viewers without the extension show them, too.
 The flight in time is a `gx:Track` with angles; all of its `when` come before all `gx:coord`, as its schema demands.
+A `gx:Tour` follows the aircraft in real time.
 """
 
 import io
 import math
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
+from airrace.export.aircraft_model import aircraft_model, collada
 from airrace.export.globe import Feature, Shape, add_element, compass, courses, features, places, printable, stamp
 from airrace.results import Flight
 
@@ -26,6 +30,14 @@ KINDS = {
     "safety line": "ff0b86b8",
     "airspace": "ff8b5634",
 }
+
+
+STEP = 0.5
+"""The time between two views of a tour, s."""
+LOOKING = 2.0
+"""The time before and after a view between which the way flown is the direction of the look, s: steady in a loop."""
+RANGE, TILT = 80.0, 78.0
+"""How far behind the aircraft a tour looks from, m, and how far from straight down, degrees."""
 
 
 def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
@@ -45,8 +57,13 @@ def content_of(document: ET.Element) -> bytes:
     return ET.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
-def kml_document(flights: Sequence[Flight], begin: datetime) -> ET.Element:
-    """Return the document, to which more can be added; arguments are those of `kml`."""
+def kml_document(flights: Sequence[Flight], begin: datetime, models: Mapping[float, str] | None = None) -> ET.Element:
+    """Return the document, to which more can be added.
+
+    Args:
+        flights, begin: see `kml`.
+        models: files of aircraft by their span; None where viewers show their own marks.
+    """
     document = ET.Element("Document")
     add_element(document, "name", ", ".join(dict.fromkeys(printable(one.course.name) for one in flights)))
     styles = {kind.replace(" ", "-"): (colour, 3.0) for kind, colour in KINDS.items()}
@@ -62,22 +79,29 @@ def kml_document(flights: Sequence[Flight], begin: datetime) -> ET.Element:
         for feature in features(course):
             _add_feature(folder, feature)
     for number, flight in enumerate(flights):
-        _add_flight(_folder(document, printable(flight.label)), flight, begin, f"#flight{number}")
+        model = (models or {}).get(flight.aircraft.airframe.b, "")
+        _add_flight(_folder(document, printable(flight.label)), flight, begin, f"#flight{number}", model)
+        _add_tour(document, flight, begin)
     return document
 
 
 def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return the document that `kml` returns, zipped."""
+    """Return the document that `kml` returns, zipped, with a model for the aircraft of every span."""
+    spans = dict.fromkeys(flight.aircraft.airframe.b for flight in flights)
+    models = {span: f"models/aircraft{number}.dae" for number, span in enumerate(spans)}
+    contents = {"doc.kml": content_of(kml_document(flights, begin, models))}
+    contents |= {name: collada(aircraft_model(span)) for span, name in models.items()}
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
-        entry = zipfile.ZipInfo("doc.kml", (2000, 1, 1, 12, 0, 0))  # a date, so that equal flights give equal archives
-        entry.compress_type = zipfile.ZIP_DEFLATED
-        zipped.writestr(entry, kml(flights, begin))
+        for name, content in contents.items():
+            entry = zipfile.ZipInfo(name, (2000, 1, 1, 12, 0, 0))  # a date, so that equal flights give equal archives
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            zipped.writestr(entry, content)
     return archive.getvalue()
 
 
-def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str) -> None:
-    """Add the line of a flight, its track in time, and a point for every passing."""
+def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str, model: str) -> None:
+    """Add the line of a flight, its track in time, by choice with a model, and a point for every passing."""
     label, line = printable(flight.label), _coordinates(flight)
     _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, absolute=True)
     track = add_element(_placemark(folder, label, style), "gx:Track")
@@ -90,11 +114,36 @@ def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str)
         for psi, theta, phi in zip(*(flight[name].tolist() for name in ("psi", "theta", "phi")), strict=True):
             angles = f"{compass(psi):.2f} {math.degrees(theta):.2f} {math.degrees(phi):.2f}"
             add_element(track, "gx:angles", angles)
+        if model:
+            add_element(add_element(add_element(track, "Model"), "Link"), "href", model)
     passings = _folder(folder, "passings")
     for crossing in flight.crossings:
         if crossing.found:
             mark = _placemark(passings, f"{printable(crossing.name)} {crossing.time:.3f} s", style)
             _add_geometry(mark, "Point", _coordinates(flight.at([crossing.time])), absolute=True)
+
+
+def _add_tour(document: ET.Element, flight: Flight, begin: datetime) -> None:
+    """Add a tour that looks at the aircraft from behind, in the time of the flight."""
+    first, last = float(flight.time[0]), float(flight.time[-1])
+    time = np.append(np.arange(first, last, STEP), last)
+    before, after = (flight.at(np.clip(time + side, first, last)) for side in (-LOOKING, LOOKING))
+    headings = np.arctan2(after["y"] - before["y"], after["x"] - before["x"])
+    tour = add_element(document, "gx:Tour")
+    add_element(tour, "name", f"behind {printable(flight.label)}")
+    playlist = add_element(tour, "gx:Playlist")
+    seconds = [0.0, *np.diff(time).tolist()]
+    for when, duration, place, heading in zip(time, seconds, places(flight.at(time)), headings, strict=True):
+        step = add_element(playlist, "gx:FlyTo")
+        add_element(step, "gx:duration", f"{duration:.3f}")
+        add_element(step, "gx:flyToMode", "smooth")
+        look = add_element(step, "LookAt")
+        add_element(add_element(look, "gx:TimeStamp"), "when", stamp(begin, float(when)))
+        for tag, value in zip(("longitude", "latitude", "altitude"), place, strict=True):
+            add_element(look, tag, f"{value:.8f}")
+        for tag, value in (("heading", compass(float(heading))), ("tilt", TILT), ("range", RANGE)):
+            add_element(look, tag, f"{value:.2f}")
+        add_element(look, "altitudeMode", "absolute")
 
 
 def _coordinates(flight: Flight) -> list[str]:

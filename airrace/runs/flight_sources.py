@@ -130,6 +130,7 @@ def write_flights(
     rate: float | None = None,
     origin: str | None = None,
     start: str | None = None,
+    model: str | None = None,
 ) -> None:
     """Write flights into a file, as `airrace export FORMAT` does.
 
@@ -140,6 +141,7 @@ def write_flights(
         rate: samples per second; None for what suits the format.
         origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
         start: when the clock starts, ISO 8601, UTC unless it says otherwise.
+        model: an aircraft of the viewer's own, which X-Plane has; None for the usual one.
 
     Raises:
         UsageError: there is no such format, an argument says nothing sensible, a course has no origin where the format
@@ -150,6 +152,8 @@ def write_flights(
         raise UsageError(f"there is no format {format_name!r}; known are {', '.join(formats())}")
     chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
     begin = BEGIN if start is None else begin_of(start)
+    if model is not None and not chosen.has_models:
+        raise UsageError(f"the viewers of {format_name} have no aircraft of their own; leave out the model")
     low, high = 1e-3, 1e4  # Hz
     if rate is not None and not low <= rate <= high:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
@@ -159,7 +163,7 @@ def write_flights(
     hertz = chosen.rate_hz if rate is None else rate
     if hertz is not None:
         flights = [flight.at_rate(hertz) for flight in flights]
-    replace_file(path, chosen.write(flights, begin))
+    replace_file(path, chosen.write(flights, begin, model))
 
 
 def output_of(format_name: str, names: Sequence[str]) -> Path:

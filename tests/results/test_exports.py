@@ -1,5 +1,6 @@
 """Flights that are written and read back are the same flights."""
 
+import base64
 import io
 import itertools
 import json
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from czml3 import Packet
 from example_courses import everything, race
 from example_flights import circling, half_cuban, rovinj
@@ -27,12 +29,14 @@ from typer.testing import CliRunner
 from airrace import resources
 from airrace.cli.main import app
 from airrace.errors import UsageError
+from airrace.export.aircraft_model import aircraft_model, collada, glb
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
+from airrace.export.fdr import fdr
 from airrace.export.formats import Format, formats, register
 from airrace.export.geojson import geojson
 from airrace.export.globe import BEGIN, on_globe
-from airrace.export.kml import kml
+from airrace.export.kml import GX, KML, kml
 from airrace.frames import rotation
 from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
@@ -145,8 +149,69 @@ def test_kml_is_read_back() -> None:
     zipped = written("kmz", flights)
     assert zipped == written("kmz", flights)
     with zipfile.ZipFile(io.BytesIO(zipped)) as archive:
-        assert archive.namelist() == ["doc.kml"]
-        assert archive.read("doc.kml") == written("kml", flights)
+        assert archive.namelist() == ["doc.kml", "models/aircraft0.dae"]  # both have the same span
+        document = archive.read("doc.kml")
+    links = [one.text for one in etree.fromstring(document).iter(f"{{{KML}}}href")]
+    assert links == ["models/aircraft0.dae"] * 2
+    assert document.replace(b"<Model><Link><href>models/aircraft0.dae</href></Link></Model>", b"") == written(
+        "kml", flights
+    )
+
+
+def test_a_tour_looks_at_the_aircraft_from_behind_in_the_time_of_the_flight() -> None:
+    one = flight()
+    (tour,) = etree.fromstring(written("kml", [one])).iter(f"{{{GX}}}Tour")
+    steps = list(tour.iter(f"{{{GX}}}FlyTo"))
+    assert sum(float(step.findtext(f"{{{GX}}}duration", "")) for step in steps) == pytest.approx(
+        one.race_time, abs=2e-3
+    )
+    stamps = [step.findtext(f".//{{{KML}}}when", "") for step in steps]
+    seconds = np.array([(datetime.fromisoformat(when) - BEGIN).total_seconds() for when in stamps])
+    there = one.at(np.clip(seconds, one.time[0], one.time[-1]))
+    looks = {
+        name: np.array([float(step.findtext(f".//{{{KML}}}{name}", "")) for step in steps])
+        for name in ("longitude", "latitude", "altitude", "heading")
+    }
+    np.testing.assert_allclose(looks["longitude"], np.degrees(there["longitude"]), atol=2e-6)
+    np.testing.assert_allclose(looks["latitude"], np.degrees(there["latitude"]), atol=2e-6)
+    np.testing.assert_allclose(looks["altitude"], there["altitude"], atol=0.1)
+    inside = slice(5, -5)  # in a steady turn the way over some seconds has the heading of their middle
+    way = np.interp(seconds, one.time, np.unwrap(np.arctan2(*(np.gradient(one[name]) for name in ("y", "x")))))
+    assert apart(looks["heading"][inside], np.degrees(way)[inside] % 360.0).max() < 1.0
+
+
+@pytest.mark.parametrize("span", [7.43, 10.0])
+def test_models_of_aircraft_are_closed_and_their_noses_point_ahead(span: float) -> None:
+    """Read by other programs: in glTF up is +Y and forward +Z, in COLLADA up is +Z and forward +Y."""
+    parts = aircraft_model(span)
+    for content, kind, axes in ((glb(parts), "glb", (2, 0, 1)), (collada(parts), "dae", (1, 0, 2))):
+        scene = trimesh.load(io.BytesIO(content), file_type=kind)
+        forward, aside, up = (scene.bounds[:, axis] for axis in axes)
+        assert (aside[0], aside[1]) == pytest.approx((-span / 2, span / 2), abs=1e-3)
+        assert forward[1] > 0.35 * span  # the spinner
+        assert forward[0] == pytest.approx(-0.5 * span, abs=0.05 * span)  # the fin
+        assert up[1] > 2.0 * -up[0]  # which is above
+        assert len(scene.geometry) == 3
+        for mesh in scene.geometry.values():
+            mesh.merge_vertices(merge_norm=True, merge_tex=True)
+            assert all(one.is_watertight for one in mesh.split(only_watertight=False))
+            assert mesh.volume > 0.0
+
+
+def test_czml_carries_a_model_of_the_span() -> None:
+    one = flight()
+    (moving,) = [packet for packet in json.loads(czml([one], BEGIN)) if "orientation" in packet]
+    head, _, content = moving["model"]["gltf"].partition(",")
+    assert head == "data:model/gltf-binary;base64"
+    assert base64.b64decode(content) == glb(aircraft_model(one.aircraft.airframe.b))
+
+
+def test_x_plane_shows_the_aircraft_that_is_named() -> None:
+    one, named = flight(), "Aircraft/Extra/330SC.acf"
+    assert f"ACFT, {named}".encode() in fdr([one], BEGIN, named)
+    for wrong in ("330SC", "a,b.acf", "a\nb.acf"):
+        with pytest.raises(UsageError, match=r"expected a path such as"):
+            fdr([one], BEGIN, wrong)
 
 
 def test_gpx_is_read_back() -> None:
