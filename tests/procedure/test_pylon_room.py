@@ -277,6 +277,7 @@ def test_a_correction_that_is_no_prediction_is_given_up() -> None:
 
     own = next(away for one, away in zip(found.conditions, found.distances, strict=True) if one.element == "pylon")
     assert error_after(own) == pytest.approx(holds.error, abs=0.05)
+    assert error_after(own + 1.5) == pytest.approx(holds.error - 1.5, abs=0.05)  # a wing that passes the top aslant
     assert error_after(0.0) == 1.0  # touched, where it was said to be 3.5 m away
     assert error_after(20.0) == 0.0  # another distance than that to the side
     assert math.isclose(error_after(math.nan), -0.8)  # not known
