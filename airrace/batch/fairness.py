@@ -3,7 +3,7 @@
 The optimum of every aircraft is found in every wind and density, each started from the nearest one that is known. The
 normalised time of a flight is what it would have taken in still standard air at the level of the sea,
 
-    normalised = optimum there + (time flown - optimum in the air that was flown in)
+    normalised = optimum there + (time - optimum in the air of the flight)
 
 so that the pilot's own gap stays and wind and density go. The handicap of an aircraft is what its optimum in still
 standard air is behind that of the fastest one. What gates favour whom follows from the sensitivities of those optima.

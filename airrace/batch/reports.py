@@ -279,8 +279,20 @@ def _number(text: str) -> float:
         return math.inf
 
 
-ROWS_MAX = 500
-"""The largest number of jobs that Markdown lists; GitHub takes 1 MiB."""
+@record
+class ReportLimits:
+    """What other programs take of a report.
+
+    Attributes:
+        rows_max: the largest number of jobs that Markdown lists; GitHub takes 1 MiB.
+        annotations_max: the largest number of annotations; GitHub shows ten of a step.
+    """
+
+    rows_max: int = 500
+    annotations_max: int = 50
+
+
+REPORT = ReportLimits()
 _ROUTES = (
     Column("job"),
     Column("route"),
@@ -334,20 +346,20 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
 def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary]) -> str:
     """Return the report: a heading, the table, the routes, what is wrong, and the winds."""
     parts = [f"### airrace: {len(rows)} job{'' if len(rows) == 1 else 's'}: {counts_words(rows)}"]
-    parts.append(batch_table(rows[:ROWS_MAX]).markdown())
-    if len(rows) > ROWS_MAX:
-        parts.append(f"and {len(rows) - ROWS_MAX} more")
+    parts.append(batch_table(rows[: REPORT.rows_max]).markdown())
+    if len(rows) > REPORT.rows_max:
+        parts.append(f"and {len(rows) - REPORT.rows_max} more")
     routes = [(row.name, one.route, one.tried, one.next, one.behind) for row in rows if (one := row.result.routes)]
     if routes:
-        parts.append(Table("", _ROUTES, routes[:ROWS_MAX]).markdown())
+        parts.append(Table("", _ROUTES, routes[: REPORT.rows_max]).markdown())
     messages = [
         f"- `{row.name}`: {_plain(line)}"
         for row in rows
         if row.message
         for line in map(str, row.result.findings or [row.message])
     ]
-    if len(messages) > ROWS_MAX:
-        messages[ROWS_MAX:] = [f"- and {len(messages) - ROWS_MAX} more"]
+    if len(messages) > REPORT.rows_max:
+        messages[REPORT.rows_max :] = [f"- and {len(messages) - REPORT.rows_max} more"]
     if messages:
         parts.append("\n".join(messages))
     for summary in summaries:
@@ -444,10 +456,6 @@ def fit(text: str) -> str:
     return _UNFIT.sub(lambda found: f"\\x{ord(found[0]):02x}", text).replace("\r", "\\x0d")
 
 
-ANNOTATIONS_MAX = 50
-"""The largest number of annotations; GitHub shows ten of a step."""
-
-
 def annotations(rows: Sequence[BatchResult], findings: Sequence[Finding]) -> Iterator[str]:
     """Yield commands of a workflow, one per line: an error for every finding and every job that is not certified."""
     found = dict.fromkeys(findings)
@@ -456,13 +464,13 @@ def annotations(rows: Sequence[BatchResult], findings: Sequence[Finding]) -> Ite
             found.update(dict.fromkeys(row.result.findings))
         elif not row.certified:
             found[Finding(row.step.track, 0, 0, f"{row.name}: {row.state}", row.message)] = None
-    for one in islice(found, ANNOTATIONS_MAX):
+    for one in islice(found, REPORT.annotations_max):
         file = "" if one.file.startswith("--") else one.file
         places = {"file": file, "line": one.line, "col": one.column, "title": one.key or "airrace"}
         properties = ",".join(f"{name}={_escape(str(value), ':,')}" for name, value in places.items() if value)
         yield f"::error {properties}::{_escape(one.message)}"
-    if len(found) > ANNOTATIONS_MAX:
-        yield f"::warning title=airrace::and {len(found) - ANNOTATIONS_MAX} more errors"
+    if len(found) > REPORT.annotations_max:
+        yield f"::warning title=airrace::and {len(found) - REPORT.annotations_max} more errors"
 
 
 def _escape(text: str, also: str = "") -> str:

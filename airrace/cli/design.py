@@ -19,7 +19,7 @@ def design(
     """Lay out a course in the browser: drag gates and see the race time change (extra: design).
 
     The page is served to this machine alone, under an address with a token, until Ctrl-C. Saving edits the file in
-    place; what is not saved by then is kept beside it.
+    place; what is not saved by then lies beside it.
     """
     with answering(as_json=False, verbose=verbose) as answer:
         from airrace.design.designer import Designer
@@ -40,6 +40,6 @@ def design(
         except KeyboardInterrupt:
             interrupts.hear()  # the way in which it ends
         finally:
-            kept = designer.close()
-        if kept is not None:
-            answer.texts.append(f"what was not saved is kept in {kept}")
+            unsaved = designer.close()
+        if unsaved is not None:
+            answer.texts.append(f"what was not saved lies in {unsaved}")

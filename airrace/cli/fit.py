@@ -1,4 +1,4 @@
-"""The command `airrace fit`: drag, power and roll rate of an aircraft from flown logs."""
+"""The command `airrace fit`: drag, power and roll rate of an aircraft from flight logs."""
 
 from pathlib import Path
 from typing import Annotated

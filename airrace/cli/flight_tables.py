@@ -32,8 +32,8 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
         attitude = (math.degrees(one.value("mu")), math.degrees(one.value("gamma")))
         passings.append((one.name, one.time, one.time - before, *speeds, *attitude))
         before = one.time
-    told = f"; {flight.source.confirmation.remark}" if flight.source.confirmation else ""
-    yield render(Table(f"{flight.label}: race time {race_time}, as flown{told}", _PASSINGS, passings), columns=PAGE)
+    verified = f"; {flight.source.confirmation.remark}" if flight.source.confirmation else ""
+    yield render(Table(f"{flight.label}: race time {race_time}, as flown{verified}", _PASSINGS, passings), columns=PAGE)
     if log.violations:
         rows: list[tuple[str | float | None, ...]] = []
         listed, others = shown(log.violations)

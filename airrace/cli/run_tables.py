@@ -38,8 +38,22 @@ logger = logging.getLogger(__name__)
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; no second mesh has confirmed the race time"
-ROUTES_MAX = 12
-"""The largest number of routes in the table; all of them are in the checkpoint and in the object."""
+
+
+@record
+class TableSettings:
+    """What the tables of a run leave out.
+
+    Attributes:
+        routes_max: the largest number of routes in the table; all of them are in the checkpoint and in the object.
+        tie_ms: .
+    """
+
+    routes_max: int = 12
+    tie_ms: float = round(1000.0 * TIE)
+
+
+TABLE = TableSettings()
 NEAR_MISSES = textwrap.fill(
     "warning: the rules measure the wing tips at the instant of a passing alone; right before or after it, or at other "
     "gates, the wing comes as close to pylons as stated above. With `--set rules.clearance=flight` it keeps clear of "
@@ -57,7 +71,7 @@ def flight_texts(plan: "ExecutionPlan", results: Sequence[StageResult]) -> Itera
     yield from _headline(results)
     yield from (f"{one.stage.value}: {one.remarks}" for one in results if one.holds and one.remarks)
     tables = [stages_table(results)] if any(result.holds for result in results) else []
-    tables += [search_table(one.search, most=ROUTES_MAX) for one in results[:-1] if one.search.routes]
+    tables += [search_table(one.search, most=TABLE.routes_max) for one in results[:-1] if one.search.routes]
     yield from (render(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
     if results[-1].is_flight:
         yield from _warnings(StageView(plan.run.inputs, results[-1], {}).flight())
@@ -210,7 +224,7 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
         title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s"
         tables.append(splits_table(result.splits, title))
     if result.search.routes:
-        tables.append(search_table(result.search, most=ROUTES_MAX))
+        tables.append(search_table(result.search, most=TABLE.routes_max))
     if certificate and result.certificate is not None:
         stands = result.outcome is Status.SOLVED or not result.certificate.holds
         tables.append(items_table(result.certificate, "" if stands else DOES_NOT_STAND))
@@ -398,7 +412,6 @@ def near_miss_table(misses: Sequence[NearMiss]) -> Table:
     return Table("near misses", _NEAR_MISSES, rows)
 
 
-TIE_MS = round(1000.0 * TIE)
 _LAPS = (
     Column("lap", form="d"),
     Column("reference", "s", ".3f"),
@@ -426,7 +439,7 @@ def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Itera
         yield "\n".join(_verdict_lines(one))
         yield from _loss_texts(one)
     if len(comparisons) == 2:
-        yield from _rivals_texts(*comparisons)
+        yield from _pair_texts(*comparisons)
     for one in comparisons:
         yield from _legs_texts(one, f"{one.other.label}: " if len(comparisons) > 1 else "", every=every)
 
@@ -438,7 +451,7 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     if math.isnan(comparison.difference):
         verdict = "one of them does not finish"
     elif comparison.tie:
-        verdict = f"a tie within {TIE_MS} ms ({times})"
+        verdict = f"a tie within {TABLE.tie_ms} ms ({times})"
     lines = [f"{other.label} against {reference.label}: {verdict}"]
     lines += [f"  {what}: {second} against {first}" for what, first, second in conditions(reference, other)]
     lines += [
@@ -460,7 +473,7 @@ def _loss_texts(comparison: Comparison) -> Iterator[str]:
         yield "\n".join([f"{lost.title}:", *wrapped])
 
 
-def _rivals_texts(first: Comparison, second: Comparison) -> Iterator[str]:
+def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:
     """Yield two flights against each other and both against the reference: in words, and in one table of all legs."""
     between = compare_flights(first.other, second.other)
     yield from _loss_texts(between)
@@ -487,4 +500,4 @@ def _legs_texts(comparison: Comparison, label: str, *, every: bool) -> Iterator[
         yield render(Table(f"{label}legs by time lost", _LEGS, rows), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
-        yield f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms"
+        yield f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TABLE.tie_ms} ms"

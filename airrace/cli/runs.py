@@ -50,7 +50,7 @@ def show(
             answer.texts.append(f"signed by {signed_by}")
         if not as_json:
             answer.texts.extend(run_texts(shown, legs=legs, certificates=certificate))
-        answer.fail_if_refuted({one.value: told for one, told in shown.confirmations.items()})
+        answer.fail_if_refuted({one.value: found for one, found in shown.confirmations.items()})
 
 
 def verify(
@@ -96,12 +96,12 @@ def verify(
             if sign is not None or trust is not None:
                 raise UsageError("a flight log is not signed: leave --sign and --trust out")
             log = open_log(checkpoint)
-            told = confirmation_of(log, versions=not other_versions)
-            answer.fields.update(flown=True, track=log.inputs.race.course.name, verified=bool(told.verified))
-            answer.fields["verification"] = told.words
-            if not told.verified:
-                answer.fail(ExitCode.NOT_CERTIFIED, f"{checkpoint.label}: {told.words}")
-            answer.texts.append(f"{checkpoint.label}: {told.outcome}; its log is believed")
+            found = confirmation_of(log, versions=not other_versions)
+            answer.fields.update(flown=True, track=log.inputs.race.course.name, verified=bool(found.verified))
+            answer.fields["verification"] = found.words
+            if not found.verified:
+                answer.fail(ExitCode.NOT_CERTIFIED, f"{checkpoint.label}: {found.words}")
+            answer.texts.append(f"{checkpoint.label}: {found.outcome}; its log is taken as it is")
             return
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
         run = ensure_readable(run_of_checkpoint(checkpoint, run_file))

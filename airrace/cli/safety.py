@@ -41,7 +41,7 @@ def safety(
         typer.Argument(
             metavar="RUN.h5|TRACK...",
             readable=False,
-            help="Checkpoints of runs, such as those of several aircraft; or courses, which are flown first.",
+            help="Checkpoints of runs, such as those of several aircraft; or courses, which are solved first.",
         ),
     ],
     aircraft: Annotated[
@@ -89,7 +89,7 @@ def safety(
     """Fly an optimum many times with a pilot in the loop, and count what the flights touch, miss and break.
 
     The pilot is a model, and sees and moves late; the aircraft is that of six-dof, disturbed by gusts and by errors of
-    wind, mass, power and density. Deviations are told for every gate and leg.
+    wind, mass, power and density. Deviations are listed for every gate and leg.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.api import Run, optimize
@@ -111,8 +111,8 @@ def safety(
             raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
         if winds is not None:
             if stage is not None:
-                raise UsageError("--stage and --winds exclude each other: in every wind the last stage is flown")
-            winds_named(winds)  # before anything is flown
+                raise UsageError("--stage and --winds exclude each other: in every wind the last stage is simulated")
+            winds_named(winds)  # before anything is solved
         options: dict[str, Any] = {  # Any: of many types
             "flights": flights,
             "gusts": gusts.value,
@@ -127,7 +127,7 @@ def safety(
         }
         tracks = [path for path in run_files if path.suffix.lower() != ".h5"]
         if aircraft and not tracks:
-            raise UsageError("--aircraft is of a TRACK that is flown first: none is named")
+            raise UsageError("--aircraft is of a TRACK that is solved first: none is named")
         runs = {str(path): Run.of(open_run(path)) for path in run_files if path not in tracks}
         for track, one in product(tracks, aircraft or [None]):
             found = optimize(track, aircraft=one, threads=threads, progress=not quiet)

@@ -55,7 +55,7 @@ class Designer:
         self._ask()
 
     def close(self) -> Path | None:
-        """End the solvers; return where a text was kept that nobody has saved, None if all is saved."""
+        """End the solvers; return where a text lies that nobody has saved, None if all is saved."""
         for lane in self._lanes:
             lane.close()
         return self.track.keep_unsaved()
@@ -158,8 +158,8 @@ class Designer:
         names = [None if one is None else _text(one) for one in given]
         if not 1 <= len(names) <= LANES_MAX or not set(names) <= {None, self.track.aircraft, *AIRCRAFT.names}:
             raise UsageError(f"one or two aircraft fly, of {', '.join(AIRCRAFT.names)}")
-        kept = {lane.aircraft: lane for lane in reversed(self._lanes)}
-        lanes = [kept.pop(name, None) or Lane(name, self._tell) for name in names]
+        known = {lane.aircraft: lane for lane in reversed(self._lanes)}
+        lanes = [known.pop(name, None) or Lane(name, self._tell) for name in names]
         for lane in self._lanes:
             if lane not in lanes:
                 lane.close()

@@ -140,13 +140,13 @@ class _Text:
         entries = _children(holder)
         if holder.flow_style:
             if before is not None:
-                return self._spliced(_begin(entries[before][0]), 0, f"{item}, ")
+                return self._splice(_begin(entries[before][0]), 0, f"{item}, ")
             end = self._end(entries[-1][1]) if entries else _begin(holder) + 1
-            return self._spliced(end, 0, f"{', ' if entries else ''}{item}")
+            return self._splice(end, 0, f"{', ' if entries else ''}{item}")
         line = " " * holder.start_mark.column + ("- " if isinstance(holder, yaml.SequenceNode) else "") + item
         if before is not None:
-            return self._spliced(self._line_begin(entries[before][0]), 0, f"{line}{self.newline}")
-        return self._spliced(self._line_end(entries[-1][1]), 0, f"{self.newline}{line}")
+            return self._splice(self._line_begin(entries[before][0]), 0, f"{line}{self.newline}")
+        return self._splice(self._line_end(entries[-1][1]), 0, f"{self.newline}{line}")
 
     def _without(self, holder: yaml.Node, index: int) -> str:
         entries = _children(holder)
@@ -158,9 +158,9 @@ class _Text:
             end = _begin(entries[index + 1][0])
         elif index:
             begin = self._end(entries[index - 1][1])
-        return self._spliced(begin, end - begin, "")
+        return self._splice(begin, end - begin, "")
 
-    def _spliced(self, at: int, length: int, new: str) -> str:
+    def _splice(self, at: int, length: int, new: str) -> str:
         return self.text[:at] + new + self.text[at + length :]
 
     def _end(self, node: yaml.Node) -> int:

@@ -26,7 +26,7 @@ class NewPieces:
 
     Attributes:
         mast: height of an obstacle, m.
-        crowd, crowd_distance: side of a square of people, and what is kept from it, m.
+        crowd, crowd_distance: side of a square of people, and the distance from it, m.
         line: distance between the two points of a safety line, m.
         airspace: what it reaches beyond the gates, m.
         decimals, degrees: digits to which positions are written, m and degrees: a centimetre either way.

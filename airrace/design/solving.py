@@ -1,7 +1,7 @@
-"""One aircraft on a layout: its optimum, solved again whenever the course changes, by a session that is kept warm.
+"""One aircraft on a layout: its optimum, solved again whenever the course changes, by a warm session.
 
 Questions are answered in a thread of their own, the latest alone. What takes longer has a second thread: the mesh of an
-answer is checked, other routes are looked for, and six degrees of freedom are flown when they are asked for.
+answer is checked, other routes are looked for, and six degrees of freedom follow on demand.
 """
 
 import contextlib
@@ -70,7 +70,7 @@ SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
 
 @record
 class Question:
-    """A layout that is to be flown: the revision of the track file, its text, and values that are otherwise."""
+    """A layout to be solved: the revision of the track file, its text, and values that are otherwise."""
 
     revision: int
     track: Document
@@ -106,7 +106,7 @@ class Lane:
         self._answers.put(lambda: self._answer(question))
 
     def fly_six_dof(self) -> None:
-        """Have the layout flown with six degrees of freedom, in the background."""
+        """Solve the layout with six degrees of freedom, in the background."""
         self._explorations.put(self._fly_six_dof)
 
     def close(self) -> None:
@@ -124,7 +124,7 @@ class Lane:
             except (AirraceError, CancelledError) as error:
                 problem = str(error)
             except Exception as error:
-                logger.exception("the layout cannot be flown")
+                logger.exception("the layout cannot be solved")
                 problem = f"{type(error).__name__}: {error}"
             if problem and self._question is not None:
                 self._show(busy="", problem=problem)
@@ -167,7 +167,7 @@ class Lane:
 
     def _take(self, question: Question, view: StageView, note: str = "") -> None:
         """Show an answer, and what follows from it."""
-        self._show(**_told(view), answered=question.revision, note=note, busy="")
+        self._show(**_view_fields(view), answered=question.revision, note=note, busy="")
         if view.result.holds:
             self._known = view
             self._show(**_drawing_of(view.flight()))
@@ -220,7 +220,7 @@ class Lane:
         plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=LAST)
         view = self._fly(plan, available_cores(), "").stage()
         drawn = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
-        self._show(busy="", six_dof={**_told(view), **drawn, "revision": question.revision})
+        self._show(busy="", six_dof={**_view_fields(view), **drawn, "revision": question.revision})
 
 
 class _ProgressLine(Silent):
@@ -237,7 +237,7 @@ class _ProgressLine(Silent):
         self._show(busy=f"{self._what}{self._stage}: {text}")
 
 
-def _told(view: StageView) -> dict[str, object]:
+def _view_fields(view: StageView) -> dict[str, object]:
     """Return the race time of an answer and what is to be said about it."""
     numbers = Variation(view.inputs).parameters
     return {

@@ -1,4 +1,4 @@
-"""The track file under the hand: its text with all steps back, told apart by revisions, and what lies on the disk."""
+"""The track file under the hand: its text with all steps back, by revisions, and what lies on the disk."""
 
 import hashlib
 import threading
@@ -13,7 +13,7 @@ from airrace.inputs import Document, load_inputs
 from airrace.records import record
 
 STEPS_MAX = 500
-"""The number of steps back that are kept; each holds the text of the file."""
+"""The number of steps back; each holds the text of the file."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 

@@ -34,16 +34,28 @@ WING = (((0.115, 0.0, 0.010), (-0.105, 0.0, 0.010)), ((0.065, 0.5, 0.010), (-0.0
 """Leading and trailing edge of a half, at the root and at the tip: forward, aside, up, in spans."""
 TAILPLANE = (((-0.345, 0.0, 0.025), (-0.470, 0.0, 0.025)), ((-0.375, 0.19, 0.025), (-0.465, 0.19, 0.025)))
 FIN = (((-0.330, 0.0, 0.040), (-0.500, 0.0, 0.000)), ((-0.415, 0.0, 0.190), (-0.500, 0.0, 0.190)))
-SIDES = 10
-"""Corners of a ring."""
-THICKNESS = (0.014, 0.006)
-"""Half of it at the root and at the tip, in spans."""
+
+
+@record
+class Detail:
+    """How fine the surfaces are.
+
+    Attributes:
+        sides: corners of a ring.
+        thickness: half of it at the root and at the tip, in spans.
+    """
+
+    sides: int = 10
+    thickness: tuple[float, float] = (0.014, 0.006)
+
+
+DETAIL = Detail()
 COLOURS = {"body": (0.93, 0.94, 0.96), "wing": (0.80, 0.10, 0.12), "canopy": (0.10, 0.14, 0.20)}
 """Red, green, blue from 0 to 1."""
 
 
 @record
-class Part:
+class Surface:
     """A closed surface of one colour.
 
     Attributes:
@@ -62,16 +74,16 @@ class Part:
         return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-def aircraft_model(span: float) -> list[Part]:
+def aircraft_model(span: float) -> list[Surface]:
     """Return the surfaces of an aircraft of a span, m, the origin in its centre of mass."""
     sheets = [_sheet(WING, 2), _sheet(TAILPLANE, 2), _sheet(FIN, 1)]
     parts = {"body": [_loft(_rings(RINGS))], "wing": sheets, "canopy": [_loft(_rings(CANOPY))]}
-    return [Part(colour, span * np.concatenate(pieces)) for colour, pieces in parts.items()]
+    return [Surface(colour, span * np.concatenate(pieces)) for colour, pieces in parts.items()]
 
 
 def _rings(stations: tuple[tuple[float, float, float, float], ...]) -> Array:
     """Return ellipses across the body, counterclockwise as seen from ahead; shape (k, m, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * np.pi, DETAIL.sides, endpoint=False)
     x, width, height, middle = (np.array(one)[:, None] for one in zip(*stations, strict=True))
     return np.stack(np.broadcast_arrays(x, width * np.cos(angle), middle + height * np.sin(angle)), axis=-1)
 
@@ -79,7 +91,7 @@ def _rings(stations: tuple[tuple[float, float, float, float], ...]) -> Array:
 def _sheet(corners: tuple[tuple[tuple[float, ...], ...], ...], across: int) -> Array:
     """Return a wedge from root to tip, thick in one direction (1: aside; 2: up, and on both sides); (n, 3, 3)."""
     rings: list[Array] = []
-    for (front, back), half in zip(np.array(corners), THICKNESS, strict=True):
+    for (front, back), half in zip(np.array(corners), DETAIL.thickness, strict=True):
         thick = np.zeros(3)
         thick[across] = half
         middle = 0.7 * front + 0.3 * back
@@ -105,7 +117,7 @@ def _loft(rings: Array) -> Array:
     return sides[area > 1e-9]
 
 
-def glb(parts: list[Part]) -> bytes:
+def glb(parts: list[Surface]) -> bytes:
     """Return a model as binary glTF 2.0 (ISO/IEC 12113): up is +Y, forward +Z, and left +X."""
     data, views, accessors, primitives = bytearray(), list[object](), list[object](), list[object]()
     for material, part in enumerate(parts):
@@ -144,7 +156,7 @@ def glb(parts: list[Part]) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def collada(parts: list[Part]) -> bytes:
+def collada(parts: list[Surface]) -> bytes:
     """Return a model as COLLADA 1.4.1 (Khronos): up is +Z, forward +Y, and right +X, as Google Earth turns models."""
     root = ET.Element("COLLADA", {"xmlns": "http://www.collada.org/2005/11/COLLADASchema", "version": "1.4.1"})
     asset = add_element(root, "asset")
@@ -173,7 +185,7 @@ def _add_material(effects: ET.Element, materials: ET.Element, colour: str) -> No
     add_element(add_element(materials, "material", id=f"{colour}-material"), "instance_effect", url=f"#{colour}-effect")
 
 
-def _add_mesh(geometries: ET.Element, part: Part) -> None:
+def _add_mesh(geometries: ET.Element, part: Surface) -> None:
     mesh = add_element(add_element(geometries, "geometry", id=part.colour), "mesh")
     corners = len(part.triangles) * 3
     for name, values in (("position", part.triangles.reshape(-1, 3)), ("normal", np.repeat(part.normals, 3, axis=0))):

@@ -49,7 +49,7 @@ def footprint_kml(footprint: Footprint, flight: Flight, begin: datetime) -> byte
         for one in outlines:
             polygon = add_element(pieces, "Polygon")
             for kind, ring in (("outer", one.border), *(("inner", hole) for hole in one.holes)):
-                places = (f"{east:.7f},{north:.7f}" for east, north in _closed(ring, flight.course.origin))
+                places = (f"{east:.7f},{north:.7f}" for east, north in _close(ring, flight.course.origin))
                 boundary = add_element(add_element(polygon, f"{kind}BoundaryIs"), "LinearRing")
                 add_element(boundary, "coordinates", " ".join(places))
     return content_of(document)
@@ -71,10 +71,10 @@ def footprint_csv(footprint: Footprint) -> str:
     columns |= {f"{one.name}_distance_m": footprint.distances(one) for one in footprint.race.course.crowd}
     labels = footprint.labels
     lines = [f"# {NOT_AN_AUTHORITYS}", f"# glides: one for every {every} instants"]
-    lines.append(",".join(["flight", *map(_quoted, columns)]))
+    lines.append(",".join(["flight", *map(_quote, columns)]))
     rows = np.stack(list(columns.values()), axis=1).tolist()
     texts = (",".join("" if value != value else f"{value + 0.0:.10g}" for value in row) for row in rows)
-    return "\n".join([*lines, *(f"{_quoted(label)},{text}" for label, text in zip(labels, texts, strict=True)), ""])
+    return "\n".join([*lines, *(f"{_quote(label)},{text}" for label, text in zip(labels, texts, strict=True)), ""])
 
 
 def _layers(footprint: Footprint) -> list[tuple[str, Sequence[Outline]]]:
@@ -85,17 +85,17 @@ def _polygons(outline: Outline, origin: Origin) -> list[list[list[Corner]]]:
     """Return the rings of each part of an outline on one side of the antimeridian."""
     parts: dict[bool, list[list[Corner]]] = {}
     for ring in (outline.border, *outline.holes):
-        for piece in cut_area(_closed(ring, origin)[:-1]):
+        for piece in cut_area(_close(ring, origin)[:-1]):
             parts.setdefault(sum(corner[0] for corner in piece) > 0.0, []).append([*piece, piece[0]])
     return list(parts.values())
 
 
-def _closed(ring: Array, origin: Origin) -> list[list[float]]:
+def _close(ring: Array, origin: Origin) -> list[list[float]]:
     """Return longitude and latitude of the corners of a ring, degrees, the first again at its end."""
     latitude, longitude = geodetic(ring[:, 0], ring[:, 1], origin)
     places = np.round(np.degrees(np.stack([longitude, latitude], axis=1)), 7)
     return [*places.tolist(), places[0].tolist()]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text

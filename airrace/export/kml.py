@@ -16,6 +16,7 @@ import numpy as np
 
 from airrace.export.aircraft_model import aircraft_model, collada
 from airrace.export.globe import Feature, Shape, add_element, compass, courses, features, places, printable, stamp
+from airrace.records import record
 from airrace.results import Flight
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
@@ -32,10 +33,21 @@ KINDS = {
 }
 
 
-STEP = 0.5
-"""The time between two views of a tour, s."""
-LOOKING = 2.0
-"""The time before and after a view between which the way flown is the direction of the look, s: steady in a loop."""
+@record
+class TourSettings:
+    """How a tour follows an aircraft.
+
+    Attributes:
+        step: the time between two views of a tour, s.
+        looking: the time before and after a view between which the way is the direction of the look, s: steady in a
+            loop.
+    """
+
+    step: float = 0.5
+    looking: float = 2.0
+
+
+TOUR = TourSettings()
 RANGE, TILT = 80.0, 78.0
 """How far behind the aircraft a tour looks from, m, and how far from straight down, degrees."""
 
@@ -126,8 +138,8 @@ def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str,
 def _add_tour(document: ET.Element, flight: Flight, begin: datetime) -> None:
     """Add a tour that looks at the aircraft from behind, in the time of the flight."""
     first, last = float(flight.time[0]), float(flight.time[-1])
-    time = np.append(np.arange(first, last, STEP), last)
-    before, after = (flight.at(np.clip(time + side, first, last)) for side in (-LOOKING, LOOKING))
+    time = np.append(np.arange(first, last, TOUR.step), last)
+    before, after = (flight.at(np.clip(time + side, first, last)) for side in (-TOUR.looking, TOUR.looking))
     headings = np.arctan2(after["y"] - before["y"], after["x"] - before["x"])
     tour = add_element(document, "gx:Tour")
     add_element(tour, "name", f"behind {printable(flight.label)}")

@@ -28,15 +28,15 @@ source: {source}
 
 
 @record
-class Origin:
-    """What an aircraft's numbers come from: a sentence's beginning, marks and their meanings, and a source."""
+class Provenance:
+    """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, and a source."""
 
     sentence: str
     marks: tuple[tuple[str, str], ...]
     source: str
 
 
-MANUAL = Origin(
+MANUAL = Provenance(
     "An aircraft that is estimated from its flight manual",
     (
         ("given", "a figure of the flight manual"),
@@ -81,7 +81,7 @@ def aircraft_text(
     aircraft: Aircraft,
     relations: Relations,
     figures: ManualFigures | None = None,
-    origin: Origin = MANUAL,
+    origin: Provenance = MANUAL,
 ) -> str:
     """Return the text of the file of an aircraft that was made of a template, with a manual's figures at its end.
 
@@ -96,7 +96,7 @@ def aircraft_text(
     lines = [_HEAD.format(**texts, language=language_of(AircraftEntry))]
     for group, entry in template.entry:
         if isinstance(entry, Schema) and group != "published" and (group != "linear" or aircraft.linear):
-            lines += [f"{group}:", *_aligned(list(_numbers(group, entry, aircraft, relations, named))), ""]
+            lines += [f"{group}:", *_align(list(_numbers(group, entry, aircraft, relations, named))), ""]
     lines += [] if figures is None else ["published:"]
     for field, info in PublishedEntry.model_fields.items():
         key, value = info.alias or field, getattr(figures, field, None)
@@ -131,7 +131,7 @@ def _factor(key: str) -> float:
     return next((factor for ending, factor in SI.items() if key.endswith(ending)), 1.0)
 
 
-def _aligned(lines: list[tuple[str, str]]) -> Iterator[str]:
+def _align(lines: list[tuple[str, str]]) -> Iterator[str]:
     width = max(len(text) for text, _ in lines)
     for text, comment in lines:
         yield f"{text:<{width}}  # {comment}"

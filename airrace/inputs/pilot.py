@@ -32,7 +32,7 @@ class PilotEntry(ShorthandSchema):
         "largest roll rate at gates and pylons, to either side"
     )
     steady_turn: Literal["none", "start", "finish", "both"] | None = optional(
-        "where no roll is flown, and the load factor is that of a steady turn at the bank"
+        "where there is no roll, and the load factor is that of a steady turn at the bank"
     )
     turn_tolerance_g: Annotated[float, Gt(0), Le(10)] | None = optional(
         "largest deviation from the load factor of that turn, by default 0.5"

@@ -230,7 +230,7 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
             text = re.sub(r"\s*,\s*", ",", one.findtext("coordinates") or "")
             parts.append((shapes[one.tag], [place.split(",") for place in text.split()]))
         elif one.tag in ("Track", "Model"):
-            yield label.other("flown track" if one.tag == "Track" else "three-dimensional model")
+            yield label.other("track of a flight" if one.tag == "Track" else "three-dimensional model")
     if not parts and not any(one.tag in ("Track", "Model") for one in mark.iter()):
         yield label.other("placemark without a geometry")
     if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:

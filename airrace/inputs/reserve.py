@@ -18,7 +18,7 @@ Margin = Annotated[float, Ge(0), Le(5000)]
 
 
 class MarginsEntry(Schema):
-    """By how much limits of the course are kept tighter, each in the unit of its key."""
+    """By how much limits of the course are tighter, each in the unit of its key."""
 
     what: ClassVar[str] = "margins"
     rules: dict[str, Margin] = Field(default={}, description="from limits of the rules, e.g. `floor_m: 2`")

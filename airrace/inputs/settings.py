@@ -95,7 +95,7 @@ class SettingsEntry(Schema):
     )
     notes: str = Field(default="", description="whatever a reader should know")
     guess: Literal["homotopy", "plan"] | None = optional(
-        "whether the race is flown phase by phase first, as one of the starts, or the plan is the guess"
+        "whether the race is solved phase by phase first, as one of the starts, or the plan is the guess"
     )
     search: Literal["off", "quick", "thorough"] | None = optional("how much is tried to find the fastest route")
     alternatives: Annotated[int, Ge(1), Le(20)] | None = optional(

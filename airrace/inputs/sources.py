@@ -5,7 +5,7 @@ from airrace.inputs.nodes import MappingNode
 from airrace.inputs.objects import is_of_objects
 from airrace.inputs.rules import read_preset
 
-NOT_NAMED = "the file names none as a whole; what stands beside its numbers is told with its text"
+NOT_NAMED = "the file names none as a whole; see the comments beside its numbers"
 
 
 def sources_of(inputs: Inputs) -> tuple[tuple[str, str, str], ...]:

@@ -59,7 +59,7 @@ class TrackEntry(Schema):
         description="what stands on the course, by name"
     )
     obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=LIMITS.obstacles)] = Field(
-        default_factory=dict[str, ObstacleEntry], description="what stands in the way, by name; kept clear of all along"
+        default_factory=dict[str, ObstacleEntry], description="what stands in the way, by name; to be cleared all along"
     )
     safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
         default_factory=dict[str, SafetyLineEntry],

@@ -129,7 +129,7 @@ def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
     """Yield all numbers by their keys; whole numbers that count (laps) and absent ones are left out."""
     match value:
         case ReserveEntry() | PublishedEntry():
-            return  # no number of the race that is flown
+            return  # no number of the race
         case float():
             yield path, value
         case Schema():

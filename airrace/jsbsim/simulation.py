@@ -58,8 +58,22 @@ INTEGRATORS = {
     "position/rotational": BUSS_2,
     "position/translational": ADAMS_BASHFORTH_3,
 }
-STEP = 1e-3
-"""The step of JSBSim's integration, s."""
+
+
+@record
+class SimulationSettings:
+    """Constants of JSBSim.
+
+    Attributes:
+        step: the step of JSBSim's integration, s.
+        earth_radius: the Earth's radius in the definition of the geopotential height, m [ISO 2533].
+    """
+
+    step: float = 1e-3
+    earth_radius: float = 6356766.0
+
+
+SIMULATION = SimulationSettings()
 
 
 @record
@@ -106,7 +120,7 @@ class SimulatedAircraft:
         self._jsbsim.set_debug_level(0)
         if not self._jsbsim.load_model_with_paths(NAME, str(folder), str(folder), str(folder)):
             raise UsageError(f"JSBSim does not take the model in {folder}")
-        self._jsbsim.set_dt(STEP)
+        self._jsbsim.set_dt(SIMULATION.step)
         for name, kind in INTEGRATORS.items():
             self._jsbsim[f"simulation/integrator/{name}"] = kind
         self._jsbsim["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
@@ -201,23 +215,23 @@ def fly_course(
         at: states of the optimum at any times (s, shape (n,)), by name.
         tau_T: the time constant of the throttle, s.
     """
-    steps = round(1.0 / STEP)  # s, which JSBSim flies without being put back onto the optimum
-    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is simulated to its end
+    steps = round(1.0 / SIMULATION.step)  # s, which JSBSim flies without being put back onto the optimum
+    last = math.floor(optimum.race_time / SIMULATION.step + 1e-6)  # a race of whole steps is simulated to its end
     first = np.arange(0, last, steps)
     ends = np.minimum(first + steps, last)
-    starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
+    starts, goals = (_states(at(count.astype(np.float64) * SIMULATION.step)) for count in (first, ends))
     misses: list[Miss] = []
     for start, goal, begin, end in zip(starts, goals, first.tolist(), ends.tolist(), strict=True):
         simulation.start(start)
         below = np.array([start.x, start.y, 0.0])
-        for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * STEP, tau_T):
+        for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * SIMULATION.step, tau_T):
             simulation.control(moved)
             simulation.advance()
         distance = np.linalg.norm(below + simulation.position() - np.array([goal.x, goal.y, goal.z]))
         # of the rotation between two attitudes: |R_1 - R_2| = 2 sqrt(2) sin(angle / 2)
         turned = np.linalg.norm(simulation.attitude() - body_attitude(goal)) / np.sqrt(8.0)
         angle = float(2.0 * np.arcsin(min(1.0, turned)))
-        misses.append(Miss(begin * STEP, end * STEP, float(distance), angle))
+        misses.append(Miss(begin * SIMULATION.step, end * SIMULATION.step, float(distance), angle))
     return tuple(misses)
 
 
@@ -241,13 +255,9 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
     return [dict(zip(histories, row, strict=True)) for row in rows]
 
 
-EARTH_RADIUS = 6356766.0
-"""The Earth's radius in the definition of the geopotential height, m [ISO 2533]."""
-
-
 def geopotential_height(h: float) -> float:
     """Return the height (m) at which constant gravity gives the potential that h (m above sea level) has."""
-    return EARTH_RADIUS * h / (EARTH_RADIUS + h)
+    return SIMULATION.earth_radius * h / (SIMULATION.earth_radius + h)
 
 
 def at_geopotential_height(state: SixDofState[float], air: AtmosphereParameters[float]) -> SixDofState[float]:

@@ -109,7 +109,7 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
     flying = _choose(path, objects, wanted, read)
     remarks = read.remarks
     if len(flying) > 1:
-        remarks += (f"it holds {len(flying)} aircraft: {enumerate_words([_called(*one) for one in flying.items()])}",)
+        remarks += (f"it holds {len(flying)} aircraft: {enumerate_words([_name_of(*one) for one in flying.items()])}",)
     first, *others = [_recording(path, one, common, remarks) for one in flying.values()]
     return first.with_others(others)
 
@@ -152,14 +152,14 @@ def _choose(
         chosen = dict([each for each in moving.items() if wanted in (each[0], *each[1].names)][:1])
     if not chosen:
         read.refuse_first_fault()
-        known = enumerate_words([_called(*one) for one in moving.items()]) or "none that moves"
+        known = enumerate_words([_name_of(*one) for one in moving.items()]) or "none that moves"
         asked = "an aircraft" if wanted is None else f"`{wanted[:60]}`"
         refuse(path, 0, f"holds no flight of {asked}; it has {known}")
     typed = {name: one for name, one in chosen.items() if "Type" in one.properties}
     return typed or chosen
 
 
-def _called(name: str, one: _RecordedObject) -> str:
+def _name_of(name: str, one: _RecordedObject) -> str:
     return [name, *one.names][-1]
 
 
@@ -174,9 +174,9 @@ def _recording(path: str, one: _RecordedObject, common: Mapping[str, str], remar
             columns[name] = columns[name] + math.radians(one.samples.number(0, common[key], key))
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     if missing := [name for name in ("longitude", "latitude", "altitude") if name not in columns]:
-        refuse(path, 0, f"tells no {missing[0]} of `{_called('', one)}`")
+        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', one)}`")
     try:
         begins = instant(datetime.fromisoformat(common["ReferenceTime"]).timestamp() + times[0])
     except (KeyError, ValueError, OverflowError, OSError):
         begins = None
-    return Recording(path, "acmi", times - times[0], columns, lines, begins, remarks, label=_called("", one))
+    return Recording(path, "acmi", times - times[0], columns, lines, begins, remarks, label=_name_of("", one))

@@ -26,14 +26,14 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 @record
 class ClockSettings:
-    """What is believed of a clock.
+    """What is plausible of a clock.
 
     Attributes:
         since_1970, since_1970_most: s between which a number counts from 1970, not from the recorder's start.
         moved: m, between two samples that tell the speed of the aircraft.
         rows: that are looked at for the speed, about.
         speeds: m/s, of aircraft in a race; they tell units that differ by a factor of 1000.
-        any_speeds: m/s, of whatever is flown at all.
+        any_speeds: m/s, of whatever flies at all.
         strays: samples whose times are wrong in a row, while those around them agree, at least this many are left out.
         search: samples around a step back in which its end is looked for.
         work: samples that are looked at for all steps back of a log.
@@ -126,7 +126,7 @@ def unwrap_days(seconds: Array) -> Array:
 
 
 def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> tuple[float, tuple[str, ...]]:
-    """Return what numbers that count time count in, s, by the speed that they make of the way flown, and remarks.
+    """Return what numbers that count time count in, s, by the speed that they make of the way, and remarks.
 
     Args:
         path: of the log, for messages.
@@ -162,7 +162,7 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
 
 
 def usual_speed(time: Array, places: Array) -> float:
-    """Return the median speed over so many samples that some hundred metres are flown; NaN where nothing moves."""
+    """Return the median speed over so many samples that some hundred metres are covered; NaN where nothing moves."""
     known = np.flatnonzero(np.isfinite(places).all(axis=0))
     known = known[:: max(1, len(known) // CLOCKS.rows)]
     time, places = time[known], places[:, known]
@@ -185,7 +185,7 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
     """Return which samples have times that run forwards, and remarks on the others.
 
     Single times that fit neither of their neighbours are wrong. Where time runs back for good the recorder began
-    again, or its clock was set; the longest part is kept.
+    again, or its clock was set; the longest part counts.
 
     Args:
         path: of the log, for messages.

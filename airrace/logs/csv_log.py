@@ -93,13 +93,26 @@ _SUFFIXED = re.compile(
     r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|us|usec|ns|g)$", re.IGNORECASE
 )
 _DELIMITERS = (",", ";", "\t", "|")
-_PREAMBLE = 200
-"""Lines that may come before the headers."""
-_LONGEST = 20_000
-"""Letters of the longest line of headers."""
-_TURN = 360.0
-_ROWS_BELOW = 3
-"""Rows of units, sources and the like that may stand between the headers and the first sample."""
+
+
+@record
+class CsvLimits:
+    """Where headers are looked for.
+
+    Attributes:
+        preamble: lines that may come before the headers.
+        header_letters: letters of the longest line of headers.
+        turn: .
+        rows_below: rows of units, sources and the like that may stand between the headers and the first sample.
+    """
+
+    preamble: int = 200
+    header_letters: int = 20_000
+    turn: float = 360.0
+    rows_below: int = 3
+
+
+CSV = CsvLimits()
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
@@ -147,7 +160,7 @@ class CsvColumn:
     def factor(self, numbers: Array) -> float:
         """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
         unit = self.unit
-        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > _TURN:
+        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > CSV.turn:
             unit = "1e-7 deg"
         return self.field.units[unit or next(iter(self.field.units))]
 
@@ -317,16 +330,16 @@ def _find_headers(
     """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])
-    for at, line in itertools.islice(numbered, _PREAMBLE):
+    for at, line in itertools.islice(numbered, CSV.preamble):
         plain = line.strip().lstrip("\ufeff#%").strip()
-        if not plain or len(plain) > _LONGEST:
+        if not plain or len(plain) > CSV.header_letters:
             continue
         delimiter, headers = _split_headers(plain, layout)
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
             units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
-            for number in range(_ROWS_BELOW):
+            for number in range(CSV.rows_below):
                 rest = list(itertools.islice(numbered, 1))
                 below = rest[0][1] if rest else ""
                 cells = _cells(below, delimiter)

@@ -8,7 +8,7 @@ import numpy as np
 from airrace.dynamics.limits import flight_limits
 from airrace.environment.atmosphere import g0
 from airrace.logs.freshness import rounding
-from airrace.logs.histories import HOLE, between_samples, samples_of
+from airrace.logs.histories import HISTORIES, between_samples, samples_of
 from airrace.logs.recording import EARTH_RADIUS, Recording
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.logs.violations import StandardDeviations
@@ -108,8 +108,8 @@ def deviations_of(
     """
     limits = flight_limits(flight.aircraft, flight.course.rules)
     roll_rate, sideslip = limits.p_Kbar.upper, min(limits.beta_A.upper, ERRORS.sideslip)
-    roll = _History(part, "phi", roll_rate, ERRORS.onset) if is_measured(flight, "phi") else None
-    load = _History(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
+    roll = _ErrorHistory(part, "phi", roll_rate, ERRORS.onset) if is_measured(flight, "phi") else None
+    load = _ErrorHistory(part, "n_z", ERRORS.load_rate, ERRORS.load_onset) if is_measured(flight, "n_z") else None
     full = is_measured(flight, "theta") and is_measured(flight, "psi")
     accuracy = part.accuracy
     zero = math.hypot(bias, ERRORS.barometer if part.barometric else 0.0, ERRORS.vertical * accuracy)
@@ -162,7 +162,7 @@ def deviations_of(
     return at
 
 
-class _History:
+class _ErrorHistory:
     """A recorded history, and how well it is known.
 
     Args:
@@ -188,7 +188,7 @@ class _History:
         """
         t, v = self.time, self.values
         row = int(np.searchsorted(t, time))
-        if not 0 < row < len(t) or t[row] - t[row - 1] > HOLE:
+        if not 0 < row < len(t) or t[row] - t[row - 1] > HISTORIES.hole:
             return math.nan
         around = np.clip(np.arange(row - 2, row + 3), 0, len(t) - 1)
         rates = np.abs(np.diff(v[around])) / np.maximum(np.diff(t[around]), 1e-6)

@@ -20,7 +20,7 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
 
     Args:
         path: of the file, for messages.
-        file: at its beginning.
+        file: at its start.
 
     Raises:
         InputError: it is damaged before the second record, or holds no records with a place.

@@ -9,16 +9,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.records import record
 from airrace.trajectory import Array
 
-_MOST = 200_000
-"""Values that are looked at."""
-_HELD = 0.05
-"""Share of measurements that fill more than one row, from which on repeated numbers are no chance."""
-_GAP = 1.5
-"""Times the usual step between rows, beyond which rows are missing."""
-_LEAP = 3.0
-"""Steps by which a held number leaps when it changes; one that is written coarsely moves by one or two."""
+
+@record
+class FreshnessSettings:
+    """When numbers of a log are repeated ones.
+
+    Attributes:
+        values_max: values that are looked at.
+        repeated: share of measurements that fill more than one row, from which on repeated numbers are no chance.
+        gap: times the usual step between rows, beyond which rows are missing.
+        leap: steps by which a held number leaps when it changes; one that is written coarsely moves by one or two.
+    """
+
+    values_max: int = 200_000
+    repeated: float = 0.05
+    gap: float = 1.5
+    leap: float = 3.0
+
+
+FRESHNESS = FreshnessSettings()
 
 
 def resolution(values: Array) -> float:
@@ -29,7 +41,7 @@ def resolution(values: Array) -> float:
     Args:
         values: shape (n,); NaN where nothing is known.
     """
-    every = max(1, len(values) // _MOST)
+    every = max(1, len(values) // FRESHNESS.values_max)
     found = np.unique(values[::every][np.isfinite(values[::every])])
     if len(found) < 10:
         return 0.0
@@ -62,17 +74,17 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     count = int(values.shape[1])
     starts = np.flatnonzero(np.any(np.diff(values, axis=1, prepend=np.inf) != 0.0, axis=0))
     runs = np.diff(starts, append=count)
-    if len(runs) < 10 or np.mean(runs > 1) < _HELD:
+    if len(runs) < 10 or np.mean(runs > 1) < FRESHNESS.repeated:
         return np.zeros(count, bool)
     leaps = np.abs(np.diff(values[:, starts], axis=1))
     steps = np.array([resolution(one) for one in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nanmax(np.where(leaps > 0.0, leaps / steps[:, None], 0.0), axis=0)
-    if np.median(relative) < _LEAP:
+    if np.median(relative) < FRESHNESS.leap:
         return np.zeros(count, bool)
     usual = int(np.percentile(runs, 99.0, method="lower"))
     place = np.arange(count) - np.repeat(starts, runs)
     took = np.diff(time, prepend=time[0])
-    resumed = (took[starts] > _GAP * np.median(took)) & (runs != usual)
+    resumed = (took[starts] > FRESHNESS.gap * np.median(took)) & (runs != usual)
     place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
     return np.asarray(place % usual != 0, np.bool_)

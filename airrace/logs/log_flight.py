@@ -163,9 +163,7 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
     if not found:
         count = sum(stands(one) for one in race.course.passages)
         if count == 0:
-            refuse(
-                framed.path, 0, f"cannot be told from others: {race.course.name} has no gate and no pylon that stands"
-            )
+            refuse(framed.path, 0, f"looks like others: {race.course.name} has no gate and no pylon that stands")
         refuse(
             framed.path,
             0,

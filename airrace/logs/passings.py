@@ -82,7 +82,7 @@ def in_order(recording: Recording) -> Recording:
     time, remarks = spread_repeated(recording.time)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
-    known = _placed(recording)
+    known = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
     tells: NDArray[np.bool_] = np.logical_or.reduce([known, *recorded])
     remarks = ()
@@ -98,15 +98,15 @@ def in_order(recording: Recording) -> Recording:
         remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
     tells[np.flatnonzero(known)] = apart
     fresh = _with_fresh_columns(recording.select(tells, *remarks))
-    heights = [np.isfinite(fresh.columns[name][_placed(fresh)]) for name in HEIGHTS if name in columns]
-    if _placed(fresh).sum() < 2:
+    heights = [np.isfinite(fresh.columns[name][_place(fresh)]) for name in HEIGHTS if name in columns]
+    if _place(fresh).sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     if np.logical_or.reduce(heights).sum() < 2:
         refuse(recording.path, 0, "tells no heights; a flight over a course needs them")
     return fresh
 
 
-def _placed(recording: Recording) -> NDArray[np.bool_]:
+def _place(recording: Recording) -> NDArray[np.bool_]:
     """Return which samples tell where they are over ground."""
     columns = recording.columns
     return np.asarray(np.logical_and.reduce([np.isfinite(columns[one]) for one in PLACES if one in columns]), np.bool_)
@@ -116,7 +116,7 @@ def _with_fresh_columns(recording: Recording) -> Recording:
     """Return the recording with NaN in the place of what is repeated, and of heights that are none."""
     columns, remarks = dict(recording.columns), list[str]()
     places = [name for name in PLACES if name in columns]
-    known = np.flatnonzero(_placed(recording))
+    known = np.flatnonzero(_place(recording))
     stale = np.zeros(len(recording.time), bool)
     stale[known] = held(np.stack([columns[name][known] for name in places]), recording.time[known])
     if stale.any():

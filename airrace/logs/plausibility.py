@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.logs.csv_log import FIELDS
-from airrace.logs.histories import HOLE, STEEP, path_histories, samples_of
+from airrace.logs.histories import HISTORIES, path_histories, samples_of
 from airrace.logs.passings import HEIGHTS, CourseRun
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
@@ -136,7 +136,7 @@ def roll_offsets(
     time = path.time[(path.time >= run.begin) & (path.time <= run.end)]
     derived = path_histories(race, *path.at(time))
     _, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
-    turning = (derived["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < STEEP)
+    turning = (derived["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < HISTORIES.steep)
     if not turning.any():
         return (0.0, 0.0), ()
     count = round(PLAUSIBLE.lag / PLAUSIBLE.lag_step)
@@ -265,7 +265,7 @@ def _stuck(time: Array, values: Array, wrong: NDArray[np.int64]) -> NDArray[np.b
     stretch[known] = np.cumsum(np.diff(values[known], prepend=np.inf) != 0.0) - 1
     begins = np.flatnonzero(np.diff(stretch[known], prepend=-1))
     ends = np.append(begins[1:], len(known)) - 1
-    still = time[known[ends]] - time[known[begins]] > HOLE
+    still = time[known[ends]] - time[known[begins]] > HISTORIES.hole
     bad = np.zeros(len(begins) + 1, np.bool_)  # the last one for what is not known
     bad[stretch[wrong]] = True
     return np.append(still, False)[stretch] & bad[stretch]

@@ -121,7 +121,7 @@ def enumerate_words(words: Sequence[str], most: int = 12) -> str:
 class SampleTable:
     """Samples of a log as they are read: the line of each, and the values of its columns.
 
-    What cannot be read is left out, counted, and told with the first place where it happened.
+    What cannot be read is left out, counted, and reported with the first place where it happened.
 
     Args:
         path: of the file, for messages.
@@ -204,7 +204,7 @@ class LogFault:
     count: int = 0
 
     def sentence(self, what: str) -> str:
-        """Return what is told of it; `what` is the word for a sample."""
+        """Return what is reported of it; `what` is the word for a sample."""
         thing = what if self.whole else "value"
         column = f" of `{self.key[:60]}`" if self.key and not self.whole else ""
         counted = count_of(self.count, thing, column)

@@ -89,7 +89,7 @@ def integrate(
     if not np.isfinite(start).all():
         return states
 
-    def counted(time: float, state: Array) -> Array:
+    def count(time: float, state: Array) -> Array:
         nonlocal evaluations
         evaluations += 1
         if evaluations > most_steps * 12:  # evaluations of the rates in a step
@@ -98,7 +98,7 @@ def integrate(
 
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # rates that are no numbers shorten the step, until it fails
-            solver = dop853()(counted, times[0], start, times[-1], rtol=relative, atol=absolute, first_step=first_step)
+            solver = dop853()(count, times[0], start, times[-1], rtol=relative, atol=absolute, first_step=first_step)
             states[:, 0], status = start, "running"
             while status == "running":
                 solver.step()

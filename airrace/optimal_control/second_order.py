@@ -20,7 +20,7 @@ on. There is no division by any other pivot, so errors are those of Cholesky's m
 stages.
 
 Where controls move a limited quantity through several lags, to keep it node by node is unstable: what the last of them
-can still do costs the more the longer it is kept. So directions of x that cost very much are handed on as rows, too.
+can still do costs the more the longer it lasts. So directions of x that cost very much are handed on as rows, too.
 """
 
 import ctypes

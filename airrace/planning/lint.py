@@ -133,7 +133,7 @@ def forgotten_lines(course: Course) -> Iterator[Remark]:
         behind = any(all(line.room(one) < 0.0 for one in crowd.corners) for line in course.safety_lines)
         outside = course.airspace and not any(inside(one, course.airspace) for one in crowd.corners)
         if not (behind or outside):
-            text = f"no safety line or border lies between the race and `{crowd.name}`; its distance alone is kept"
+            text = f"no safety line or border lies between the race and `{crowd.name}`; its distance alone counts"
             yield Remark("", RemarkKind.SAFETY_LINE, text)
     places = [Point(*at) for at in (one.element.place for one in course.passages) if at is not None]
     for line in course.safety_lines:
@@ -158,7 +158,7 @@ def _race_remarks(race: Race) -> Iterator[Remark]:
         text = f"{aircraft.name} cannot fly level: its power balances the drag of carrying its weight at no speed"
         yield Remark("", RemarkKind.AIRCRAFT, text)
     if wind is not None and wind.speed > SETTINGS.wind_max + 1e-9:
-        text = f"the wind blows at {wind.speed / KNOT:.0f} kt; races are flown in 30 kt at most"
+        text = f"the wind blows at {wind.speed / KNOT:.0f} kt; races are held in 30 kt at most"
         yield Remark("", RemarkKind.WIND, text)
     allowed, able = rules.n_z, aircraft.envelope.n_z
     for limit, own, beyond in ((allowed.upper, able.upper, 1.0), (allowed.lower, able.lower, -1.0)):
@@ -220,7 +220,7 @@ def _axis_remarks(course: Course) -> Iterator[Remark]:
         if len(against) == len(ways) and all(against):
             seen.add(key)
             text = (
-                f"`{passage.name}` is flown at {math.degrees(heading) % 360.0:.0f} deg, more than "
+                f"`{passage.name}` is passed at {math.degrees(heading) % 360.0:.0f} deg, more than "
                 f"{math.degrees(limit):.0f} deg away from where its neighbours lie; is its heading or its direction "
                 "reversed?"
             )
@@ -396,7 +396,7 @@ def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Rema
         yield Remark(leg.after.name, RemarkKind.CLOSE, text)
     elif leg.length < SETTINGS.near_seconds * slowest:
         text = (
-            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that is flown in "
+            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that takes "
             f"{leg.length / slowest:.2g} s at the slowest; are they one gate?"
         )
         yield Remark(leg.after.name, RemarkKind.CLOSE, text)

@@ -163,8 +163,8 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     return (*found.values(), *obstacles)
 
 
-def kept_clear(course: Course) -> tuple[PylonPost, ...]:
-    """Return the pylons from which the wing is kept clear at any time: all by the rule `flight`, else obstacles'."""
+def cleared_pylons(course: Course) -> tuple[PylonPost, ...]:
+    """Return the pylons from which the wing has to be clear at any time: all by the rule `flight`, else obstacles'."""
     always = course.rules.clearance is ClearanceRule.FLIGHT
     return tuple(one for one in pylons_of(course) if always or one.is_obstacle)
 

@@ -23,7 +23,7 @@ from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay
 from airrace.planning.plan import Plan
-from airrace.planning.wing_clearance import ClosestApproach, PylonPost, kept_clear, place_of
+from airrace.planning.wing_clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record
@@ -162,7 +162,7 @@ class PylonRooms:
     def of(cls, model: FlightModel, course: Course, span: float) -> Self:
         """Return the rooms for a model on a course."""
         values = tuple(float(value) for value in model.parameter_values)
-        pylons = {(one.name, one.post): one for one in kept_clear(course)}
+        pylons = {(one.name, one.post): one for one in cleared_pylons(course)}
         return cls(pylon_room_observation(model), pylons, 0.5 * span, values)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:

@@ -309,11 +309,11 @@ def _names(quantities: Sequence[Quantity]) -> list[str]:
 def _kinds_of_conditions(course: Course) -> object:
     """Return what decides of which kinds the conditions of a course are, whatever their numbers."""
     rules = course.rules
-    is_kept_clear = rules.clearance is ClearanceRule.FLIGHT or bool(course.obstacles)
+    has_clearance = rules.clearance is ClearanceRule.FLIGHT or bool(course.obstacles)
     limits = dataclasses.astuple(rules.pilot)
     pilot = [math.isfinite(one) if isinstance(one, float) else one for one in limits]
     ends = course.start_state, course.finish_state, rules.start_speed
-    return passings_of(course), is_kept_clear, pilot, ends
+    return passings_of(course), has_clearance, pilot, ends
 
 
 def _surroundings(course: Course) -> tuple[object, ...]:

@@ -1,4 +1,4 @@
-"""A stage kept ready to be solved again under other numbers: no model is built, no process started, no mesh looked for.
+"""A stage ready to be solved again under other numbers: no model is built, no process started, no mesh looked for.
 
 The optimum of the changed race is solved from a known one with its multipliers, on its mesh and under its conditions on
 pylons. Conditions are placed again where a wing comes too near, and intervals are halved where the replay asks for it:
@@ -43,7 +43,7 @@ class WarmSettings:
         spare: share of the certificate's limits on errors of the mesh up to which the mesh of the known optimum is
             refined; races that differ a little then rarely need another one.
         iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
-            60 is another route or no flight, and is told at once.
+            60 is another route or no flight, and ends at once.
         prepared_intervals: that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and
             each set of them is another problem; 200 MB at most.
     """
@@ -141,7 +141,7 @@ class WarmStage:
         return service
 
     def _formulation(self, race: Race, known: StageResult) -> StageProblem:
-        """Return the flight of a race; where it differs in more than numbers, its equations are kept from now on."""
+        """Return the flight of a race; where it differs in more than numbers, its equations are used from now on."""
         ensure_same_passings(passings_of(race.course), passings_of(self._perturbed.race.course), "the known optimum")
         try:
             return self._perturbed.formulation(race)

@@ -12,7 +12,7 @@ The object, with the format's name first:
       time            s, rising, N values
       histories       by name, N values each; a flight need not have all of them
       envelope        of closed-loop flights along it, 95 % of them: time (s) and `left`, `right`, `below`, `above`, the
-                      deviations (m, to the right and upwards) at these times; null where none were flown
+                      deviations (m, to the right and upwards) at these times; null where there are none
     strips          the histories that are drawn over time, from top to bottom
       title, unit, digits
       lines           [{history, label}], the main one first
@@ -72,10 +72,22 @@ if TYPE_CHECKING:
     from airrace.safety.result import SafetyResult
 
 FORMAT = "airrace-report/1"
-INFLATED = 25.0
-"""The usual height of an inflated pylon, m."""
-NEAR = 50.0
-"""The distance up to which those of the wing are drawn, m; else the near ones would look like zero."""
+
+
+@record
+class ContentSettings:
+    """Sizes of the contents of a page.
+
+    Attributes:
+        inflated: the usual height of an inflated pylon, m.
+        near: the distance up to which those of the wing are drawn, m; else the near ones would look like zero.
+    """
+
+    inflated: float = 25.0
+    near: float = 50.0
+
+
+CONTENT = ContentSettings()
 
 
 @record
@@ -153,7 +165,7 @@ def contents_of(
         map_: the race of the first from above.
         envelope: closed-loop flights along the first; None for none.
     """
-    flights = [with_nearest(one, NEAR) for one in flights]
+    flights = [with_nearest(one, CONTENT.near) for one in flights]
     first = flights[0]
     return {
         "format": FORMAT,
@@ -310,10 +322,12 @@ def _element(element: Element, place: tuple[float, float, float]) -> dict[str, o
     """Return an element whose passings have bounded heights, also where its rules leave them free."""
     drawing, allowed = element.drawing(), element.heights
     low = allowed.lower if math.isfinite(allowed.lower) else 0.0
-    high = allowed.upper if math.isfinite(allowed.upper) else place[2] + INFLATED
+    high = allowed.upper if math.isfinite(allowed.upper) else place[2] + CONTENT.inflated
     return {
         "posts": coordinates(drawing.posts).tolist(),
-        "top": max(INFLATED, high + 5.0) if high < place[2] + 4.0 * INFLATED else place[2] + INFLATED,
+        "top": max(CONTENT.inflated, high + 5.0)
+        if high < place[2] + 4.0 * CONTENT.inflated
+        else place[2] + CONTENT.inflated,
         "window": None if drawing.window is None else coordinates(drawing.window).tolist(),
         "reach": None if drawing.reach is None else coordinates(drawing.reach).tolist(),
         "heights": [low, high],

@@ -18,23 +18,34 @@ from airrace.report.browser import HARDWARE, SOFTWARE, browser_path, page_in_bro
 from airrace.resources import extra
 from airrace.standard_streams import STANDARD
 
-CARD = (1200, 630)
-"""Pixels of a card: what messengers and social media show of a link in full width (Open Graph)."""
-HOLD = 1.5
-"""The time that the last picture of a whole race is held, s."""
+
+@record
+class FilmDefaults:
+    """Sizes and times of films.
+
+    Attributes:
+        card: pixels of a card: what messengers and social media show of a link in full width (Open Graph).
+        hold: the time that the last picture of a whole race is held, s.
+        gif_share: of that, those of a GIF, which would be too large for a message.
+        rates: the least and the largest rate of pictures, 1/s.
+    """
+
+    card: tuple[int, int] = (1200, 630)
+    hold: float = 1.5
+    gif_share: float = 0.5
+    rates: tuple[float, float] = (1.0, 120.0)
+
+
+FILM = FilmDefaults()
 SIZES = {"16:9": (1280, 720), "9:16": (720, 1280), "1:1": (960, 960)}
 """Pixels of a film by its format."""
-GIF_SHARE = 0.5
-"""Of that, those of a GIF, which would be too large for a message."""
 FILMS, CARDS = "films are drawn", "cards are drawn"
 SMALLEST, LARGEST = 160, 3840
-RATES = (1.0, 120.0)
-"""The least and the largest rate of pictures, 1/s."""
 ENCODERS = {
     ".mp4": ("-c:v", "libx264", "-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"),
     ".gif": ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"),
 }
-"""What ffmpeg is told by the kind of the file."""
+"""The arguments of ffmpeg by the kind of the file."""
 
 
 class FilmView(StrEnum):
@@ -73,7 +84,7 @@ class FilmSettings:
             UsageError: nothing lies between begin and end.
         """
         begin = 0.0 if self.begin is None else self.begin
-        end = duration + HOLD if self.end is None else self.end
+        end = duration + FILM.hold if self.end is None else self.end
         if not 0.0 <= begin < min(end, duration):
             raise UsageError(
                 f"from {begin:g} s to {end:.4g} s there is nothing to film of a flight of {duration:.3f} s"
@@ -110,7 +121,7 @@ def film_settings(
         raise UsageError(f"there is no view {view!r}; known are {', '.join(FilmView)}")
     if format not in SIZES:
         raise UsageError(f"there is no format {format!r}; known are {', '.join(SIZES)}, or a size such as 1920x1080")
-    share = GIF_SHARE if suffix == ".gif" else 1.0
+    share = FILM.gif_share if suffix == ".gif" else 1.0
     width, height = (2 * round(share * pixels / 2) for pixels in SIZES[format])
     if size is not None:
         found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
@@ -118,8 +129,10 @@ def film_settings(
         if not all(SMALLEST <= pixels <= LARGEST and pixels % 2 == 0 for pixels in (width, height)):
             raise UsageError(f"{size} is no size: expected even numbers, {SMALLEST} to {LARGEST}, such as 1920x1080")
     rate = fps if fps is not None else (15.0 if suffix == ".gif" else 30.0)
-    if not RATES[0] <= rate <= RATES[1]:
-        raise UsageError(f"{rate:g} pictures per second: the rate must lie between {RATES[0]:g} and {RATES[1]:g}")
+    if not FILM.rates[0] <= rate <= FILM.rates[1]:
+        raise UsageError(
+            f"{rate:g} pictures per second: the rate must lie between {FILM.rates[0]:g} and {FILM.rates[1]:g}"
+        )
     if seconds is not None:
         if to is not None:
             raise UsageError("the end and the seconds of a film exclude each other")
@@ -191,14 +204,14 @@ def ensure_card(path: Path) -> None:
 
 
 def card_of(page: str) -> bytes:
-    """Return a card of the first flight of a report as PNG, of `CARD` pixels; the same bits for the same report.
+    """Return a card of the first flight of a report as PNG, of `FILM.card` pixels; the same bits for the same report.
 
     Raises:
         UsageError: Chromium is not found.
         StorageError: it fails.
     """
     with page_in_browser(page, CARDS, SOFTWARE) as shown:
-        return base64.b64decode(shown.value(f"airrace.film.card({CARD[0]}, {CARD[1]})"))
+        return base64.b64decode(shown.value(f"airrace.film.card({FILM.card[0]}, {FILM.card[1]})"))
 
 
 def _last_line(path: Path) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from airrace.quantities import KNOT
 from airrace.report.contents import as_json, clock_start, contents_of
 from airrace.report.script import FOLDER, LIBRARIES, page_script
-from airrace.report.sections import capitalised, note, number, section, table_section
+from airrace.report.sections import capitalise, note, number, section, table_section
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
@@ -235,9 +235,9 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
     lines = [np.stack([one["x"], one["y"]], axis=1) for one in (other, reference)]
     plan = plan_svg(map_.with_track(lines[0]).with_track(lines[1], dashed=True), coloured)
     words = "".join(f"<li>{escape_html(one.text)}</li>" for one in lost.costliest)
-    told = f"<p>{escape_html(capitalised(lost.title))}:</p><ol>{words}</ol>" if words else ""
+    listed = f"<p>{escape_html(capitalise(lost.title))}:</p><ol>{words}</ol>" if words else ""
     legend = note(f"{other.label} in the colours of the time lost at a place, {reference.label} dashed.")
-    return section(f"Where the time of {other.label} went", f'{told}<div class="scroll">{plan}</div>{legend}')
+    return section(f"Where the time of {other.label} went", f'{listed}<div class="scroll">{plan}</div>{legend}')
 
 
 def comparison_section(comparison: Comparison) -> str:
@@ -265,6 +265,6 @@ def comparison_section(comparison: Comparison) -> str:
     reference, other = comparison.reference, comparison.other
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
-        *(f"{capitalised(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
+        *(f"{capitalise(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
     ]
     return table_section(Table(f"Where {other.label} loses and wins", columns, rows, notes))

@@ -20,7 +20,7 @@ def number(value: float, digits: int, *, signed: bool = False) -> str:
     return Column(form=f"{'+' if signed else ''}z.{digits}f").html(value)
 
 
-def capitalised(text: str) -> str:
+def capitalise(text: str) -> str:
     """Return a text that begins with a capital letter."""
     return text[:1].upper() + text[1:]
 
@@ -51,10 +51,10 @@ def claim_section(claim: str, confirmation: Confirmation) -> str:
 
     Args:
         claim: empty where nothing is claimed.
-        confirmation: what measuring the stage again told.
+        confirmation: the outcome of measuring the stage again.
     """
     texts = [claim or "nothing is claimed of this flight", confirmation.words]
-    body = "".join(f"<p>{escape_html(capitalised(one))}.</p>" for one in texts)
+    body = "".join(f"<p>{escape_html(capitalise(one))}.</p>" for one in texts)
     if claim:
         body += f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in LIMITS_OF_CLAIM)}</ul>"
     return f'<section class="panel" id="claim"><h2>What is claimed, and what is not</h2>{body}</section>'
@@ -170,7 +170,7 @@ def violations_section(violations: Sequence[Violation], penalty: float) -> str:
 
 def recording_section(pairs: Sequence[tuple[str, str]], remarks: Sequence[str]) -> str:
     """Return where a flight was recorded, and what is to be known of the recording."""
-    return section("Recording", _facts(pairs) + "".join(note(f"{capitalised(one)}.") for one in remarks))
+    return section("Recording", _facts(pairs) + "".join(note(f"{capitalise(one)}.") for one in remarks))
 
 
 def penalty_text(penalty: float) -> str:

@@ -30,7 +30,7 @@ from airrace.trajectory import Array
 
 @record
 class ComparisonSizes:
-    """The sizes of what is told of a comparison.
+    """The sizes of what is reported of a comparison.
 
     Attributes:
         differences_max: the greatest number of differences that are reported of one leg.
@@ -65,7 +65,7 @@ class Difference:
 
 
 @record
-class Measure:
+class LegMeasure:
     """The way in which one thing is measured on a leg.
 
     Attributes:
@@ -74,7 +74,7 @@ class Measure:
         unit: of the value.
         least: the smallest difference that is reported, in that unit.
         more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference. Empty
-            where that is not told.
+            where that is not known.
         digits: decimals of the difference in words.
         most: a larger difference is not reported: something else has been measured in the one flight than in the other.
     """
@@ -90,7 +90,7 @@ class Measure:
 
 
 def differences(
-    reference: Flight, before: Leg, other: Flight, after: Leg, measures: Sequence[Measure], most: int
+    reference: Flight, before: Leg, other: Flight, after: Leg, measures: Sequence[LegMeasure], most: int
 ) -> tuple[Difference, ...]:
     """Return what the other flight does otherwise on a leg that both completed, at most so many differences.
 
@@ -132,11 +132,11 @@ def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
 
 
 MEASURES = (
-    Measure("roll_begins", _roll_begins, "s", 0.02, "rolls {} s later", "rolls {} s earlier", 2, most=1.0),
-    Measure(
+    LegMeasure("roll_begins", _roll_begins, "s", 0.02, "rolls {} s later", "rolls {} s earlier", 2, most=1.0),
+    LegMeasure(
         "speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 0.5, "{} kt faster in", "{} kt slower in", 1
     ),
-    Measure(
+    LegMeasure(
         "least_speed",
         lambda flight, leg: float(flight.values("V_K")[leg.rows].min()) / KNOT,
         "kt",
@@ -145,8 +145,10 @@ MEASURES = (
         "slowest {} kt slower",
         1,
     ),
-    Measure("way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 1.0, "{} m longer way", "{} m shorter way", 0),
-    Measure(
+    LegMeasure(
+        "way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 1.0, "{} m longer way", "{} m shorter way", 0
+    ),
+    LegMeasure(
         "greatest_height",
         lambda flight, leg: float(flight.values("height")[leg.rows].max()),
         "m",
@@ -155,9 +157,9 @@ MEASURES = (
         "{} m lower",
         0,
     ),
-    Measure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} g more on average", "{} g less on average", 1),
-    Measure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
-    Measure(
+    LegMeasure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} g more on average", "{} g less on average", 1),
+    LegMeasure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
+    LegMeasure(
         "energy_lost",
         lambda _, leg: leg.before.value("h_E") - leg.after.value("h_E"),
         "m",

@@ -166,7 +166,7 @@ class Source:
         status: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for whoever looks at it; often empty.
-        confirmation: what measuring it again told; None where that was no question.
+        confirmation: the outcome of measuring it again; None where that was no question.
     """
 
     label: str

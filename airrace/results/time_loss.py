@@ -5,7 +5,7 @@ At the same share `s` of its way `L` through a leg a flight takes `1/V` per metr
 
     V(s)^2 = V(0)^2 - 2 g0 (h(s) - h(0)) - 2 int D_L/m L ds + the rest
 
-So the loss by speed is the sum of four: of the speed at the beginning, the height climbed, the drag of lift `D_L` by
+So the loss by speed is the sum of four: of the speed at the start, the height climbed, the drag of lift `D_L` by
 the aircraft's polar, where the load factor is known better than from smoothed positions, and the rest of the energy:
 power, other drag, wind. With the loss by the way they add up to the loss of the
 leg, all legs to the difference of the race times, and every part changes its sign when the flights change places.
@@ -25,7 +25,7 @@ from airrace.results.comparison import (
     Comparison,
     Difference,
     LegComparison,
-    Measure,
+    LegMeasure,
     compare_flights,
     differences,
     is_vague,
@@ -36,13 +36,13 @@ from airrace.trajectory import Array
 
 @record
 class LossSettings:
-    """What is told of a loss, so that it is little and does not hang on noise.
+    """What is reported of a loss, so that it is little and does not hang on noise.
 
     Attributes:
-        most: the number of legs that are told.
-        least: the smallest loss that is told, s; passings of good logs are known to 5 to 10 ms.
-        share, part: of the loss of a leg, and s, from which on a cause is told, or what is won back by one.
-        causes, facts: the greatest number of causes of a leg, and of differences that are told of a cause.
+        most: the number of legs that are reported.
+        least: the smallest loss that is reported, s; passings of good logs are known to 5 to 10 ms.
+        share, part: of the loss of a leg, and s, from which on a cause is reported, or what is won back by one.
+        causes, facts: the greatest number of causes of a leg, and of differences that are reported of a cause.
         turned: rad, by which the path has turned where a turn begins, and is still to turn where it ends; directions of
             smoothed logs are known to one or two degrees.
     """
@@ -102,7 +102,7 @@ class Loss:
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """The causes that are told, the greatest first."""
+        """The causes that are reported, the greatest first."""
         ranked = sorted(self.parts, key=lambda one: -self.parts[one])
         return tuple(one for one in ranked if self.parts[one] >= self._least)[: SETTINGS.causes]
 
@@ -121,8 +121,8 @@ class Loss:
         if -self.parts[least] >= self._least:
             clauses.append(f"{-self.parts[least]:.2f} s won back by {WORDS[least][1]}")
         clauses += [one.text for one in self.leaving]
-        told = f"{self.amount:.2f} s from {self.leg.reference.before.name} to {self.leg.name}"
-        return f"{told}: {'; '.join(clauses)}" if clauses else told
+        text = f"{self.amount:.2f} s from {self.leg.reference.before.name} to {self.leg.name}"
+        return f"{text}: {'; '.join(clauses)}" if clauses else text
 
 
 @record
@@ -139,13 +139,13 @@ class TimeLoss:
 
     @property
     def costliest(self) -> tuple[Loss, ...]:
-        """The losses that are told, the greatest first."""
+        """The losses that are reported, the greatest first."""
         ranked = sorted(self.losses, key=lambda one: -one.amount)[: SETTINGS.most]
         return tuple(one for one in ranked if one.amount >= SETTINGS.least)
 
     @property
     def title(self) -> str:
-        """The heading of what is told."""
+        """The heading of the losses."""
         count = len(self.costliest)
         number = {1: "one thing that costs", 2: "two things that cost", 3: "three things that cost"}.get(count, "")
         against = self.comparison.reference.label
@@ -161,9 +161,9 @@ def time_loss(comparison: Comparison) -> TimeLoss:
     known = all("chi" in one for one in (reference, other))  # a flight without its course tells no causes
     for leg in comparison.legs:
         if known and leg.reference.is_complete and leg.other.is_complete:
-            flown = reference, leg.reference, other, leg.other
-            facts = {cause: differences(*flown, measures, SETTINGS.facts) for cause, measures in FACTS.items()}
-            losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*flown, (_LEAVING,), 1)))
+            pair = reference, leg.reference, other, leg.other
+            facts = {cause: differences(*pair, measures, SETTINGS.facts) for cause, measures in FACTS.items()}
+            losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*pair, (_LEAVING,), 1)))
     return TimeLoss(comparison, tuple(losses))
 
 
@@ -238,7 +238,7 @@ def _turn_begins(flight: Flight, leg: Leg) -> float:
     return _turn(flight, leg)[0] - leg.before.time
 
 
-def _load_in_turn(half: int) -> Measure:
+def _load_in_turn(half: int) -> LegMeasure:
     """Return the measure of the mean load factor in the first (0) or the second half of the turn."""
 
     def load(flight: Flight, leg: Leg) -> float:
@@ -249,7 +249,7 @@ def _load_in_turn(half: int) -> Measure:
         return float(np.mean(flight.values("n_z")[leg.rows][inside])) if inside.any() else math.nan
 
     place = ("early", "late")[half]
-    return Measure(f"load_{place}", load, "g", 0.3, "", f"{{}} g less {place} in the turn", 1)
+    return LegMeasure(f"load_{place}", load, "g", 0.3, "", f"{{}} g less {place} in the turn", 1)
 
 
 def _width(flight: Flight, leg: Leg) -> float:
@@ -267,28 +267,30 @@ def _mean(name: str, flight: Flight, leg: Leg) -> float:
     return float(np.trapezoid(flight.values(name)[leg.rows], flight.time[leg.rows]) / leg.time)
 
 
-_LOAD = Measure("load", lambda flight, leg: _mean("n_z", flight, leg), "g", 0.2, "{} g more on average", "", 1)
-_LEAVING = Measure("speed_out", lambda _, leg: leg.after.value("V_K") / KNOT, "kt", 2.0, "", "leaves {} kt slower", 0)
-FACTS: Mapping[Cause, tuple[Measure, ...]] = {
+_LOAD = LegMeasure("load", lambda flight, leg: _mean("n_z", flight, leg), "g", 0.2, "{} g more on average", "", 1)
+_LEAVING = LegMeasure(
+    "speed_out", lambda _, leg: leg.after.value("V_K") / KNOT, "kt", 2.0, "", "leaves {} kt slower", 0
+)
+FACTS: Mapping[Cause, tuple[LegMeasure, ...]] = {
     Cause.WAY: (
-        Measure("width", _width, "m", 5.0, "the turn is {} m wider", "", 0),
-        Measure("turn_begins", _turn_begins, "s", 0.05, "turns in {} s later", "", 2, most=1.5),
+        LegMeasure("width", _width, "m", 5.0, "the turn is {} m wider", "", 0),
+        LegMeasure("turn_begins", _turn_begins, "s", 0.05, "turns in {} s later", "", 2, most=1.5),
         _load_in_turn(0),
         _load_in_turn(1),
-        Measure("way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 3.0, "{} m more in all", "", 0),
+        LegMeasure("way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 3.0, "{} m more in all", "", 0),
     ),
     Cause.ENTRY: (
-        Measure("speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 1.0, "", "{} kt slower in", 0),
+        LegMeasure("speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 1.0, "", "{} kt slower in", 0),
     ),
     Cause.HEIGHT: (
-        Measure("top", lambda flight, leg: float(flight["height"][leg.rows].max()), "m", 3.0, "{} m higher", "", 0),
+        LegMeasure("top", lambda flight, leg: float(flight["height"][leg.rows].max()), "m", 3.0, "{} m higher", "", 0),
     ),
     Cause.LIFT: (_LOAD,),
     Cause.ENERGY: (
         _LOAD,
-        Measure(
+        LegMeasure(
             "throttle", lambda flight, leg: 100.0 * _mean("delta_T", flight, leg), "%", 3.0, "", "{} % less throttle", 0
         ),
     ),
 }
-"""What explains each cause; only what costs time is told."""
+"""What explains each cause; only what costs time is reported."""

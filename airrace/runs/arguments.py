@@ -1,4 +1,4 @@
-"""The arguments of the public functions that say what is flown: names, files and objects, understood as inputs."""
+"""The arguments of the public functions that say what is solved: names, files and objects, understood as inputs."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

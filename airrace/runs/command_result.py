@@ -107,9 +107,9 @@ class CommandResult:
             return
         self.code, self.error, self.findings = code, error, findings
 
-    def fail_if_refuted(self, told: "Mapping[str, Confirmation | None]") -> None:
+    def fail_if_refuted(self, confirmations: "Mapping[str, Confirmation | None]") -> None:
         """Record the failure of the first verification that failed of those that are shown, by what they are called."""
-        for name, one in told.items():
+        for name, one in confirmations.items():
             if one is not None and one.refutation:
                 self.fail(ExitCode.NOT_CERTIFIED, f"{name}: {one.refutation}")
 

@@ -50,7 +50,7 @@ def run_lock(path: Path | None) -> Generator[None, None, None]:
         return
     with file_lock(target.with_name(f".{target.name[:200]}.lock")) as refused:
         if refused:
-            raise UsageError(f"{path} is being flown by another process; wait for it, or name another file")
+            raise UsageError(f"{path} is being written by another process; wait for it, or name another file")
         yield
 
 

@@ -1,4 +1,4 @@
-"""Aircraft fitted to flown logs: drag polar, power and roll rate, and how well the logs tell them.
+"""Aircraft fitted to flight logs: drag polar, power and roll rate, and how well the logs tell them.
 
 The bias and the scatter of the estimate are measured where the truth is known [B. Efron & R. J. Tibshirani, An
 Introduction to the Bootstrap, 1993]: the optimum of the fitted aircraft is recorded as the logs were, and fitted again.
@@ -14,7 +14,7 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air, StaticWind
 from airrace.errors import UsageError
-from airrace.inputs.aircraft_file import Origin, aircraft_text, read_aircraft_file
+from airrace.inputs.aircraft_file import Provenance, aircraft_text, read_aircraft_file
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.deviations import place_roundings
@@ -56,7 +56,7 @@ class BootstrapSettings:
 
 BOOTSTRAP = BootstrapSettings()
 _MARKS = (("fitted", "to the logs, with its standard deviation"),)
-ORIGIN = Origin("An aircraft that is fitted to flown logs", _MARKS, "flown logs")
+PROVENANCE = Provenance("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
 _COLUMNS = (
     Column("number", key="number"),
     Column("unit", key="unit"),
@@ -72,20 +72,20 @@ class FittedLog:
     """A log that is fitted: its file, its flight, places (north, east, up; m) over time, and their rounding."""
 
     path: Path
-    flown: LogFlight
+    recorded: LogFlight
     time: Array
     places: Array
     least: Array
 
     def along(self, places: Array, until: float) -> RecordedPath:
         """Return what is fitted of it from the first passing up to so many s after it, with its places or others."""
-        path, begin = smooth(self.time, places, least=self.least), self.flown.offset
+        path, begin = smooth(self.time, places, least=self.least), self.recorded.offset
         return recorded_path(path, self.time, places, begin, begin + until)
 
     @property
     def own(self) -> RecordedPath:
         """What is fitted of it."""
-        return self.along(self.places, float(self.flown.flight.time[-1]))
+        return self.along(self.places, float(self.recorded.flight.time[-1]))
 
 
 @record
@@ -117,16 +117,16 @@ class FittedAircraft:
         deviations = [one if visible else None for one, visible in zip(percent[:FACTORS], seen, strict=True)]
         deviations.append(100.0 * self.roll.deviation if self.roll else None)
         rows: list[list[str | float | None]] = [
-            [*old, new, told, "not visible in the data: left as it was" if told is None else ""]
-            for old, (_, _, new), told in zip(before, after, deviations, strict=True)
+            [*old, new, deviation, "not visible in the data: left as it was" if deviation is None else ""]
+            for old, (_, _, new), deviation in zip(before, after, deviations, strict=True)
         ]
         pairs = [(i, j) for i in range(FACTORS) for j in range(i) if seen[i] and seen[j]]
         related = ", ".join(f"{after[j][0]} and {after[i][0]} {self.correlations[j, i]:+.2f}" for i, j in pairs)
         notes = [f"correlations: {related}"] if related else []
-        for log, wind, told in zip(self.logs, self.estimate.winds, percent[FACTORS::2], strict=True):
+        for log, wind, off in zip(self.logs, self.estimate.winds, percent[FACTORS::2], strict=True):
             speed, origin = math.hypot(*wind) / KNOT, math.degrees(math.atan2(-wind[1], -wind[0])) % 360.0
             blows = f"{speed:.1f} kt from {origin:.0f} deg"
-            notes.append(f"{log.path.name}: wind beside that of the course {blows}, +-{told / 100.0 / KNOT:.1f} kt")
+            notes.append(f"{log.path.name}: wind beside that of the course {blows}, +-{off / 100.0 / KNOT:.1f} kt")
         notes.append("no log shows the lags of roll and load factor, for none records the stick: left as they were")
         ailerons = ", full ailerons in the quickest roll" if self.roll else ""
         notes.append(f"full power is assumed from the first gate to the last{ailerons}")
@@ -159,7 +159,7 @@ def fit(
     columns: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> FittedAircraft:
-    """Fit the drag polar, the power and the roll rate of an aircraft to flown logs of races at full power.
+    """Fit the drag polar, the power and the roll rate of an aircraft to flight logs of races at full power.
 
     Args:
         logs: one log or several of the same aircraft, as of `airrace.import_log`; the wind is found for each.
@@ -192,24 +192,24 @@ def fit(
         ensure_unread([target], documents_of(inputs))
     layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
     read = tuple(_read(path, inputs.race, layout) for path in paths)
-    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [one.flown for one in read])
+    race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [one.recorded for one in read])
     race = race if roll is None else Race(race.course, roll.aircraft(race.aircraft), race.air)
     found = estimate_factors(race.aircraft, race.air, [one.own for one in read])
     if not (found.visible.any() and np.isfinite(found.covariance).all()):
         missing = "that takes turns and straights at several speeds; more logs would help"
         refuse(str(paths[0]), 0, f"tells neither drag nor power: {missing}")
-    found, bias = _corrected(found, race, read, progress or Silent())
+    found, bias = _correct(found, race, read, progress or Silent())
     fitted = found.aircraft(race.aircraft)
     if target is not None:
         name = Path(named).stem if isinstance(named, str | Path) else inputs.race.aircraft.name
-        write_text(target, aircraft_text(template, name, fitted, _relations(found, roll), origin=ORIGIN))
+        write_text(target, aircraft_text(template, name, fitted, _relations(found, roll), origin=PROVENANCE))
     return FittedAircraft(target, inputs.race.aircraft, fitted, found, bias, roll, read)
 
 
 def _relations(found: Estimate, roll: RollRate | None) -> dict[tuple[str, str], str]:
     """Return the marks of the numbers that were fitted."""
-    told = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), found.deviations[:FACTORS], strict=True)
-    fitted = {key: deviation for (key, deviation), seen in zip(told, found.visible, strict=True) if seen}
+    pairs = zip((("drag", "C_D0"), ("drag", "k"), ("propulsion", "P_max")), found.deviations[:FACTORS], strict=True)
+    fitted = {key: deviation for (key, deviation), seen in zip(pairs, found.visible, strict=True) if seen}
     rolling = (("roll", "C_lxi"), ("yaw", "C_nxi"), ("point_mass", "p"))
     fitted |= {} if roll is None else dict.fromkeys(rolling, roll.deviation)
     return {key: f"fitted, +-{100.0 * deviation:.1f} %" for key, deviation in fitted.items()}
@@ -217,17 +217,17 @@ def _relations(found: Estimate, roll: RollRate | None) -> dict[tuple[str, str], 
 
 def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:
     """Return a log as it is fitted; refuse it where it does not pass the course, or its positions are too few."""
-    flown = flight_from_log(read_log(path, layout), race, label=stem_of(path))
-    placed = flown.recording.select(np.isfinite(flown.recording.columns["x"]))
+    recorded = flight_from_log(read_log(path, layout), race, label=stem_of(path))
+    placed = recorded.recording.select(np.isfinite(recorded.recording.columns["x"]))
     count, lasting = len(placed.time), float(placed.time[-1] - placed.time[0])
     if count < FIT.samples or count < FIT.rate * lasting:
         least = f"at least {FIT.rate:g} per second, {FIT.samples} in all"
         refuse(str(path), 0, f"holds {count} positions in {lasting:.0f} s of the race; a fit needs {least}")
     places = np.stack([placed.columns[name] for name in ("x", "y", "height")])
-    return FittedLog(path, flown, placed.time, places, place_roundings(placed))
+    return FittedLog(path, recorded, placed.time, places, place_roundings(placed))
 
 
-def _corrected(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: Progress) -> tuple[Estimate, Array]:
+def _correct(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: Progress) -> tuple[Estimate, Array]:
     """Return an estimate without its bias, its covariance enlarged to what was measured, and the bias."""
     aircraft, wind = found.aircraft(race.aircraft), found.winds.mean(axis=0)
     run = _optimum(Race(race.course, aircraft, _with_wind(race.air, wind)), progress)
@@ -239,9 +239,9 @@ def _corrected(found: Estimate, race: Race, logs: Sequence[FittedLog], progress:
     for _ in range(BOOTSTRAP.replicates):
         paths: list[RecordedPath] = []
         for log in logs:
-            flown = at(np.clip(log.time - log.flown.offset, 0.0, last))
+            there = at(np.clip(log.time - log.recorded.offset, 0.0, last))
             noise = log.own.noise[:, None]
-            places = np.stack([flown["x"], flown["y"], -flown["z"]])
+            places = np.stack([there["x"], there["y"], -there["z"]])
             paths.append(log.along(places + noise * random.standard_normal(places.shape), last))
         again = estimate_factors(aircraft, race.air, paths)
         errors.append(np.concatenate([again.factors * found.visible, (again.winds - wind).ravel()]))

@@ -236,7 +236,7 @@ def report_of_flights(
         if sensitivities:
             raise NotCertified(f"{first.path} is a flight log: it has no sensitivities")
         if envelope:
-            raise UsageError(f"{first.path} is a flight log: no envelope is flown along it")
+            raise UsageError(f"{first.path} is a flight log: no envelope is simulated along it")
         return flight_page(flights, log_sections(opened), f"airrace {flights[0].source.version}"), flights
     view = opened.stage(first.stage or stage)
     return _stage_page(opened, view, flights, sensitivities=sensitivities, envelope=envelope), flights
@@ -280,12 +280,12 @@ def _stage_page(
     from airrace.report.flight_page import flight_page
     from airrace.report.sections import claim_section
 
-    claimed, told = claim_of(run, view), view.confirmation or Confirmation(None)
+    claimed, found = claim_of(run, view), view.confirmation or Confirmation(None)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
-    badge = f"{claimed or flights[0].source.verdict}; {told.outcome}"
+    badge = f"{claimed or flights[0].source.verdict}; {found.outcome}"
     return flight_page(
-        flights, [claim_section(claimed, told), *sections], footer_of(view), claim=badge, envelope=scatter
+        flights, [claim_section(claimed, found), *sections], footer_of(view), claim=badge, envelope=scatter
     )
 
 

@@ -311,12 +311,12 @@ def _violation_object(one: Violation) -> dict[str, object]:
 
 def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
     """Return what `airrace compare --json` prints: seconds, metres; legs in race order."""
-    rivals = len(comparisons) == 2
+    pair = len(comparisons) == 2
     return {
         "tie_s": TIE,
         "reference": flight_object(reference),
         "flights": [_comparison_object(one) for one in comparisons],
-        **({"rivals": _comparison_object(compare_flights(*(one.other for one in comparisons)))} if rivals else {}),
+        **({"rivals": _comparison_object(compare_flights(*(one.other for one in comparisons)))} if pair else {}),
     }
 
 

@@ -1,6 +1,6 @@
 """The verification of an imported log: passings, histories and violations made once more of the log that is stored.
 
-The log itself is believed: nobody can record it again.
+The log itself is taken as it is: nobody can record it again.
 """
 
 import math

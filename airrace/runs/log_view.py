@@ -36,7 +36,7 @@ class LogView:
     Attributes:
         inputs: course, aircraft and air, as they were given.
         recorded: what its file holds.
-        confirmation: what making the flight of the stored log once more told; None where that was no question.
+        confirmation: the outcome of making the flight of the stored log once more; None where that was no question.
     """
 
     inputs: Inputs

@@ -223,7 +223,7 @@ def plan_new_run(
     """
     last = stage_by_name(until)
     if inputs.reserve is not None and last is not procedure.STAGES[-1]:
-        raise UsageError(f"a reserve is kept from {procedure.STAGES[-1].value}, the last stage: leave out --until")
+        raise UsageError(f"a reserve takes {procedure.STAGES[-1].value}, the last stage: leave out --until")
     run = new_run(inputs, path)
     before = start.path if isinstance(start, RunState) else start
     ensure_unread([] if path is None else [path], [*documents_of(inputs), before])

@@ -1,7 +1,7 @@
 """A flight with a reserve: margins so large that a race in disturbances breaks no limit with the probability asked for.
 
 Margins follow from the linear covariance of the closed loop along the flight, which the margins change; so the race is
-solved again with them until they stay. Closed-loop flights measure what they are worth. Where that is too little, or
+solved again with them until they stay. Closed-loop flights measure their effect. Where that is too little, or
 much more than was asked for, the risk that is allocated is scaled by what was wanted over what was found.
 """
 
@@ -41,7 +41,7 @@ class ReserveIteration:
         tolerance: by how much the lower end of the interval of confidence may lie below the probability.
         excess: the share of the breaches that are allowed below which margins are too large.
         aim: the share of them that is aimed at.
-        linear: how many times as many flights as predicted may break a limit before the stall is blamed.
+        linear: how many times as many flights as predicted may break a limit before the stall is taken for the cause.
         lift: the share of the full margin of the lift coefficient that is added then.
         change: by how much the risk is scaled at most.
         flights: closed-loop flights.
@@ -94,7 +94,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, repr=False)
 class ReserveCase:
-    """A flight with a reserve, and what it is worth.
+    """A flight with a reserve, and its effect.
 
     Attributes:
         run: the flight with its margins.
@@ -208,9 +208,7 @@ def fly_reserve(
         InputError: its course was built in Python.
     """
     if not run.certified or run.stages[-1].result.stage is not Stage.SIX_DOF:
-        raise UsageError(
-            f"a reserve is kept from a certified optimum of six-dof: {run.message or 'resume goes on to it'}"
-        )
+        raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
     return _Search(run, wanted, fly_again, seed, threads).run()
@@ -301,7 +299,7 @@ class _Search:
         ]
 
     def _measure(self, latest: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
-        """Fly a line in closed loop, each attempt in other disturbances, and note what it is worth."""
+        """Fly a line in closed loop, each attempt in other disturbances, and note its effect."""
         case = latest.stages[-1].safety(flights=SETTINGS.flights, seed=self.seed + attempt, **self.options)
         after, units = _prices(latest), {one.key: one.unit for one in course_limits(latest.inputs.race)}
         risks = [float(one.risk_now) for one in limits]
@@ -328,7 +326,7 @@ class _Search:
                 predicted=max(1.0 - sum(risk for risk, one in pairs if one.kind != LOAD), 0.0),
                 case=case,
                 reached=reached,
-                binding=() if reached else tuple(_told(pairs)),
+                binding=() if reached else tuple(_limit_texts(pairs)),
             )
         )
         return case
@@ -355,7 +353,7 @@ class _Search:
             return False
         done = True
         for kind, (count, risk) in zip(self.risks, list(self._counts(case)), strict=True):
-            allowed = _allowed(count, risk)
+            allowed = _allowance(count, risk)
             if _is_rare(count, risk) and count.flights >= SETTINGS.excess * allowed:
                 continue
             done = not enough  # smaller margins are no answer, and larger ones there are not
@@ -364,7 +362,7 @@ class _Search:
         return done
 
 
-def _told(pairs: Sequence[tuple[float, Limit]]) -> list[str]:
+def _limit_texts(pairs: Sequence[tuple[float, Limit]]) -> list[str]:
     """Return the limits that are broken most probably, in words."""
     first = sorted((one for one in pairs if one[0] > 1e-3), key=lambda one: -one[0])
     return list(dict.fromkeys(f"{one.kind} at {one.place}" for _, one in first[:3]))
@@ -375,7 +373,7 @@ def _is_rare(count: Count, risk: float) -> bool:
     return count.upper <= risk + SETTINGS.tolerance
 
 
-def _allowed(count: Count, risk: float) -> int:
+def _allowance(count: Count, risk: float) -> int:
     """Return how many of the flights may break a limit; 0 where they are too few to tell."""
     most = math.floor(risk * count.of + 1e-9)
     return next((one for one in range(most, 0, -1) if _is_rare(Count.among(one, count.of), risk)), 0)

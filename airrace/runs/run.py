@@ -51,7 +51,7 @@ class RunState:
         checkpoint: what a file holds of the run.
         path: its file, which is renewed after every stage; None for a run that is held in memory alone.
         sign: signs whatever file it is written into; None for files without a signature.
-        confirmations: of the stages that are shown, what measuring them again told.
+        confirmations: of the stages that are shown, the outcome of measuring them again.
     """
 
     inputs: Inputs
@@ -163,7 +163,7 @@ class RunState:
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
     def with_inputs(self, inputs: Inputs) -> Self:
-        """Return this run with inputs by which the same race is flown, so that its stages stand."""
+        """Return this run with inputs by which the race is the same, so that its stages stand."""
         return replace(self, inputs=inputs, checkpoint=replace(self.checkpoint, inputs=stored_inputs(inputs)))
 
     def with_mesh_check(self, result: StageResult) -> Self:

@@ -177,7 +177,7 @@ def fly_safety_case(
     """Fly a stage's optimum many times.
 
     Args:
-        race, result: what is flown.
+        race, result: what is simulated.
         label: what people call it.
         flights, seed, threads: see `airrace.safety.safety.fly_closed_loop`.
         gusts: `none`, `light`, `moderate` or `severe`.
@@ -185,7 +185,7 @@ def fly_safety_case(
         delay: of the pilot, s.
 
     Raises:
-        UsageError: an argument says nothing sensible, or the stage is none that could be flown.
+        UsageError: an argument says nothing sensible, or the stage is none that could be simulated.
     """
     if seed < 0:
         raise UsageError(f"a seed of {seed} makes no sense: it must be 0 or larger")

@@ -53,7 +53,7 @@ NOT_CONSIDERED = (
     "Another mass leaves the moments of inertia as they are. Gusts do not roll the aircraft; the air is as coarse as "
     "its centre of mass sees it.",
     "A pylon is a vertical line up to its height.",
-    "What falls where is told of the optimum; other flights fall as much farther as they stray.",
+    "What falls where is that of the optimum; other flights fall as much farther as they stray.",
     "Failures of structure, engine and controls, birds, other traffic, visibility and the pilot's health are in no "
     "flight.",
     "The ground is flat, at the height of the course's origin. Terrain, and people, buildings and obstacles that the "
@@ -62,7 +62,7 @@ NOT_CONSIDERED = (
 )
 """What no number of the document contains, a sentence each."""
 NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
-IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is told of the run's own wind"
+IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
 _NUMBERS = (Column("number"), Column("value", form=".6g"), Column("unit"))
 
 
@@ -72,7 +72,7 @@ def safety_document(
     """Return the document as HTML, one file that loads nothing.
 
     Args:
-        run: whose stage was flown.
+        run: whose stage was simulated.
         view: the stage.
         case: its closed-loop flights, enough of them for an envelope.
         rose: the same in many winds; None without.
@@ -123,7 +123,7 @@ def _first_page(
             ("the optimum is", claim_of(run, view) or view.status),
             ("reserve", _reserve(run)),
             ("air", wind_text(flight.air.wind)),
-            ("flown", f"{case.result.flights} closed-loop flights, gusts: {case.result.scatter.gusts.value}"),
+            ("simulated", f"{case.result.flights} closed-loop flights, gusts: {case.result.scatter.gusts.value}"),
             ("run", run.label),
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
         ]
@@ -263,7 +263,7 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
     columns = (Column("what"), Column("SHA-256"))
     yield table_block(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
     signed = "" if not digest or run.path is None else signed_by(run.path)
-    versions = {"solved by": run.checkpoint.versions, "flown by": current_versions()}
+    versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
     yield facts_block(
         [
             ("signed", f"by the key {signed}, whose signature belongs to the file" if signed else "no"),

@@ -50,7 +50,7 @@ class SafetyRose:
     @property
     def messages(self) -> tuple[str, ...]:
         """The winds without a flight, and those whose optimum is not certified."""
-        cases = ((wind, _doubt(case)) for wind, case in self.cases.items())
+        cases = ((wind, _uncertain_text(case)) for wind, case in self.cases.items())
         return tuple(f"{wind.text}: {why}" for wind, why in cases if why)
 
     def as_object(self) -> dict[str, object]:
@@ -92,7 +92,7 @@ class SafetyRuns:
         """The runs without flights, and those whose optimum is not certified."""
         found: list[str] = []
         for name, case in self.cases.items():
-            messages = case.messages if isinstance(case, SafetyRose) else [_doubt(case)]
+            messages = case.messages if isinstance(case, SafetyRose) else [_uncertain_text(case)]
             found += [f"{name}: {why}" for why in messages if why]
         return tuple(found)
 
@@ -102,7 +102,7 @@ class SafetyRuns:
         return {"runs": self.table().objects(), "cases": cases}
 
 
-def _doubt(case: SafetyCase | str) -> str:
+def _uncertain_text(case: SafetyCase | str) -> str:
     """Return why there is no case, or none of a certified optimum; empty where there is."""
     return case if isinstance(case, str) else case.uncertified
 
@@ -127,7 +127,7 @@ def fly_rose(
     """Fly the course of a run in each wind of a rose, and its optimum there many times.
 
     Args:
-        run: whose last stage is flown.
+        run: whose last stage is simulated.
         winds: e.g. `0,5,10kt@8`.
         fly_again: flies a run again with some values set, as `key=value`.
         options: of `StageView.safety`; any of them.
@@ -159,7 +159,7 @@ def fly_runs(runs: Mapping[str, R], fly: Callable[[R], SafetyCase | SafetyRose])
         fly: flies that of one.
 
     Raises:
-        UsageError: none of them can be flown.
+        UsageError: none of them can be simulated.
     """
 
     def case_of(run: R) -> SafetyCase | SafetyRose | str:

@@ -1,4 +1,4 @@
-"""A run kept warm: the optimum under other inputs in a fraction of a second, certified in the background."""
+"""A warm run: the optimum under other inputs in a fraction of a second, certified in the background."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace

@@ -248,7 +248,7 @@ class StageView:
         result: all that the procedure handed on: histories, multipliers, attempts, timings.
         versions: the versions of airrace and of the libraries that have computed it.
         stale: why the stage no longer stands, a clause; empty where it does.
-        confirmation: what measuring it again told; None where that was no question.
+        confirmation: the outcome of measuring it again; None where that was no question.
     """
 
     inputs: Inputs

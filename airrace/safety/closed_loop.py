@@ -3,7 +3,7 @@
 Every sample, for all flights of a batch: the clock at which each is abeam of the line, its error there, the decision
 of the pilot, and the stick that was decided `delay` before, within its travel and its rate; gusts are held meanwhile,
 and one step of the classical scheme advances the aircraft. The stick of the optimum is part of what is decided, for the
-place where the pilot will be then, so what the rates do not allow is never flown.
+place where the pilot will be then, so what the rates do not allow never happens.
 
 Flight k draws from a generator of its own, seeded by (seed, k), and no arithmetic mixes flights: it is the same bit by
 bit however many there are, in whatever batches, on however many threads.
@@ -69,7 +69,7 @@ class ClosedLoopSettings:
 
 SETTINGS = ClosedLoopSettings()
 KEPT = STATE["beta_K"] + 1
-"""The number of the first states that are kept of a flight: those that tell where its wing is."""
+"""The number of the first states of a flight that are recorded: those that tell where its wing is."""
 SURFACES = slice(STATE["eta"], STATE["zeta"] + 1)
 """The rows of the deflections, whose rates are the first controls in this order."""
 AILERONS = 1

@@ -69,7 +69,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
     clock = instants(sample, count + 1)
     line = nominal.at(clock)
     filters = None if scatter.gusts is Gusts.NONE else loop.gust_filter(scatter.gusts, count + 1)
-    into_ned = _turned(line)
+    into_ned = _turn(line)
     weights, leg = _timing(loop, count + 1)
     # how far ailerons are off where they are late by a second, by differences as wide as they are late
     width = max(scatter.timing, 1e-3)
@@ -118,7 +118,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
     return found
 
 
-def _turned(line: Array) -> Array:
+def _turn(line: Array) -> Array:
     """Return the rotations from (u, v, w) of gusts to north, east, down, shape (N, 3, 3)."""
     east, north = course(line)
     nothing, one = np.zeros_like(east), np.ones_like(east)

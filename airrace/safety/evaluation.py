@@ -1,4 +1,4 @@
-"""Closed-loop flights measured by the rules of the course: passings, pylons, and all that has to be kept clear of.
+"""Closed-loop flights measured by the rules of the course: passings, pylons, and all that must not be touched.
 
 A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
 measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
@@ -20,7 +20,7 @@ from airrace.planning.clearances import beside_border, beside_line, ground_dista
 from airrace.planning.decisions_from_solution import plan_from_solution
 from airrace.planning.race import Race
 from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import PylonPost, Wing, closest_in_steps, kept_clear, pylons_of
+from airrace.planning.wing_clearance import PylonPost, Wing, cleared_pylons, closest_in_steps, pylons_of
 from airrace.points import at_points
 from airrace.procedure.formulation import boundary
 from airrace.procedure.result import StageResult
@@ -61,7 +61,7 @@ ALLOWED = Allowances()
 WINDOW = 40
 """The samples before and after a passing in which the plane of the gate is looked for, 0.8 s."""
 GRID = 0.1
-"""The step of the clock at which deviations are kept, s."""
+"""The step of the clock at which deviations are recorded, s."""
 
 KINDS = {
     "right": "missed",
@@ -89,7 +89,7 @@ class Judge:
 
     Attributes:
         course: whose rules they are.
-        waypoints: the passages as they were flown, those of a point as those of its window.
+        waypoints: the passages as they were made, those of a point as those of its window.
         passings: the conditions of every passage.
         states: of the optimum at the passages, shape (17, n).
         loads: its load factor there, g; shape (n,).
@@ -143,7 +143,7 @@ class Judge:
 
 
 @record
-class Measured:
+class FlightMeasurements:
     """What some flights did; n flights.
 
     Attributes:
@@ -167,13 +167,13 @@ class Measured:
     lost: Booleans
 
 
-def together(parts: Sequence[Measured]) -> Measured:
+def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
     """Return what all flights of some batches did, in their order."""
 
     def joined(values: Sequence[Any]) -> Any:
         return np.concatenate(values, axis=-1)
 
-    return Measured(
+    return FlightMeasurements(
         joined([one.crossed for one in parts]),
         {kind: joined([one.breaches[kind] for one in parts]) for kind in parts[0].breaches},
         joined([one.touched for one in parts]),
@@ -184,7 +184,7 @@ def together(parts: Sequence[Measured]) -> Measured:
     )
 
 
-def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
+def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasurements:
     """Measure flights by the rules."""
     nominal = loop.nominal
     count = flights.clock.shape[1]
@@ -210,7 +210,7 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> Measured:
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
     centre, half = wing_of(np.transpose(flights.state, (1, 2, 0)), judge.semispan)  # (3, n, K)
     nearest = _pylons(judge, flights, racing, centre, half)
-    return Measured(
+    return FlightMeasurements(
         crossed=crossed,
         breaches=breaches,
         touched=nearest < ALLOWED.touch,
@@ -332,11 +332,11 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, hal
     """
     samples, count = flights.clock.shape
 
-    def padded(way: Array) -> Array:
+    def pad(way: Array) -> Array:
         first, last = 2.0 * way[:, :, :1] - way[:, :, 1:2], 2.0 * way[:, :, -1:] - way[:, :, -2:-1]
         return np.concatenate([first, way, last], axis=2).reshape(3, -1)
 
-    wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), padded(centre), padded(half))
+    wing = Wing(flights.sample * np.arange(count * (samples + 2), dtype=np.float64), pad(centre), pad(half))
     whole = np.where(flights.lost < samples, flights.lost, samples + 1)
     sound = np.asarray(np.arange(2, samples + 1)[:, None] < whole, np.bool_)
     steps = np.transpose(racing[:-1] & sound)  # (n, K - 1)
@@ -350,8 +350,8 @@ def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, hal
 
 def _too_near(judge: Judge, nearest: Array) -> Booleans:
     """Return which flights come nearer to a pylon or an obstacle than a wing may at any time, shape (n,)."""
-    kept = kept_clear(judge.course)
-    required = [pylon.required - pylon.radius if pylon in kept else 0.0 for pylon in judge.pylons]
+    cleared = cleared_pylons(judge.course)
+    required = [pylon.required - pylon.radius if pylon in cleared else 0.0 for pylon in judge.pylons]
     return np.asarray((nearest < np.array(required)[:, None] - ALLOWED.length).any(axis=0))
 
 
@@ -385,12 +385,12 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
 
 
 def grid_of(nominal: NominalFlight) -> Array:
-    """Return the clock at which deviations are kept, s; shape (m,)."""
+    """Return the clock at which deviations are recorded, s; shape (m,)."""
     return np.arange(0.0, nominal.passings[-1], GRID)
 
 
 def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
-    """Return the deviations on the grid, see `Measured`."""
+    """Return the deviations on the grid, see `FlightMeasurements`."""
     nominal, grid = loop.nominal, grid_of(loop.nominal)
     line = nominal.at(grid)
     north, east = planes(line)

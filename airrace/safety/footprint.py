@@ -5,7 +5,7 @@ as wide as the aircraft to either side, and from instant to instant this stretch
 lost it glides instead: straight on, or anywhere within the hull of what its best glide reaches behind a turn.
 
 This is mechanics, not the formula of an authority, and no prediction either: an aircraft that breaks up, spins, or is
-still flown falls elsewhere, wreckage slides on, and light pieces drift with the wind.
+under control falls elsewhere, wreckage slides on, and light pieces drift with the wind.
 """
 
 import math
@@ -157,7 +157,7 @@ class Footprint:
     @cached_property
     def states(self) -> States:
         """The states of all instants."""
-        return _joined(self.tracks)
+        return _join(self.tracks)
 
     @property
     def labels(self) -> list[str]:
@@ -289,7 +289,7 @@ def footprint_of(
         if value is not None and not 0.0 < value <= most:
             raise UsageError(f"a {name} of {value:g}{unit} makes no sense: it must lie above 0 and not above {most:g}")
     settings, aircraft = settings or FootprintSettings(), race.aircraft
-    states = _joined(tracks)
+    states = _join(tracks)
     top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())
     air = AirColumn.of(race.air, top)
     area = aircraft.drag.C_D0 * aircraft.airframe.S if drag_area is None else drag_area
@@ -303,12 +303,12 @@ def footprint_of(
         glide_source="the aircraft's polar, without the drag of the propeller" if glide_ratio is None else "given",
         vacuum=fall_in_vacuum(states),
         drag=fall_with_drag(states, air, mass=aircraft.airframe.m, drag_area=area),
-        reach=reach(_joined(tracks, settings.glide_every), air, glide),
+        reach=reach(_join(tracks, settings.glide_every), air, glide),
         settings=settings,
     )
 
 
-def _joined(tracks: Sequence[Track], every: int = 1) -> States:
+def _join(tracks: Sequence[Track], every: int = 1) -> States:
     """Return the states of all flights one behind the other, every so many of each."""
     places, velocities = zip(
         *((one.states.place[::every], one.states.velocity[::every]) for one in tracks), strict=True

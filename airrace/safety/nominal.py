@@ -1,4 +1,4 @@
-"""The optimum as a line to be flown: states and stick over its own clock, and how far a state is off it.
+"""The optimum as a reference line: states and stick over its own clock, and how far a state is off it.
 
 An aircraft is compared with the place of the line that it is abeam of, not with the place where the optimum is at the
 same time: the clock of a flight is that at which its position lies in the plane across the line. Errors are

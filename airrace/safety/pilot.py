@@ -37,7 +37,7 @@ class PilotModel:
             231-249) find effective delays of 0.1 to 0.2 s, the muscles' lag among them; Kleinman, Baron & Levison
             0.15 to 0.25 s without it.
         allowed: errors that count alike, by name: m, m/s, rad (Bryson's rule). A judgement: a metre beside the line is
-            as bad as 9 degrees of bank. Speed is not corrected: a race is flown at full throttle.
+            as bad as 9 degrees of bank. Speed is not corrected: the throttle is full all along.
         brisk: rates of the surfaces (rad/s) and a step of the throttle that count like these errors. Surfaces then lag
             by 0.06 to 0.13 s, as muscles do (0.1 s by Kleinman, Baron & Levison); the throttle stays as in the optimum.
         urgent: distance from the line, m, beyond which it is not corrected any harder.

@@ -9,14 +9,14 @@ from scipy.special import betaincinv
 
 from airrace.records import record
 from airrace.safety.closed_loop import Scatter
-from airrace.safety.evaluation import Measured
+from airrace.safety.evaluation import FlightMeasurements
 from airrace.safety.pilot import PilotModel
 from airrace.trajectory import Array
 
 CONFIDENCE = 0.95
 """The confidence of intervals of counts."""
 SHARES = (0.95, 0.997)
-"""The shares of flights whose deviations are told."""
+"""The shares of flights whose deviations are reported."""
 
 
 def fewest(share: float) -> int:
@@ -25,7 +25,7 @@ def fewest(share: float) -> int:
 
 
 QUANTITIES = ("lateral", "height", "bank", "load_factor")
-"""The deviations that are told; m, m, rad, g."""
+"""The deviations that are reported; m, m, rad, g."""
 CONTACT = ("pylon", "ground", "missed", "lost")
 """The kinds of breaches after which a race is over, and somebody may be hurt."""
 LOAD = "load factor"
@@ -95,7 +95,7 @@ class SafetyResult:
     """Closed-loop flights along one optimum.
 
     Attributes:
-        scatter, pilot, seed, flights: what was flown, and how often.
+        scatter, pilot, seed, flights: what was simulated, and how often.
         race_time: of the optimum, s.
         counts: by kind: `pylon` (the wing touches one), `ground` (a wing tip does), `missed`, `clearance`, `height`,
             `bank`, `course`, `climb`, `speed`, `tolerance` at gates; `flight clearance` (of the wing at any time),
@@ -137,7 +137,7 @@ class SafetyResult:
 ENVELOPE = (0.0015, 0.025, 0.5, 0.975, 0.9985)
 
 
-def breaches_by_flight(measured: Measured) -> dict[str, NDArray[np.bool_]]:
+def breaches_by_flight(measured: FlightMeasurements) -> dict[str, NDArray[np.bool_]]:
     """Return which flights broke what, by kind; each of shape (n,)."""
     return {
         "pylon": np.asarray(measured.touched.any(axis=0)),
@@ -147,7 +147,7 @@ def breaches_by_flight(measured: Measured) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def gate_stretches(names: Sequence[str], measured: Measured, linear: Array) -> Iterator[Stretch]:
+def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: Array) -> Iterator[Stretch]:
     """Yield the scatter at every passage.
 
     Args:
@@ -166,7 +166,9 @@ def gate_stretches(names: Sequence[str], measured: Measured, linear: Array) -> I
         )
 
 
-def leg_stretches(names: Sequence[str], passings: Array, clock: Array, measured: Measured) -> Iterator[Stretch]:
+def leg_stretches(
+    names: Sequence[str], passings: Array, clock: Array, measured: FlightMeasurements
+) -> Iterator[Stretch]:
     """Yield the largest scatter on every leg: of each quantity that at the worst place of the grid."""
     for number, name in enumerate(names[1:]):
         inside = (clock >= passings[number]) & (clock <= passings[number + 1])
@@ -174,7 +176,7 @@ def leg_stretches(names: Sequence[str], passings: Array, clock: Array, measured:
         yield Stretch(name, {key: _worst(values) for key, values in zip(QUANTITIES, rows, strict=True)}, {})
 
 
-def envelope_of(measured: Measured) -> Array:
+def envelope_of(measured: FlightMeasurements) -> Array:
     """Return the quantiles of `SafetyResult.envelope`."""
     with np.errstate(all="ignore"):
         return np.stack([_quantile(measured.deviations, share) for share in ENVELOPE])

@@ -1,4 +1,4 @@
-"""Closed-loop flights of a stage, from its optimum to the result: flown and measured batch by batch, on threads."""
+"""Closed-loop flights of a stage, from its optimum to the result: simulated and measured batch by batch, on threads."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +13,7 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
 from airrace.safety.covariance import covariance
-from airrace.safety.evaluation import Judge, Measured, axis_of, grid_of, measure, onto_plane, together
+from airrace.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
 from airrace.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, Plant
@@ -62,7 +62,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
     astray = np.flatnonzero(off > SETTINGS.undisturbed_off)
     if not len(astray) and alone.lost[0] < len(alone.clock):
         raise UsageError(
-            "this optimum cannot be flown in closed loop: even undisturbed the flight has no finite state at "
+            "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
             f"{alone.sample * alone.lost[0]:.1f} s"
         )
     if len(astray):
@@ -104,7 +104,7 @@ def fly_closed_loop(
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.of(race, result, loop)
 
-    def one(numbers: range) -> Measured:
+    def one(numbers: range) -> FlightMeasurements:
         return measure(judge, loop, fly(loop, scatter, seed, numbers))
 
     with ThreadPoolExecutor(threads or available_cores()) as pool:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from airrace.records import record
 from airrace.results import Flight
 from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
@@ -22,12 +23,25 @@ DEVIATIONS = (
 )
 """Label, row of the envelope, and factor from SI."""
 WIDENINGS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
-WIDE = 0.006
-"""The share of the map's longer edge that half of the band's half widths should not exceed: a dense line is as wide."""
+
+
+@record
+class EnvelopeSettings:
+    """Sizes of the drawing.
+
+    Attributes:
+        wide: the share of the map's longer edge that half of the band's half widths should not exceed: a dense line
+            is as wide.
+        apart: the share of a strip by which the numbers of passings stand apart at least; of those nearer to one
+            another one is written.
+    """
+
+    wide: float = 0.006
+    apart: float = 0.014
+
+
+ENVELOPE = EnvelopeSettings()
 MAP_MAX, STRIP_HEIGHT = 6.4, 1.1  # inches; a page of A4 holds all of it
-APART = 0.014
-"""The share of a strip by which the numbers of passings stand apart at least; of those nearer to one another one is
-written."""
 
 
 @without_formulas
@@ -47,7 +61,7 @@ def envelope_figure(result: SafetyResult, flight: Flight) -> Figure:
     axes = figure.add_subplot(above)
     half = np.fmax.reduce(np.abs(result.envelope[:, 0]))  # NaN where no quantile is known
     usual = float(np.median(half[np.isfinite(half)])) if np.isfinite(half).any() else 0.0
-    share = WIDE * max(frame.width, frame.height) / max(usual, 1e-9)
+    share = ENVELOPE.wide * max(frame.width, frame.height) / max(usual, 1e-9)
     widening = next((one for one in WIDENINGS if one <= share), 1.0)
     title = f"{map_.name}: envelope of {result.flights} flights"
     figure.suptitle(title, x=0.02, ha="left", fontweight="bold", fontsize=14)
@@ -111,7 +125,9 @@ def _draw_strip(axes: Axes, result: SafetyResult, flight: Flight, quantiles: Arr
         if not one.found:
             continue
         axes.axvline(one.time, color="#c8c8c8", linewidth=0.6, zorder=0)
-        if axes.get_subplotspec().is_first_row() and one.time - written > APART * (result.clock[-1] - result.clock[0]):
+        if axes.get_subplotspec().is_first_row() and one.time - written > ENVELOPE.apart * (
+            result.clock[-1] - result.clock[0]
+        ):
             above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
             axes.annotate(str(number), (one.time, 1.0), textcoords="offset points", fontsize=7, color=GREY, **above)
             written = one.time

@@ -20,7 +20,22 @@ from airrace.views.drawing import BLACK, COLOURS, GREY, RED, Axes, Figure, new_f
 from airrace.views.map_model import MapModel, map_model
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
-NAMES_MAX = 40  # passings; of longer courses none are named
+
+
+@record
+class FigureSettings:
+    """Sizes of the drawings.
+
+    Attributes:
+        names_max: passings; of longer courses none are named.
+        map_width: inches.
+    """
+
+    names_max: int = 40
+    map_width: float = 8.0
+
+
+FIGURE = FigureSettings()
 DEGREES = 180.0 / math.pi
 
 
@@ -104,7 +119,7 @@ def _draw_profile(axes: Axes, flight: Flight) -> None:
     axes.autoscale_view(scalex=False)
     _draw_limits_and_passings(axes, flight, "height", 1.0)
     made = [one for one in flight.crossings if one.found]
-    if len(made) <= NAMES_MAX:
+    if len(made) <= FIGURE.names_max:
         above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
         for one in made:
             name, place = one.passage.element.name, (one.time, 1.0)
@@ -146,9 +161,6 @@ def _without_jumps(name: str, values: Array) -> Array:
     return np.where(np.abs(np.diff(values, append=values[-1:])) > 180.0, np.nan, values) if name == "mu" else values
 
 
-MAP_WIDTH = 8.0  # inches
-
-
 @without_formulas
 def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     """Return maps side by side: every other flight in the colours of the time it loses, the reference dashed."""
@@ -161,8 +173,8 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     for one in comparisons:
         maps.append(maps[-1].with_track(np.stack([one.other["x"], one.other["y"]], axis=1)))
     map_, frame = maps[-1], frame_of(maps[-1])
-    height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
-    figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
+    height = min(FIGURE.map_width * frame.height / frame.width, 1.5 * FIGURE.map_width)
+    figure = new_figure(FIGURE.map_width * len(comparisons), height + 1.2, layout="compressed")
     figure.suptitle(f"{map_.name}: time lost against {reference.label}", x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(1, len(comparisons), squeeze=False)[0]
     tracks = [by_loss(one) for one in comparisons]
@@ -222,7 +234,7 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
                     across = first + (last - first) * distance / distance[-1]
                     axes.plot(across, values, color=colour, linewidth=1.1)
     strips[-1].set_xlabel(f"way of {reference.label}, m; the others leg by leg at the same share of their own")
-    if len(passings) <= NAMES_MAX:
+    if len(passings) <= FIGURE.names_max:
         style: dict[str, Any] = {"rotation": 60, "fontsize": 7, "color": GREY, "ha": "left", "va": "bottom"}
         above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 3.0)}
         for crossing, place in zip(reference.crossings, passings.tolist(), strict=True):

@@ -16,8 +16,7 @@ from fake_optimizer import stage_result
 import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
-from airrace.cli.run_tables import ROUTES_MAX as SHOWN
-from airrace.cli.run_tables import result_tables
+from airrace.cli.run_tables import TABLE, result_tables
 from airrace.cli.tables import render
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
@@ -205,16 +204,16 @@ def test_object_of_a_route_without_a_number_is_json() -> None:
     assert json.loads(text)["stages"][0]["routes"][0]["race_time_s"] is None
 
 
-@pytest.mark.parametrize("count", [1, SHOWN, SHOWN + 1, 40])
+@pytest.mark.parametrize("count", [1, TABLE.routes_max, TABLE.routes_max + 1, 40])
 def test_table_shows_the_first_routes_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", render(search_table(explored(count), most=SHOWN))).splitlines()
+    lines = STYLE.sub("", render(search_table(explored(count), most=TABLE.routes_max))).splitlines()
     told = [line for line in lines if "over the top" in line]
-    assert len(told) == min(count, SHOWN)
+    assert len(told) == min(count, TABLE.routes_max)
     assert " best " in told[0]
     assert not any(" best " in line for line in told[1:])
-    assert any(f"and {count - SHOWN} more" in line for line in lines) is (count > SHOWN)
+    assert any(f"and {count - TABLE.routes_max} more" in line for line in lines) is (count > TABLE.routes_max)
 
 
 @pytest.mark.parametrize("columns", ["40", "60", "80"])

@@ -33,7 +33,7 @@ FIT = ("fit", "log.csv", "--course", "rovinj_2014", "--aircraft", "edge540", "--
 
 
 def test_the_file_says_what_was_fitted_and_what_was_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fitting, "_corrected", lambda found, *_: (found, np.zeros(3)))
+    monkeypatch.setattr(fitting, "_correct", lambda found, *_: (found, np.zeros(3)))
     write_log(5.0)
     ran = airrace(*FIT)
     assert ran.code == 0, ran.err
@@ -49,7 +49,7 @@ def test_the_file_says_what_was_fitted_and_what_was_not(monkeypatch: pytest.Monk
 
 
 def test_a_roll_that_is_recorded_shows_the_roll_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fitting, "_corrected", lambda found, *_: (found, np.zeros(3)))
+    monkeypatch.setattr(fitting, "_correct", lambda found, *_: (found, np.zeros(3)))
     write_log(20.0, roll=True)
     assert airrace(*FIT).code == 0
     assert Path("mine.yaml").read_text(encoding="utf-8").count("# fitted, +-") == 6

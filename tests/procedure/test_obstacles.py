@@ -9,7 +9,7 @@ from races import EDGE_540, PLAN, RULES, course, level, optimum
 
 from airrace.environment.air import Air
 from airrace.planning.race import Race
-from airrace.planning.wing_clearance import ClosestApproach, Wing, closest_approaches, kept_clear, pylons_of
+from airrace.planning.wing_clearance import ClosestApproach, Wing, cleared_pylons, closest_approaches, pylons_of
 from airrace.procedure.certification import clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import PylonSide, Stage, Status
@@ -78,7 +78,7 @@ def test_a_wall_is_passed_on_its_shorter_side() -> None:
 def test_obstacles_are_kept_clear_of_by_the_rule_of_crossings_too() -> None:
     flight = flown(race(MAST, clearance=ClearanceRule.CROSSING))
     assert from_axis(flight, MAST) == pytest.approx(MAST.clearance, abs=0.03)
-    assert [one.name for one in kept_clear(flight.course)] == ["mast"]
+    assert [one.name for one in cleared_pylons(flight.course)] == ["mast"]
     assert len(pylons_of(flight.course)) == 5
 
 

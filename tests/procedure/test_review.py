@@ -236,7 +236,7 @@ def test_people_without_a_line_or_a_border_before_them_are_told() -> None:
     def told(**changes: object) -> list[str]:
         return [one.text for one in forgotten_lines(dataclasses.replace(bare, **changes))]
 
-    assert told() == ["no safety line or border lies between the race and `stand`; its distance alone is kept"]
+    assert told() == ["no safety line or border lies between the race and `stand`; its distance alone counts"]
     square = tuple(Point(north, east) for north, east in ((-900, -900), (900, -900), (900, 300), (-900, 300)))
     assert told(airspace=square) == []
     for keep_right, count in ((False, 0), (True, 1)):
@@ -327,7 +327,7 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
 def test_two_gates_in_one_place_are_asked_about(apart: float) -> None:
     remark = only(of([level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), level("c", 500.0 + apart, 0.0, 0.0)]))
     assert (remark.passage, remark.kind) == ("c", RemarkKind.CLOSE)
-    where = f"{apart:.3g} m from `b`: that is flown in {apart / EDGE_540.envelope.V.lower:.2g} s"
+    where = f"{apart:.3g} m from `b`: that takes {apart / EDGE_540.envelope.V.lower:.2g} s"
     assert remark.text.startswith(f"`c` stands {where if apart else 'in the same place as `b`: only a circle'}")
     assert remark.text.endswith("are they one gate?")
 

@@ -20,7 +20,7 @@ from airrace.cli.main import app
 from airrace.errors import StorageError, UsageError
 from airrace.report import browser, film
 from airrace.report.browser import page_in_browser
-from airrace.report.film import HOLD, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
+from airrace.report.film import FILM, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
 
 MP4, GIF = Path("race.mp4"), Path("race.gif")
 
@@ -79,7 +79,7 @@ def test_pictures_lie_a_frame_apart_and_the_finish_is_held(fps: float) -> None:
     assert times[0] == 0.0
     assert np.diff(flown) == pytest.approx(1.0 / fps)
     assert times[-1] == 10.0
-    assert len(times) / fps == pytest.approx(10.0 + HOLD, abs=1.0 / fps)
+    assert len(times) / fps == pytest.approx(10.0 + FILM.hold, abs=1.0 / fps)
 
 
 def test_a_piece_of_a_race_is_as_long_as_was_asked_for() -> None:

@@ -31,7 +31,7 @@ def test_second_process_is_refused_until_the_first_has_ended(path: Path) -> None
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(UsageError, match=r"run\.h5 is being flown by another process"), run_lock(path):
+        with pytest.raises(UsageError, match=r"run\.h5 is being written by another process"), run_lock(path):
             pass
         holder.kill()
         holder.wait()
