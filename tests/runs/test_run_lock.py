@@ -42,7 +42,7 @@ def test_second_process_is_refused_until_the_first_has_ended(path: Path) -> None
 def test_link_to_a_run_is_the_same_run(path: Path) -> None:
     link = path.with_name("link.h5")
     link.symlink_to(path)
-    with run_lock(path), pytest.raises(UsageError, match="being flown"), run_lock(link):
+    with run_lock(path), pytest.raises(UsageError, match="being written"), run_lock(link):
         pass
 
 
