@@ -41,7 +41,8 @@ SETTLED = """(revision) => {
   const { state } = window.designer.link;
   const [lane] = state?.lanes ?? [{}];
   const asked = state && state.revision >= revision && lane.answered === state.revision;
-  return asked && lane.slope_time === lane.time && !window.designer.plan.hand;
+  const found = lane.holds ? lane.slope_time === lane.time : lane.busy === "";
+  return asked && found && !window.designer.plan.hand;
 }"""
 
 

@@ -115,6 +115,10 @@ class Designer:
                 self._ask()
         self._tell()
 
+    def scene(self) -> str:
+        """Return the page of the first aircraft's scene; `UsageError` if there is no flight yet."""
+        return self._lanes[0].scene()
+
     def picture(self) -> tuple[bytes, str]:
         """Return the picture below the course and its kind; `UsageError` if there is none."""
         if self._background is None or self._background["lines"]:

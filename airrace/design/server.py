@@ -36,6 +36,8 @@ HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+SCENE_POLICY = "frame-ancestors 'self'"
+"""Of the page of the scene, which states by itself that it loads nothing."""
 
 
 @record
@@ -143,10 +145,18 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: C
             return _refusal(404, str(error))
         return Response(content, media_type=kind, headers=HEADERS)
 
+    async def scene(request: Request) -> Response:
+        try:
+            page = await run_in_threadpool(designer.scene)
+        except AirraceError as error:
+            return _refusal(404, str(error))
+        return Response(page, media_type="text/html", headers=HEADERS | {"Content-Security-Policy": SCENE_POLICY})
+
     own = f"/{token}"
     routes = [
         Route(f"{own}/state", state),
         Route(f"{own}/picture", picture),
+        Route(f"{own}/scene", scene),
         Route(f"{own}/do/{{what}}", act, methods=["POST"]),
         Route(f"{own}/{{path:path}}", asset),
     ]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from airrace.design.pieces import EditableCourse, layout_of
-from airrace.errors import AirraceError, SolverCrash
+from airrace.errors import AirraceError, SolverCrash, UsageError
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.places import GEODETIC, METRIC
@@ -28,6 +28,7 @@ from airrace.procedure.result import Stage
 from airrace.process import available_cores
 from airrace.quantities import KNOT
 from airrace.records import record
+from airrace.report.flight_page import scene_page
 from airrace.results.clearances import least_distances
 from airrace.results.flight import Flight
 from airrace.runs.courses import check_course
@@ -108,6 +109,12 @@ class Lane:
     def fly_six_dof(self) -> None:
         """Solve the layout with six degrees of freedom, in the background."""
         self._explorations.put(self._fly_six_dof)
+
+    def scene(self) -> str:
+        """Return a page with the scene of the last flight; `UsageError` if there is none yet."""
+        if self._known is None:
+            raise UsageError("there is no flight yet")
+        return scene_page(self._known.flight())
 
     def close(self) -> None:
         """End the solvers."""

@@ -44,12 +44,15 @@ class WarmSettings:
             refined; races that differ a little then rarely need another one.
         iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
             60 is another route or no flight, and ends at once.
+        stall_seconds: the longest wait for an iteration, which takes 5 to 50 ms; within one, fatrop's restoration of
+            feasibility may go on for ever.
         prepared_intervals: that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and
             each set of them is another problem; 200 MB at most.
     """
 
     spare: float = 0.6
     iterations_max: int = 60
+    stall_seconds: float = 5.0
     prepared_intervals: int = 2500
 
 
@@ -134,7 +137,7 @@ class WarmStage:
     def _new_service(self, threads: int) -> SolverService:
         service = SolverService(
             threads=threads,
-            stall_seconds=self._settings.solver.stall_seconds,
+            stall_seconds=min(SETTINGS.stall_seconds, self._settings.solver.stall_seconds),
             prepared_intervals=SETTINGS.prepared_intervals,
         )
         self._services.append(service)

@@ -11,6 +11,7 @@ import html
 import math
 import string
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +52,11 @@ READINGS = (
 """Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
 
 
+def scene_page(flight: Flight) -> str:
+    """Return the page about a flight with nothing but its scene, which fills the window."""
+    return flight_page([flight], styles=[*STYLES, FOLDER / "style" / "scene_alone.css"])
+
+
 def flight_page(
     flights: Sequence[Flight],
     sections: Sequence[str] = (),
@@ -58,6 +64,7 @@ def flight_page(
     *,
     claim: str = "",
     envelope: "SafetyResult | None" = None,
+    styles: Sequence[Path] = STYLES,
 ) -> str:
     """Return the page about some flights as HTML.
 
@@ -67,6 +74,7 @@ def flight_page(
         footer: plain text.
         claim: what is claimed of the first flight; the badge tells it and leads to the section `claim` among
             `sections`. Empty for its verdict alone.
+        styles: files of CSS, in this order.
 
     Raises:
         UsageError: a flight is of a course with other passings.
@@ -79,7 +87,7 @@ def flight_page(
     lost = [loss_section(one, map_) for one in comparisons]
     sections = [*lost, *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
-    style, script = "\n".join(path.read_text(encoding="utf-8") for path in STYLES), page_script()
+    style, script = "\n".join(path.read_text(encoding="utf-8") for path in styles), page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
     confirmation = first.source.confirmation

@@ -9,6 +9,7 @@ from three_gates import COURSE
 
 from airrace.design import designer
 from airrace.design.designer import Designer
+from airrace.errors import UsageError
 
 sys.path.append(str(Path(__file__).parents[1] / "report"))  # how pages are opened in a browser
 
@@ -23,6 +24,9 @@ class StillLane:
 
     def ask(self, question: object) -> None:
         self.asked.append(question)
+
+    def scene(self) -> str:
+        raise UsageError("there is no flight yet")
 
     def close(self) -> None: ...
 

@@ -90,6 +90,31 @@ def test_a_dragged_gate_has_the_race_time_of_the_saved_file(desk: Desk, track: P
     assert desk.settle() == pytest.approx(before, abs=1e-4)
 
 
+def test_the_scene_stands_beside_the_plan_and_follows_it(desk: Desk) -> None:
+    desk.settle()
+    desk.page.check("#beside")
+    scene = desk.page.frame_locator("#scene")
+    scene.locator("#scene canvas").first.wait_for()
+    assert scene.locator(".mast").is_hidden()
+    before = desk.page.locator("#scene").get_attribute("data-key")
+    desk.drag("gates.corner", 4.0, -3.0)
+    desk.settle()
+    desk.page.wait_for_function("(key) => document.getElementById('scene').dataset.key !== key", arg=before)
+    scene.locator("#scene canvas").first.wait_for()
+
+
+def test_gates_of_two_names_that_are_one_pylon_move_together(desk: Desk) -> None:
+    desk.settle()
+    found = desk.page.evaluate("""async () => {
+      const { together } = await import("./script/hand.js");
+      const piece = (name, north, group = "gates") => (
+        { path: [group, name], spots: [{ path: [group, name], north, east: 2 }] });
+      const all = [piece("a", 1), piece("b", 1.001), piece("c", 1.1), piece("d", 1, "obstacles")];
+      return together(all[0], all).map((one) => one.path[1]);
+    }""")
+    assert found == ["b"]
+
+
 def test_a_killed_solver_a_limit_that_is_refused_and_a_lost_link_lose_nothing(desk: Desk) -> None:
     before = desk.settle()
     for process in psutil.Process().children(recursive=True):

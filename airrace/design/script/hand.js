@@ -13,10 +13,17 @@ const turned = (one, about, radians) => {
   return { ...one, north: about.north + north * cos - east * sin, east: about.east + north * sin + east * cos };
 };
 
-// A movement of one piece: shifted, turned about its middle, or one corner of it moved.
+const SAME = 0.01; // m
+
+// The pieces that stand where one stands: gates of two names that are one pylon move together.
+export const together = (piece, pieces) => pieces.filter((one) => one.path[0] === "gates" && piece.path[0] === "gates"
+  && one.spots.length === 1 && piece.spots.length === 1 && key(one.path) !== key(piece.path)
+  && Math.hypot(one.spots[0].north - piece.spots[0].north, one.spots[0].east - piece.spots[0].east) < SAME);
+
+// A movement of one piece: shifted, turned about its middle, or one corner of it moved. Others go along with a shift.
 export class Hand {
-  constructor(piece, at, { corner = null, turning = false }) {
-    Object.assign(this, { piece, from: at, corner, turning });
+  constructor(piece, at, { corner = null, turning = false, others = [] }) {
+    Object.assign(this, { piece, from: at, corner, turning, others: turning ? [] : others });
     this.gesture = crypto.randomUUID();
     this.about = middle(piece.spots);
     this.shift = { north: 0, east: 0 };
@@ -38,9 +45,12 @@ export class Hand {
     return { ...there, north: there.north + this.shift.north, east: there.east + this.shift.east };
   }
 
-  // The piece as it stands in the hand.
-  moved() {
-    const { piece } = this;
+  // The pieces as they stand in the hand.
+  all() {
+    return [this.piece, ...this.others].map((one) => this.moved(one));
+  }
+
+  moved(piece = this.piece) {
     const whole = this.corner === null;
     const point = ([north, east]) => {
       const there = whole ? this.spot({ north, east }) : { north, east };
@@ -57,7 +67,7 @@ export class Hand {
 
   message() {
     const now = this.moved();
-    const places = this.turning && now.spots.length === 1 ? [] : now.spots;
+    const places = this.turning && now.spots.length === 1 ? [] : this.all().flatMap((one) => one.spots);
     const turns = this.turning && now.turn ? [{ path: now.path, degrees: now.turn[1] }] : [];
     return { gesture: this.gesture, places, turns };
   }

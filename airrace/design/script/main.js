@@ -22,6 +22,19 @@ function show(state) {
   showTables(state);
   showSliders(state, ask);
   showPiece(plan.chosenPiece(), ask);
+  showScene(state.lanes[0]);
+}
+
+// The scene of the last answer, drawn anew as soon as the answer is complete and no hand moves.
+function showScene(lane) {
+  const scene = find("scene");
+  scene.hidden = !find("beside").checked;
+  const key = `scene?flight=${lane.time}-${lane.answered}`;
+  const complete = lane.holds && lane.slope_time === lane.time && !plan.hand;
+  if (!scene.hidden && complete && scene.dataset.key !== key) {
+    scene.dataset.key = key;
+    scene.contentWindow.location.replace(key); // no step of its own to go back to
+  }
 }
 
 function click(at) {
@@ -71,6 +84,7 @@ find("arrows").onchange = (event) => {
   plan.arrows = event.target.checked;
   plan.draw();
 };
+find("beside").onchange = () => link.state && showScene(link.state.lanes[0]);
 find("kind").onchange = () => find("plan").classList.toggle("adding", Boolean(find("kind").value));
 document.addEventListener("keydown", (event) => {
   const typing = ["INPUT", "SELECT"].includes(document.activeElement?.tagName);

@@ -1,6 +1,6 @@
 // The course from above, north up, and the hand on it.
 
-import { Hand, gain, key, middle } from "./hand.js";
+import { Hand, gain, key, middle, together } from "./hand.js";
 
 const SPACE = "http://www.w3.org/2000/svg";
 const REST_MS = 150;
@@ -40,10 +40,10 @@ export class Plan {
     this.draw();
   }
 
-  // All pieces as they stand, one perhaps in the hand.
+  // All pieces as they stand, some perhaps in the hand.
   pieces() {
-    const held = this.hand?.piece;
-    return this.state.pieces.map((one) => (held && key(one.path) === key(held.path) ? this.hand.moved() : one));
+    const held = new Map((this.hand?.all() ?? []).map((one) => [key(one.path), one]));
+    return this.state.pieces.map((one) => held.get(key(one.path)) ?? one);
   }
 
   chosenPiece() {
@@ -98,7 +98,8 @@ export class Plan {
     const piece = this.pieces().find((one) => key(one.path) === target.dataset.piece);
     const corner = event.target.dataset.corner;
     const spot = corner && piece.spots.find((one) => key(one.path) === corner);
-    this.hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset });
+    this.hand = new Hand(piece, at, { corner: spot ? spot.path : null, turning: "turn" in event.target.dataset,
+      others: together(piece, this.pieces()) });
     this.choose(piece.path);
   }
 
