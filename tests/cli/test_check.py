@@ -217,6 +217,7 @@ def test_the_work_to_check_a_course_grows_with_its_gates_and_no_faster(tmp_path:
     assert_grows_no_faster_than_its_input(work, 600)  # of fewer gates, more is told of each
 
 
+@pytest.mark.slow
 def test_of_a_course_of_thousands_of_gates_the_first_are_shown(tmp_path: Path) -> None:
     path = many_gates(tmp_path, 5000)
     shown = check(path)

@@ -239,6 +239,7 @@ def found_around(optimum: StageResult) -> RoutesAround:
     return found
 
 
+@pytest.mark.slow
 def test_around_a_flight_the_wrong_way_round_the_right_way_is_found_and_told() -> None:
     wrong = optimum(SLALOM, OFF)
     found = found_around(wrong)
