@@ -26,7 +26,8 @@ SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 
 def rows(text: str, *heading: str) -> list[list[str]]:
     """The rows of the table with this heading, without the marks of code."""
-    _, _, below = text.partition(f"| {' | '.join(heading)} |\n")
+    _, found, below = text.partition(f"| {' | '.join(heading)} |\n")
+    assert found, f"there is no table of {', '.join(heading)}"
     table = below.split("\n\n")[0].splitlines()[1:]
     return [[cell.strip().strip("`") for cell in line[1:-1].split("|")] for line in table]
 
@@ -86,7 +87,7 @@ def test_the_readme_has_at_most_150_lines() -> None:
 
 @pytest.mark.parametrize(
     "example",
-    [row[1] for row in rows((DOCS / "course.md").read_text(encoding="utf-8"), "`type`", "for example", "what it is")],
+    [row[1] for row in rows((DOCS / "course.md").read_text(encoding="utf-8"), "`type`", "example", "meaning")],
 )
 def test_every_example_of_an_element_is_valid(example: str, tmp_path: Path) -> None:
     (name,) = yaml.safe_load(example)
