@@ -351,8 +351,8 @@ class PylonRooms:
         """Return a condition with the error of its prediction; as it is where that is not known.
 
         Where the wing is farther away than predicted by more than an error may be, and than what is required, its
-        distance is that to another side, as above the top. Where the wing touches the pylon, it is wrong by the whole
-        room at least.
+        distance is that to another side, as above the top. Above it the lower tip counts, whichever point of the wing
+        is nearest, so there an error may be half a span. Where the wing touches the pylon, it is the whole room.
         """
         pylon = self.pylons[condition.element, condition.post]
         room = self._room(condition, self._observe(pylon, replayed.state(condition.leg, condition.share)))
@@ -361,7 +361,8 @@ class PylonRooms:
             return dataclasses.replace(condition, error=max(condition.error, min(room, most), 0.0))
         if not room > 0.0 or math.isnan(distance):
             return condition
-        return dataclasses.replace(condition, error=min(error, most) if error > -max(most, pylon.required) else 0.0)
+        aslant = max(most, pylon.required, self.semispan if condition.side is PylonSide.BELOW else 0.0)
+        return dataclasses.replace(condition, error=min(error, most) if error > -aslant else 0.0)
 
     def _required_room(self, condition: PylonCondition) -> float:
         """Return the room that a condition asks for, m."""
