@@ -23,7 +23,7 @@ from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.variation import Variation
 from airrace.procedure.formulation import passings_of
-from airrace.procedure.progress import Silent
+from airrace.procedure.progress import Iteration, Silent
 from airrace.procedure.result import Stage
 from airrace.process import available_cores
 from airrace.quantities import KNOT
@@ -167,7 +167,8 @@ class Lane:
         session, run = self._session, self._run
         if session and run and passings_of(inputs.race.course) == passings_of(run.race.course):
             return session.solve(question.values, track=question.track, start=self._known)
-        run = self._fly(plan_new_run(inputs, until=STAGE), available_cores(), "")
+        plan = plan_new_run(inputs, until=STAGE)
+        run = self._fly(plan, available_cores(), "", lambda: self._question is not question)
         if run.stage().result.holds:
             self._open(run, Session(run, STAGE))
         return run.stage()
@@ -181,8 +182,9 @@ class Lane:
             self._show(**_slopes_of(view, layout_of(view.inputs)))
         self._show(warnings=[one.text for one in check_course(view.inputs).warnings])
 
-    def _fly(self, plan: ExecutionPlan, threads: int, what: str) -> RunState:
-        *_, run = execute(plan, threads=threads, progress=_ProgressLine(self._show, what))
+    def _fly(self, plan: ExecutionPlan, threads: int, what: str, dropped: Callable[[], bool]) -> RunState:
+        """Return the run of a plan; `CancelledError` as soon as it is dropped, as for a newer question."""
+        *_, run = execute(plan, threads=threads, progress=_ProgressLine(self._show, what, dropped))
         return run
 
     def _open(self, run: RunState, session: Session) -> None:
@@ -204,7 +206,7 @@ class Lane:
                 if self._known is known:
                     self._show(status=checked.status)
         plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=STAGE)
-        view = (found := self._fly(plan, 1, "other routes: ")).stage()
+        view = (found := self._fly(plan, 1, "other routes: ", lambda: self._question is not question)).stage()
         before = known.race_time if known is not None and holds else math.inf
         opened = None
         if view.result.holds and view.race_time < before - SETTINGS.faster:
@@ -225,22 +227,28 @@ class Lane:
         if run is None or question is None:
             return
         plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=LAST)
-        view = self._fly(plan, available_cores(), "").stage()
+        view = self._fly(plan, available_cores(), "", lambda: self._question is None).stage()
         drawn = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
         self._show(busy="", six_dof={**_view_fields(view), **drawn, "revision": question.revision})
 
 
 class _ProgressLine(Silent):
-    """A view of a run under way that shows one line."""
+    """A view of a run under way that shows one line, and breaks the run off once nobody waits for it any more."""
 
-    def __init__(self, show: Callable[..., None], what: str) -> None:
-        self._show, self._what = show, what
+    def __init__(self, show: Callable[..., None], what: str, dropped: Callable[[], bool]) -> None:
+        self._show, self._what, self._dropped = show, what, dropped
 
     def stage_started(self, stage: Stage) -> None:
         self._stage = stage.value
         self._show(busy=f"{self._what}{self._stage}")
 
+    def iteration(self, iteration: Iteration) -> None:
+        if self._dropped():
+            raise CancelledError
+
     def activity(self, text: str, done: int, total: int) -> None:
+        if self._dropped():
+            raise CancelledError
         self._show(busy=f"{self._what}{self._stage}: {text}")
 
 
