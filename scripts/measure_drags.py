@@ -4,7 +4,8 @@
 
 Needs the extra `design`, Chromium and playwright. Drags go in turn over the courses, each from the shipped layout: a
 gate or pylon by 5 m in one of eight directions. The prediction is that of the sensitivities, shown while the hand
-moves; changes below a millisecond are not compared. `later` is by how much the saved file, optimised from scratch to
+moves, and held against the first answer; changes below a millisecond are not compared. The page then rests until it has
+looked for other routes. `later` is by how much the saved file, optimised from scratch to
 the point mass, is slower than the page, and `faster` by how much it is faster.
 """
 
@@ -55,6 +56,13 @@ def settle(page: Page, revision: int) -> float:
     return time_of(page)
 
 
+def rest(page: Page) -> float:
+    """The time that the page shows once other routes were looked for."""
+    page.wait_for_timeout(1500)
+    page.wait_for_function("() => window.designer.link.state.lanes[0].busy === ''", timeout=600_000)
+    return time_of(page)
+
+
 @contextmanager
 def desk(track: Path, browser: Browser) -> Iterator[Page]:
     """The page that shows a course."""
@@ -73,8 +81,11 @@ def desk(track: Path, browser: Browser) -> Iterator[Page]:
         designer.close()
 
 
-def drags(course: str, number: int, first: int, browser: Browser) -> Iterator[tuple[float, float, float, str, str]]:
-    """Yield the time before, the predicted one, the one after, the saved text and the gate of each drag."""
+Drag = tuple[float, float, float, float, str, str]
+
+
+def drags(course: str, number: int, first: int, browser: Browser) -> Iterator[Drag]:
+    """Yield the times before, predicted, answered and after a rest, the saved text and the gate of each drag."""
     with tempfile.TemporaryDirectory() as folder:
         track = airrace.init(Path(folder) / "course", like=course)
         with desk(track, browser) as page:
@@ -91,9 +102,10 @@ def drags(course: str, number: int, first: int, browser: Browser) -> Iterator[tu
                 page.mouse.up()
                 revision += 1
                 after = settle(page, revision)
+                rested = rest(page)
                 page.keyboard.press("Control+s")
                 page.wait_for_selector("#save:disabled")
-                yield before, predicted, after, track.read_text(encoding="utf-8"), gate
+                yield before, predicted, after, rested, track.read_text(encoding="utf-8"), gate
                 page.keyboard.press("Control+z")
                 revision += 1
                 settle(page, revision)
@@ -115,12 +127,12 @@ def main() -> int:
         first = 0
         for course, last in zip(chosen.courses, ends, strict=True):
             off, gaps = list[float](), list[float]()
-            for before, predicted, after, text, gate in drags(course, last - first, first, browser):
+            for before, predicted, after, rested, text, gate in drags(course, last - first, first, browser):
                 if abs(after - before) > LEAST:
                     off.append(abs(predicted - after) / abs(after - before))
                 saved = Path(folder) / "saved.yaml"
                 saved.write_text(text, encoding="utf-8")
-                gaps.append(1e3 * (airrace.optimize(saved, until="point-mass").race_time - after))
+                gaps.append(1e3 * (airrace.optimize(saved, until="point-mass").race_time - rested))
                 times = f"{before:.4f} -> {predicted:.4f}, {after:.4f}"
                 print(f"  {course} {gate}: {times}, {gaps[-1]:+.2f} ms", file=sys.stderr)
             wide += sum(gap < -5.0 for gap in gaps)
