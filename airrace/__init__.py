@@ -19,15 +19,13 @@ if TYPE_CHECKING:
     from airrace.batch.fairness import fairness
     from airrace.batch.reports import BatchResult
     from airrace.batch.sweep import SweepResult, sweep
-    from airrace.environment.air import Air, Profile, StaticWind, Thermal
+    from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
     from airrace.optimal_control.certificate import Certificate
-    from airrace.planning.race import Race
-    from airrace.procedure.progress import Progress
-    from airrace.procedure.result import StageResult, Status
-    from airrace.procedure.settings import Settings
-    from airrace.procedure.stage import Stage
+    from airrace.planning.plan import Race
+    from airrace.procedure.result import Progress, StageResult, Status
+    from airrace.procedure.settings import Settings, Stage
     from airrace.quantities import Interval
     from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
     from airrace.runs.courses import CourseCheck, init
@@ -118,14 +116,12 @@ _HOMES = {
     "airrace.batch.fairness": ("fairness",),
     "airrace.batch.reports": ("BatchResult",),
     "airrace.batch.sweep": ("SweepResult", "sweep"),
-    "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
+    "airrace.environment.atmosphere": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
-    "airrace.planning.race": ("Race",),
-    "airrace.procedure.progress": ("Progress",),
-    "airrace.procedure.result": ("Status", "StageResult"),
-    "airrace.procedure.settings": ("Settings",),
-    "airrace.procedure.stage": ("Stage",),
+    "airrace.planning.plan": ("Race",),
+    "airrace.procedure.result": ("Progress", "StageResult", "Status"),
+    "airrace.procedure.settings": ("Settings", "Stage"),
     "airrace.quantities": ("Interval",),
     "airrace.runs.aircraft": ("ComparedAircraft", "estimate_aircraft"),
     "airrace.runs.fit": ("FittedAircraft", "fit"),

@@ -22,7 +22,7 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
 from airrace.errors import KernelError
 from airrace.inputs.inputs import load_inputs
 from airrace.native.interpreter import Interpreter

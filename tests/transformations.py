@@ -8,8 +8,8 @@ The geographic position of the origin and its elevation stay as they are.
 import math
 from dataclasses import dataclass, replace
 
-from airrace.environment.air import Air
-from airrace.planning.race import Race
+from airrace.environment.atmosphere import Air
+from airrace.planning.plan import Race
 from airrace.quantities import Interval
 from airrace.track.course import Course, Crowd, Passage, SafetyLine, Turning
 from airrace.track.gates import Element, Gate, Manoeuvre, Pylon

@@ -18,7 +18,8 @@ from airrace.batch.jobs import Combination, combinations, cover
 from airrace.batch.planning import parse_sweeps
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import InputError, UsageError
-from airrace.procedure.result import Stage, Status
+from airrace.procedure.result import Status
+from airrace.procedure.settings import Stage
 from airrace.process import available_cores
 from airrace.records import record
 from airrace.resources import extra

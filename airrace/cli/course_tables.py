@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from airrace.planning.lint import Remark
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results import Flight

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from airrace.procedure.settings import MeshCheck
-from airrace.procedure.stage import STAGES
+from airrace.procedure.settings import STAGES, MeshCheck
 from airrace.resources import shipped_folder
 
 

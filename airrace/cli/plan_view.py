@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from airrace.planning.clearances import ground_distance
+from airrace.planning.clearance import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import CrowdShape

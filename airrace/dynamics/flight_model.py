@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState
 from airrace.dynamics.parameters import AircraftParameters
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters
+from airrace.environment.atmosphere import Air, AtmosphereParameters, atmosphere_parameters
 from airrace.environment.wind import Weather, WindField
 from airrace.frames import Scalar, normalise
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector

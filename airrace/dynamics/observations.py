@@ -51,8 +51,8 @@ import casadi as ca
 from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE
-from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
+    Air,
     AtmosphereParameters,
     atmosphere_parameters,
     calibrated_airspeed,

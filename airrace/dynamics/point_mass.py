@@ -13,8 +13,7 @@ from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
 from airrace.dynamics.outer_loop import FlightPathState, PoweredState, flight_path_rates
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import density
+from airrace.environment.atmosphere import Air, density
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, Vector, quantity, vector

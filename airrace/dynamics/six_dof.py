@@ -26,8 +26,7 @@ from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bo
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import angle_rates, angular_accelerations, incidence, rotation_to_body
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import density, g0
+from airrace.environment.atmosphere import Air, density, g0
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector

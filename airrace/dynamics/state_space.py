@@ -32,8 +32,7 @@ from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, roll_yaw_accelerations, stability_axes
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import density, g0
+from airrace.environment.atmosphere import Air, density, g0
 from airrace.environment.wind import Weather
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector

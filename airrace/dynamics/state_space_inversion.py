@@ -39,8 +39,7 @@ from airrace.dynamics.state_space import (
     sideways,
     surrounding,
 )
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import Air, g0
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, vector

@@ -22,7 +22,7 @@ from airrace.dynamics.linear_derivatives import lags, linear_parameters
 from airrace.dynamics.outer_loop import PoweredState
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.point_mass import load_factor_flight
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, quantity, vector

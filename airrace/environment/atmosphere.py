@@ -1,17 +1,79 @@
-"""The troposphere of the International Standard Atmosphere, shifted to the temperature and pressure of the day.
+"""The air of the day as numbers (its deviations from the standard, wind, thermals), and the atmosphere's equations.
 
-The temperature falls from `T_0` at mean sea level by `LAPSE` per metre; the pressure follows from hydrostatic balance,
-`dp/dh = -rho g0`, starting from `p_0` at mean sea level:
+The temperature of the International Standard Atmosphere's troposphere falls from `T_0` at mean sea level by `LAPSE` per
+metre; the pressure follows from hydrostatic balance, `dp/dh = -rho g0`, starting from `p_0` at mean sea level. Both are
+shifted to the temperature and pressure of the day:
 
     T = T_0 - LAPSE h,   p = p_0 (T / T_0)^(g0 / (R LAPSE)),   rho = p / (R T)
 
 With `T_0 = 288.15 K` and `p_0 = 101325 Pa` this is ISO 2533 below 11 km.
 """
 
-from airrace.environment.air import Air
+import math
+from enum import Enum
+
 from airrace.environment.elementary import power
 from airrace.frames import Scalar
 from airrace.quantities import T, Vector, quantity, vector
+from airrace.records import record
+
+
+class Profile(Enum):
+    """The law by which the static wind changes with height."""
+
+    CONSTANT = "constant"
+    POWER = "power"
+    LOG = "log"
+
+
+@record
+class StaticWind:
+    """A wind from `origin` (the azimuth it blows from, rad) with `speed` (m/s) at `reference_height` (m).
+
+    `exponent` belongs to the power law, `roughness` (m) to the logarithmic one.
+    """
+
+    origin: float
+    speed: float
+    profile: Profile = Profile.CONSTANT
+    reference_height: float = 10.0
+    exponent: float = 1.0 / 7.0
+    roughness: float = 0.03
+
+    @property
+    def north(self) -> float:
+        """The northward component at the reference height, m/s."""
+        return -self.speed * math.cos(self.origin)
+
+    @property
+    def east(self) -> float:
+        """The eastward component at the reference height, m/s."""
+        return -self.speed * math.sin(self.origin)
+
+
+@record
+class Thermal:
+    """An updraft after Allen (2006): centre (m), convective velocity scale `w_star` (m/s), mixing-layer depth (m)."""
+
+    north: float
+    east: float
+    w_star: float
+    mixing_height: float
+
+
+@record
+class Air:
+    """The air of the day: offsets from ISA at sea level (K, Pa), the elevation of the track's origin (m) and the wind.
+
+    `wind` is None without static wind.
+    """
+
+    temperature_offset: float = 0.0
+    pressure_offset: float = 0.0
+    elevation: float = 0.0
+    wind: StaticWind | None = None
+    thermals: tuple[Thermal, ...] = ()
+
 
 g0 = 9.80665
 """The standard acceleration of gravity, m/s2."""

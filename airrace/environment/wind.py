@@ -23,8 +23,7 @@ same mean. Smooth maxima bound h and r2 from below; the weak linear tail, which 
 import dataclasses
 from collections.abc import Sequence
 
-from airrace.environment.air import Air, Profile
-from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.atmosphere import Air, AtmosphereParameters, Profile
 from airrace.environment.elementary import exp, log, power, smooth_maximum, sqrt
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, T, Vector, quantity, vector

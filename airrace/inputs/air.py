@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
 from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional

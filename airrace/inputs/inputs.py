@@ -23,7 +23,7 @@ from airrace.inputs.schema import Schema, language_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language
 from airrace.logs.violations import NONE_KNOWN, Penalties
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.settings import Settings
 from airrace.quantities import KNOT
 from airrace.records import record

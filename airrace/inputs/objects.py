@@ -14,11 +14,11 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import PydanticSerializationError, to_json
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import JSON
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.settings import Settings
 from airrace.records import record
 from airrace.track.course import Course

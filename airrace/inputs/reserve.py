@@ -10,7 +10,7 @@ from pydantic import Field
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.schema import Schema, optional
 from airrace.planning.parameters import course_limits, with_margins
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Tolerant
 

@@ -16,7 +16,7 @@ from airrace.inputs.rules import LimitsEntry, with_preset
 from airrace.inputs.schema import Schema, validate
 from airrace.inputs.track import TrackEntry, track_language
 from airrace.parameters import Parameter
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 
 AIRCRAFT = "aircraft"
 

@@ -30,8 +30,7 @@ from airrace.dynamics.limits import SurfaceControl
 from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import rotation_to_body
 from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import T_ISA, AtmosphereParameters, density, g0
+from airrace.environment.atmosphere import T_ISA, Air, AtmosphereParameters, density, g0
 from airrace.environment.wind import Weather, WindField
 from airrace.errors import UsageError
 from airrace.frames import angles, rotation

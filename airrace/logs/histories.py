@@ -8,7 +8,7 @@ from airrace.environment.atmosphere import atmosphere_parameters, density, g0
 from airrace.logs.passings import MEASURED
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.results import airdata, attitude

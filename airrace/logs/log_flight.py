@@ -14,7 +14,7 @@ from airrace.logs.plausibility import height_bias, in_feet_if_so, plausible, rol
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.logs.smoothing import SMOOTHING, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.records import record
 from airrace.results import Flight, Source, TimedCrossing
 from airrace.track.course import Passage

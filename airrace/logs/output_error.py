@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import Airflow, axial_load_factor, load_factor_coefficients, thrust
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.environment.atmosphere import Air, atmosphere_parameters, density, g0
 from airrace.environment.wind import WindField
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.records import record

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from airrace.logs.clocks import spread_repeated, true_times
 from airrace.logs.freshness import held
 from airrace.logs.recording import Recording, count_of, refuse
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.records import record
-from airrace.track.course import Passage
-from airrace.track.geodetic import metres
+from airrace.track.course import Passage, metres
 from airrace.trajectory import Array
 
 

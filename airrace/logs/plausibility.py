@@ -13,7 +13,7 @@ from airrace.logs.passings import HEIGHTS, CourseRun
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
 from airrace.logs.violations import beyond, height_window
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.results import Flight, attitude

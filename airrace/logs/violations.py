@@ -14,7 +14,7 @@ import numpy as np
 
 from airrace.dynamics.observations import crossing_values
 from airrace.frames import angle_between
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.records import record

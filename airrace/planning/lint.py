@@ -16,10 +16,9 @@ from airrace.dynamics import handling
 from airrace.dynamics.performance import top_speed
 from airrace.environment.atmosphere import g0
 from airrace.frames import angle_between
-from airrace.planning.plan import ONE_PLACE, plan
+from airrace.planning.plan import ONE_PLACE, Race, plan
 from airrace.planning.planning_model import ASSUMED, PlanningModel
-from airrace.planning.race import Race
-from airrace.planning.waypoints import PLANNED_MAX, place
+from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import Course, Direction, Passage

@@ -1,27 +1,33 @@
-"""The plan: in which direction every element is crossed, before anything is optimised.
+"""The race, all that defines one optimisation besides the settings, and its plan: how every element is crossed.
 
 Which way a gate is left decides which optimum is found: phases solved one by one, without a crossing direction, leave
 gates uselessly, and the joint optimum keeps the loops. So the headings at all passages come first, by dynamic
 programming: a few candidates per passage, and between neighbours the length of the Dubins path (or, where a position is
 free, the time to turn from one attitude to the next).
+
+The plan of a flight that exists already makes the choices that are read off its states at the passages. The flight
+itself says along which axis a passage is crossed and to which side a roll goes, so nothing about it has to be stored.
 """
 
 import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
-from airrace.frames import angles, rotation
-from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turn_by
-from airrace.planning.route_decisions import ANY, RouteDecisions
-from airrace.planning.waypoints import Waypoint
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.atmosphere import Air
+from airrace.frames import angle_between, angles, rotation
+from airrace.planning.planning_model import PlanningModel, cruise, roll_time, rotation_time, rotation_vector, turn_by
+from airrace.planning.route_decisions import ANY, RouteDecisions, Waypoint, candidates
+from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Course, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
-from airrace.trajectory import Array
+from airrace.track.gates import STEEP
+from airrace.trajectory import Array, Trajectory
 
 ONE_PLACE = 0.01
 """The length of a way below which both of its ends are one place, m: places are not surveyed more closely.
@@ -225,3 +231,138 @@ def _turn_around(before: PlannedLeg | None, after: PlannedLeg | None, reach: flo
         s = np.linspace(0.0, min(reach, after.path.length), 21)
         turn += float(after.path.curvature(s).mean()) * reach
     return turn
+
+
+@record
+class Race:
+    """A course, the aircraft that flies it and the air of the day.
+
+    Attributes:
+        rules_course: the course by its rules, where `course` is tightened by margins; None where it is that.
+    """
+
+    course: Course
+    aircraft: Aircraft
+    air: Air
+    rules_course: Course | None = None
+
+    @property
+    def by_rules(self) -> "Race":
+        """The race without margins, as a flight is judged."""
+        return self if self.rules_course is None else Race(self.rules_course, self.aircraft, self.air)
+
+    @cached_property
+    def pace(self) -> PlanningModel:
+        """The pace at which the race is planned: how fast, and how tightly."""
+        return cruise(self.aircraft, self.course.rules)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan with which an optimisation begins, made when it is first asked for and then handed on."""
+        return plan(self.course, self.pace)
+
+
+TURN = math.radians(45.0)
+"""The angle above which a flight has chosen the side of a turn, rad.
+
+A flight that turns less has chosen none; forced to one, its plan might fly a circle.
+"""
+LEVEL = 0.2
+"""The share of a step's length that must lie over ground for the step to have a course."""
+POSITION = ("x", "y", "z")
+ATTITUDE = ("q0", "q1", "q2", "q3")
+
+
+def plan_from_solution(course: Course, pace: PlanningModel, trajectory: Trajectory) -> Plan:
+    """Return the plan that makes all choices as a flight has made them.
+
+    Args:
+        course: of the flight.
+        pace: how fast, and how tightly, it is planned.
+        trajectory: of a flight through it, of any fidelity.
+    """
+    return plan(
+        course,
+        pace,
+        decisions_from_solution(course, trajectory.states, trajectory.state, trajectory.first_node.tolist()),
+    )
+
+
+def decisions_from_solution(
+    course: Course, states: Sequence[Quantity], state: Array, first_node: Sequence[int]
+) -> RouteDecisions:
+    """Return the choices of a flight.
+
+    Args:
+        course: of the flight.
+        states: declarations of the states.
+        state: the states at the nodes, shape (n_x, N + 1).
+        first_node: the node of every passage.
+    """
+    row = {one.name: history for one, history in zip(states, state, strict=True)}
+    q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
+    stops = stops_of(course)
+    ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
+    angle = {
+        stop: track_turn(r[:, first_node[before] : first_node[stop] + 1]).angle
+        for before, stop in itertools.pairwise(stops)
+    }
+    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > TURN}
+    rolls = {
+        index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
+        for index, passage in enumerate(course.passages)
+        if passage.roll is not None
+    }
+    edges = {
+        index: 1 if _bank(q[:, first_node[index]]) > 0.0 else -1
+        for index, passage in enumerate(course.passages)
+        if passage.element.two_edged
+    }
+    return RouteDecisions(ways, turns, rolls, edges)
+
+
+def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:
+    """Return the candidate of a passage that is nearest to how it was passed, with its course over ground.
+
+    Args:
+        course: of the flight.
+        index: the index of the passage.
+        q: the attitude as a quaternion, shape (4,).
+    """
+    heading, _, _ = angles(rotation([float(one) for one in q]))
+    passage, known = course.passages[index], candidates(course, index)
+    nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
+    if not passage.element.stands:
+        banked = passage.roll is not None or passage.element.prescribed_bank is not None
+        by_attitude = banked or abs(nearest.climb) > STEEP  # on a steep line bank and course are one
+        return max(known, key=lambda one: abs(float(np.dot(q, one.q)))) if by_attitude else nearest
+    return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
+
+
+@record
+class TrackTurn:
+    """The angle by which a track over ground turns, rad, positive to the right.
+
+    Attributes:
+        angle: the whole angle.
+        lateral: the part of it to a side; a track that reverses through the vertical turns to none.
+    """
+
+    angle: float
+    lateral: float
+
+
+def track_turn(r: Array) -> TrackTurn:
+    """Return how a track turns, given as positions north, east and down (m), shape (3, n)."""
+    steps = np.diff(r)
+    steps = steps[:2, np.hypot(steps[0], steps[1]) > LEVEL * np.linalg.norm(steps, axis=0)]
+    (n, e), (n_next, e_next) = steps[:, :-1], steps[:, 1:]
+    angles = np.arctan2(n * e_next - e * n_next, n * n_next + e * e_next)
+    reversed_ = np.abs(angles) > math.radians(150.0)  # not to a side, but through the vertical
+    lateral = float(angles[~reversed_].sum())
+    return TrackTurn(lateral + math.copysign(float(np.abs(angles[reversed_]).sum()), lateral), lateral)
+
+
+def _bank(q: Array) -> float:
+    R = rotation([float(one) for one in q])
+    return math.atan2(R[2][1], R[2][2])

@@ -1,12 +1,17 @@
-"""The pace at which a race is planned: a typical speed and load factor of the aircraft, from its own numbers."""
+"""The planning model: a typical speed, load factor and roll rate of the aircraft, from its own numbers.
+
+With them follows the time that it takes to turn from one attitude to another.
+"""
 
 import math
+from collections.abc import Sequence
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.performance import top_speed
 from airrace.environment.atmosphere import g0
+from airrace.frames import product
 from airrace.records import record
-from airrace.track.course import Rules
+from airrace.track.course import Roll, Rules, Turning
 
 
 @record
@@ -55,3 +60,84 @@ def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
     n = max(min(ASSUMED.load_factor, ASSUMED.share_of_limit * n_limit, 0.8 * n_lift), ASSUMED.least_load_factor)
     return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
+
+
+ROUNDING = 1e-6
+"""The difference of attitude that counts as none, rad."""
+
+
+def rotation_vector(
+    start: Sequence[float], end: Sequence[float], rolled: float = 0.0, *, last: bool = False
+) -> tuple[float, float, float]:
+    """Return the shortest rotation from one attitude to another as a vector in the rotating frame, rad.
+
+    Of two that are half a circle long it is the one that pulls; if neither does, the one that rolls back where the
+    aircraft has rolled before (`rolled`, rad, positive to the right). If that decides nothing either, both will do, and
+    rounding picks one of them; a mirror does not change which. With `last` it is the other one.
+    """
+    w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
+    either = -1.0 if (w < 0.0) is not last else 1.0
+    if next((one for one in (w, y, -x * rolled) if abs(one) > ROUNDING), either) < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
+    return factor * x, factor * y, factor * z
+
+
+def turn_by(start: Sequence[float], vector: Sequence[float], part: float) -> list[float]:
+    """Return the attitude after a part of a rotation given as a vector in the rotating frame, rad."""
+    vector = [part * angle for angle in vector]
+    angle = math.sqrt(sum(one * one for one in vector))
+    factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
+    return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
+
+
+def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningModel) -> float:
+    """Return the time of a rotation, s: rolling at the planned rate, pulling at the planned load factor.
+
+    Pushing takes three times as long as pulling.
+
+    A turn of the path to the side is planned like a pull, for the aircraft can roll into it.
+    """
+    roll, pitch, yaw = rotation_vector(start, end)
+    return abs(roll) / pace.p + _turning_time(pitch, yaw, pace)
+
+
+def roll_time(
+    start: Sequence[float], end: Sequence[float], roll: Roll, pace: PlanningModel, *, last: bool = False
+) -> tuple[float, float]:
+    """Return the time (s) and the signed angle (rad, positive to the right) of a roll that leads from one attitude to
+    another.
+
+    Where both sides are equally far it is to the right, or to the left where the last of equal choices is asked for.
+    """
+    between, pitch, yaw = rotation_vector(start, end)
+    angle = _least_roll(between, roll, last=last)
+    return abs(angle) / pace.p + _turning_time(pitch, yaw, pace), angle
+
+
+def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
+    """Return the smallest roll that turns far enough and ends at the angle `between` (rad)."""
+    right = roll.angle + _less_than_full(between - roll.angle)
+    left = roll.angle + _less_than_full(-between - roll.angle)
+    match roll.turning:
+        case Turning.RIGHT:
+            return right
+        case Turning.LEFT:
+            return -left
+        case Turning.EITHER:
+            return right if right - left <= (-ROUNDING if last else ROUNDING) else -left
+
+
+def _less_than_full(angle: float) -> float:
+    """Return an angle in [0, 2 pi); what rounding has put just below a full circle becomes zero."""
+    wrapped = angle % (2.0 * math.pi)
+    return 0.0 if wrapped > 2.0 * math.pi - ROUNDING else wrapped
+
+
+def _turning_time(pitch: float, yaw: float, pace: PlanningModel) -> float:
+    pull = g0 * (pace.n - 1.0) / pace.V
+    angle = math.hypot(pitch, yaw)
+    pushed = max(0.0, -pitch / angle) if angle > ROUNDING else 0.0
+    # A push takes three times a pull: downwards an aircraft and its pilot bear about a third.
+    return angle / pull * (1.0 + 2.0 * pushed)

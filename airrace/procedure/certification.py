@@ -18,19 +18,18 @@ from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.planning.wing_clearance import ClosestApproach, Wing, closest_approaches, pylons_of
+from airrace.planning.clearance import ClosestApproach, Wing, closest_approaches, pylons_of
 from airrace.procedure.result import (
     CLEARANCE,
     NO_PROVENANCE,
     NO_RECORD,
     MeshRecord,
     Note,
-    Stage,
     StageProvenance,
     StageResult,
     Status,
 )
-from airrace.procedure.settings import CertificateLimits
+from airrace.procedure.settings import CertificateLimits, Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, gate_splits, trajectory_of
 from airrace.records import record

@@ -25,14 +25,14 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.errors import CheckpointError
 from airrace.extensions import load_extensions
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
-from airrace.procedure.stage import Stage
+from airrace.procedure.settings import Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Rules

@@ -12,9 +12,7 @@ from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
-from airrace.planning.decisions_from_solution import plan_from_solution
-from airrace.planning.plan import plan
-from airrace.planning.race import Race
+from airrace.planning.plan import Race, plan, plan_from_solution
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.fidelity import fidelity_of, iterate_of
@@ -31,8 +29,8 @@ from airrace.procedure.infeasibility.local_infeasibility import (
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
-from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, Stage, StageResult, Status
-from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
+from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, StageResult, Status
+from airrace.procedure.settings import STAGES, GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings, Stage
 from airrace.procedure.solve_and_refine import (
     Failure,
     check_mesh_convergence,
@@ -41,10 +39,8 @@ from airrace.procedure.solve_and_refine import (
     solve_with_refinement,
 )
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
-from airrace.procedure.warm_start import map_controls, track, trimmed_start
+from airrace.procedure.warm_start import InitialBarrier, Start, map_controls, track, trimmed_start
 from airrace.records import record
 
 logger = logging.getLogger(__name__)

@@ -23,7 +23,7 @@ from airrace.dynamics.observations import (
 from airrace.errors import UsageError
 from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
-from airrace.planning.waypoints import Waypoint
+from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.quantities import Interval, Quantity
 from airrace.records import record

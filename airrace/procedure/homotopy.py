@@ -19,17 +19,16 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.planning.plan import Plan, PlannedLeg
-from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import rotation_time, rotation_vector, turn_by
-from airrace.planning.waypoints import Waypoint
+from airrace.planning.planning_model import PlanningModel, rotation_time, rotation_vector, turn_by
+from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
-from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.phase_segments import concatenate, phase_piece, shift
-from airrace.procedure.result import Note, NoteKind, Stage, StageResult, Status
+from airrace.procedure.guess import concatenate, first_mesh, guess, phase_piece, shift
+from airrace.procedure.result import Note, NoteKind, StageResult, Status
+from airrace.procedure.settings import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.dubins import DubinsPath

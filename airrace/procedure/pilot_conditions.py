@@ -17,10 +17,10 @@ from airrace.dynamics.pilot_observation import (
     crossing_observation_of_pilot,
     low_flight_observation,
 )
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.environment.wind import WindField
 from airrace.optimal_control.problem import Boundary, PathConstraint
-from airrace.planning.waypoints import Waypoint
+from airrace.planning.route_decisions import Waypoint
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.system import Observation, side_by_side

@@ -22,8 +22,8 @@ from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay
+from airrace.planning.clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
 from airrace.planning.plan import Plan
-from airrace.planning.wing_clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record

@@ -26,10 +26,11 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
+from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.multistart.multistart import RoutesAround
-from airrace.procedure.phase_segments import concatenate, phase_piece
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import Stage, StageProvenance, StageResult
+from airrace.procedure.result import StageProvenance, StageResult
+from airrace.procedure.settings import Stage
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -40,7 +41,7 @@ from airrace.procedure.solve_and_refine import (
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array

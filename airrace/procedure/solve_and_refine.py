@@ -23,7 +23,7 @@ from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.wing_clearance import ClosestApproach
+from airrace.planning.clearance import ClosestApproach
 from airrace.procedure.certification import approaches, certify, clearance_item, conclude, examine, failures
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -42,7 +42,7 @@ from airrace.procedure.refinement import (
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
 

@@ -13,18 +13,16 @@ from airrace.dynamics.observations import crossing_observation
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.decisions_from_solution import plan_from_solution
-from airrace.planning.plan import Plan
-from airrace.planning.race import Race
-from airrace.planning.waypoints import Waypoint
+from airrace.planning.plan import Plan, Race, plan_from_solution
+from airrace.planning.route_decisions import Waypoint
 from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
 from airrace.procedure.formulation import Trim, boundaries, passings_of, path_constraints
 from airrace.procedure.guess import leg_seconds
 from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.procedure.pylon_conditions import PylonRooms
-from airrace.procedure.result import GateSplit, PylonCondition, Stage, StageResult
-from airrace.procedure.settings import Settings
+from airrace.procedure.result import GateSplit, PylonCondition, StageResult
+from airrace.procedure.settings import Settings, Stage
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation

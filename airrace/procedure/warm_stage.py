@@ -17,11 +17,10 @@ from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import Mesh, restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageProvenance, StageResult
+from airrace.procedure.result import Silent, StageProvenance, StageResult
 from airrace.procedure.settings import CertificateLimits, Settings
 from airrace.procedure.solve_and_refine import (
     carry_multipliers,
@@ -31,7 +30,7 @@ from airrace.procedure.solve_and_refine import (
 )
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem, StageProblem, formulate, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
 

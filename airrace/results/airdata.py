@@ -5,8 +5,8 @@ import functools
 import casadi as ca
 import numpy as np
 
-from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
+    Air,
     atmosphere_parameters,
     calibrated_airspeed,
     density,

@@ -23,10 +23,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.planning.clearances import beside_border, beside_line, ground_distance
-from airrace.planning.race import Race
-from airrace.planning.waypoints import PLANNED_MAX
-from airrace.planning.wing_clearance import SEARCH, PylonPost, Wing, closest_in_steps, pylons_of, wing_distance
+from airrace.planning.clearance import (
+    SEARCH,
+    PylonPost,
+    Wing,
+    beside_border,
+    beside_line,
+    closest_in_steps,
+    ground_distance,
+    pylons_of,
+    wing_distance,
+)
+from airrace.planning.plan import Race
+from airrace.planning.route_decisions import PLANNED_MAX
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.results.attitude import path_axes

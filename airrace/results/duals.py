@@ -13,7 +13,7 @@ import numpy as np
 from airrace.optimal_control import optimality
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings

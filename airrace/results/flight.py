@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.air import Air
-from airrace.planning.race import Race
+from airrace.environment.atmosphere import Air
+from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity
 from airrace.records import record

@@ -17,10 +17,10 @@ import numpy as np
 
 from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
-from airrace.planning.clearances import crowd_overflown, ground_distance
+from airrace.planning.clearance import crowd_overflown, ground_distance
 from airrace.planning.lint import Remark, RemarkKind
-from airrace.planning.race import Race
-from airrace.planning.waypoints import PLANNED_MAX, place
+from airrace.planning.plan import Race
+from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.procedure.guess import FIRST_MESH, guess, leg_seconds
 from airrace.quantities import Quantity
 from airrace.results.clearances import (

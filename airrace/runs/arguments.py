@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.errors import UsageError
 from airrace.inputs import Document, Inputs, load_inputs
 from airrace.inputs.batch import set_texts
 from airrace.inputs.objects import CourseAndAir, document_of_objects
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.runs.plan import settings_texts
 from airrace.track.course import Course

@@ -14,7 +14,7 @@ from airrace.inputs.json_schema import schema_text
 from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.clearances import Clearance

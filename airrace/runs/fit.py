@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.air import Air, StaticWind
+from airrace.environment.atmosphere import Air, StaticWind
 from airrace.errors import UsageError
 from airrace.inputs.aircraft_file import Provenance, aircraft_text, read_aircraft_file
 from airrace.inputs.log_layout import read_layout, with_columns
@@ -24,8 +24,8 @@ from airrace.logs.reading import read_log
 from airrace.logs.recording import refuse
 from airrace.logs.roll_rate import RollRate, measure_roll_rate
 from airrace.logs.smoothing import smooth
-from airrace.planning.race import Race
-from airrace.procedure.progress import Progress, Silent
+from airrace.planning.plan import Race
+from airrace.procedure.result import Progress, Silent
 from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import SearchEffort
 from airrace.process import available_cores

@@ -22,9 +22,10 @@ from airrace.checkpoint import (
 from airrace.errors import CheckpointError, UsageError
 from airrace.extensions import extension_versions
 from airrace.inputs import Document, Inputs, inputs_from_documents
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure import results_api
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import Stage
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, warnings_object

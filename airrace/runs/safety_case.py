@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import UsageError
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.runs.output import write_text

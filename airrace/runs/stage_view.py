@@ -14,9 +14,10 @@ from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_ta
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
 from airrace.parameters import ParameterGroup
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure import results_api
-from airrace.procedure.result import GateSplit, Stage, StageResult, Status
+from airrace.procedure.result import GateSplit, StageResult, Status
+from airrace.procedure.settings import Stage
 from airrace.report.sections import sensitivities_table
 from airrace.resources import extra
 from airrace.results import Confirmation, Flight, Source, flight_of

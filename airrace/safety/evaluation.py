@@ -2,7 +2,7 @@
 
 A passing is where a flight crosses the plane of its gate, nearest in time to where its clock shows the passing. It is
 measured by the conditions that the gate sets to an optimum. The wing's distance from pylons is that of
-`airrace.planning.wing_clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is
+`airrace.planning.clearance`, in continuous time. An optimum lies on its limits, so what nobody could see is
 allowed beyond each of them; see `Allowances`.
 """
 
@@ -16,11 +16,18 @@ from numpy.typing import NDArray
 from airrace.dynamics.observations import CrossingParameters, crossing_observation
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Boundary
-from airrace.planning.clearances import beside_border, beside_line, ground_distance
-from airrace.planning.decisions_from_solution import plan_from_solution
-from airrace.planning.race import Race
-from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import PylonPost, Wing, cleared_pylons, closest_in_steps, pylons_of
+from airrace.planning.clearance import (
+    PylonPost,
+    Wing,
+    beside_border,
+    beside_line,
+    cleared_pylons,
+    closest_in_steps,
+    ground_distance,
+    pylons_of,
+)
+from airrace.planning.plan import Race, plan_from_solution
+from airrace.planning.route_decisions import Waypoint
 from airrace.points import at_points
 from airrace.procedure.formulation import boundary
 from airrace.procedure.result import StageResult

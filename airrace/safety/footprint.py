@@ -18,8 +18,8 @@ from scipy.spatial import ConvexHull
 
 from airrace.environment.atmosphere import g0
 from airrace.errors import UsageError
-from airrace.planning.clearances import ground_distance
-from airrace.planning.race import Race
+from airrace.planning.clearance import ground_distance
+from airrace.planning.plan import Race
 from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.safety.falling import AirColumn, Impacts, States, fall_in_vacuum, fall_with_drag, level_fall_distance

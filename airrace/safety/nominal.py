@@ -15,7 +15,7 @@ import numpy as np
 from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.errors import UsageError
 from airrace.frames import product, rotation
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import StageResult
 from airrace.records import record

@@ -21,7 +21,7 @@ from airrace.environment.wind import Weather, WindField
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import System, column, named_symbols

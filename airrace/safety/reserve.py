@@ -25,11 +25,17 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtr
 
-from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.planning.clearance import (
+    Wing,
+    beside_border,
+    beside_line,
+    closest_approaches,
+    ground_distance,
+    wing_distance,
+)
 from airrace.planning.parameters import course_limits
-from airrace.planning.race import Race
-from airrace.planning.waypoints import Waypoint
-from airrace.planning.wing_clearance import Wing, closest_approaches, wing_distance
+from airrace.planning.plan import Race
+from airrace.planning.route_decisions import Waypoint
 from airrace.points import at_points
 from airrace.procedure.result import StageResult
 from airrace.records import record

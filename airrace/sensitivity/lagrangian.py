@@ -23,7 +23,7 @@ from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.parameters import Parameter, ParameterGroup
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import Settings

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from airrace.environment.air import StaticWind
-from airrace.planning.clearances import ground_distance
+from airrace.environment.atmosphere import StaticWind
+from airrace.planning.clearance import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.course import Crowd, CrowdShape

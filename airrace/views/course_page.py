@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from airrace.frames import angle_between
 from airrace.planning.lint import Remark
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.course import Passage

@@ -2,7 +2,7 @@
 
 import math
 
-from airrace.environment.air import StaticWind
+from airrace.environment.atmosphere import StaticWind
 from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.flight import passings_around

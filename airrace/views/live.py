@@ -11,8 +11,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Iteration, Progress, StageResult
+from airrace.procedure.settings import Stage
 from airrace.records import record
 from airrace.views.progress_view import outcome_line, stage_number
 

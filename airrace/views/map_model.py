@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.environment.air import StaticWind
-from airrace.planning.race import Race
-from airrace.planning.waypoints import PLANNED_MAX, place
+from airrace.environment.atmosphere import StaticWind
+from airrace.planning.plan import Race
+from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.records import record
 from airrace.results.flight import Flight, legs_of
 from airrace.results.planned import is_planned, planned_flight

@@ -18,27 +18,23 @@ import random
 import numpy as np
 
 import airrace
-
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.plan import PlannedLeg, plan
+from airrace.planning.plan import PlannedLeg, Race, plan
 from airrace.planning.planning_model import PlanningModel, cruise
-from airrace.planning.race import Race
-from airrace.procedure.phase_segments import align_quaternions
-from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Settings
+from airrace.procedure.guess import align_quaternions, first_mesh, guess
+from airrace.procedure.result import Silent
+from airrace.procedure.settings import Settings, Stage
 from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, formulate
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.trajectory import Array
 
 RADIUS = (0.3, 1.0)  # of the usual plan's

@@ -20,14 +20,13 @@ from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.stage_problem import PerturbedProblem
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.settings import GuessKind, Settings, Stage
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint
 from airrace.sensitivity.lagrangian import SETTINGS, sensitivities
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
@@ -196,7 +195,10 @@ def main() -> None:
         print(row(title, compared), flush=True)
         for one in compared:
             if options.all or not one.within(STRICT):
-                told, found = 1e3 * one.sensitivity.per_unit * one.sensitivity.usual_step, 1e3 * one.central * one.sensitivity.usual_step
+                told, found = (
+                    1e3 * one.sensitivity.per_unit * one.sensitivity.usual_step,
+                    1e3 * one.central * one.sensitivity.usual_step,
+                )
                 why = "" if one.within(STRICT) else one.reason
                 mark = "" if one.within(ABSOLUTE) else "**no**"
                 listed.append(f"| {title} | `{one.sensitivity.key}` | {told:+.4f} | {found:+.4f} | {mark} | {why} |")

@@ -20,7 +20,8 @@ from airrace.cli.run_tables import TABLE, result_tables
 from airrace.cli.tables import render
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Route, SearchReport, Stage, StageResult
+from airrace.procedure.result import Route, SearchReport, StageResult
+from airrace.procedure.settings import Stage
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import json_objects

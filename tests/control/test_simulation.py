@@ -14,13 +14,12 @@ from airrace.control.outer_loop import Commands, PathGains, errors, path_followi
 from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, soften
 from airrace.control.simulation import SETTINGS, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal, g0
 from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Boundary, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.stage import Stage
+from airrace.procedure.settings import Stage
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory
 

@@ -15,8 +15,7 @@ from scipy.integrate import solve_ivp
 from airrace.dynamics.limits import SurfaceControl
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters, density
+from airrace.environment.atmosphere import Air, AtmosphereParameters, atmosphere_parameters, density
 from airrace.environment.wind import Weather
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs

@@ -25,8 +25,7 @@ from airrace.dynamics.state_space_inversion import (
     state_space_inversion,
 )
 from airrace.dynamics.transfer_functions import TransferFunctionState, transfer_functions
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import atmosphere_parameters
+from airrace.environment.atmosphere import Air, atmosphere_parameters
 from airrace.environment.wind import Weather, WindField
 from airrace.frames import quaternion
 

@@ -38,7 +38,7 @@ from airrace.dynamics.six_dof import SixDofState, build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
 from airrace.errors import InputError
 from airrace.quantities import Interval
 from airrace.track.course import Rules

@@ -32,8 +32,7 @@ from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters,
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.state_space import StateSpaceState, surrounding
 from airrace.dynamics.state_space_inversion import StateSpaceInversionState, deflections
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment.atmosphere import RHO_ISA, Air, g0
 from airrace.errors import InputError
 from airrace.frames import quaternion, rotation
 from airrace.inputs import load_inputs

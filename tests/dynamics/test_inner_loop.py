@@ -39,8 +39,7 @@ from airrace.dynamics.state_space_inversion import (
     deflections,
     sideslip,
 )
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment.atmosphere import RHO_ISA, Air, g0
 from airrace.frames import quaternion, rotation
 
 SPEEDS = (55.0, 75.0, 95.0)

@@ -20,8 +20,7 @@ from airrace.dynamics.outer_loop import (
 )
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.track.course import Rules
 

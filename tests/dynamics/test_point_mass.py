@@ -20,8 +20,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.parameters import aircraft_parameters
 from airrace.dynamics.point_mass import PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal, atmosphere_parameters, density, g0
 from airrace.frames import rotation
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5

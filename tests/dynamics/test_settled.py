@@ -17,7 +17,7 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
 from airrace.frames import quaternion
 from airrace.optimal_control.replay import integrate
 from airrace.track.course import Rules

@@ -10,11 +10,11 @@ from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
 from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.procedure.fidelity import Fidelity, register
-from airrace.procedure.stage import Stage
+from airrace.procedure.settings import Stage
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
     R_AIR,
+    Air,
     AtmosphereParameters,
     atmosphere_parameters,
     density,

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
 from airrace.environment.wind import (
     K1,
     K3,

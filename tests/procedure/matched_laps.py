@@ -6,20 +6,20 @@ import functools
 import numpy as np
 from races import EDGE_540, PLAN, course, level, optimum, prepared
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.homotopy import fixed_state
-from airrace.procedure.phase_segments import concatenate, phase_piece
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of, trajectory_of
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array, Trajectory

@@ -9,19 +9,16 @@ from pathlib import Path
 import numpy as np
 from disk_cache import cached_across_workers
 
-from airrace.environment.air import Air, StaticWind
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import Air, StaticWind, g0
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import Plan, Race, plan
 from airrace.planning.planning_model import cruise
-from airrace.planning.race import Race
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings, Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules

@@ -9,13 +9,12 @@ import pytest
 from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, planned, settings, solve_point_mass
 
 from airrace.dynamics.limits import LEAST_ROOM
-from airrace.environment.air import Air
-from airrace.planning.plan import ONE_PLACE
-from airrace.planning.race import Race
-from airrace.procedure.result import Stage, StageResult, Status
+from airrace.environment.atmosphere import Air
+from airrace.planning.plan import ONE_PLACE, Race
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.results_api import sampler
 from airrace.procedure.run import recertify
-from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.settings import GuessKind, Settings, Stage
 from airrace.quantities import Interval
 from airrace.track.course import Rules
 from airrace.track.gates import Gate, Passing, Pylon

@@ -21,18 +21,15 @@ from races import (
 )
 from races import planned as plan_of
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.frames import angle_between, quaternion
 from airrace.inputs import load_inputs
-from airrace.planning.decisions_from_solution import plan_from_solution, track_turn, waypoint_from_solution
-from airrace.planning.plan import Plan, plan, stops_of
+from airrace.planning.plan import Plan, Race, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
 from airrace.planning.planning_model import cruise
-from airrace.planning.race import Race
-from airrace.planning.route_decisions import ANY, RouteDecisions
-from airrace.planning.waypoints import candidates
+from airrace.planning.route_decisions import ANY, RouteDecisions, candidates
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings, Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre

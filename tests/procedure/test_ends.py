@@ -12,14 +12,14 @@ from airrace.frames import rotation
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
-from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import MeshSettings, Settings
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import MeshSettings, Settings, Stage
 from airrace.procedure.stage_problem import mesh_of
 from airrace.results.airdata import indicated_airspeed
 from airrace.track.course import EndState, StartSpeed

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap, optimum, settings
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import GuessKind

@@ -14,14 +14,13 @@ from races import course as course_of
 from races import pylon as pylon_at
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.formulation import path_constraints, piece_boundary
-from airrace.procedure.guess import first_mesh
-from airrace.procedure.phase_segments import QUATERNION, align_quaternions, rotate
+from airrace.procedure.guess import QUATERNION, align_quaternions, first_mesh, rotate
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine

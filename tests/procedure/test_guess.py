@@ -17,10 +17,19 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import fidelity_continuation as module
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.guess import FIRST_MESH, counts_of, first_mesh, guess, leg_seconds
-from airrace.procedure.phase_segments import QUATERNION, SHORTEST_SHARE, concatenate, phase_piece, shift
-from airrace.procedure.settings import GuessKind, MeshSettings
-from airrace.procedure.stage import Stage
+from airrace.procedure.guess import (
+    FIRST_MESH,
+    QUATERNION,
+    SHORTEST_SHARE,
+    concatenate,
+    counts_of,
+    first_mesh,
+    guess,
+    leg_seconds,
+    phase_piece,
+    shift,
+)
+from airrace.procedure.settings import GuessKind, MeshSettings, Stage
 from airrace.trajectory import Array
 
 MESH = MeshSettings()

@@ -13,13 +13,13 @@ from races import DEGREE, EDGE_540, ROOT, RULES, SIXTEEN, SMALL, course, level, 
 from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, attribute_parameter
 from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
@@ -28,9 +28,8 @@ from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS,
 from airrace.procedure.infeasibility.diagnose import TRIAL, TrialFlight, validate
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult, Status, SuggestedChange
-from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings, Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval
 from airrace.records import record

@@ -13,12 +13,11 @@ from airrace.dynamics.pilot_observation import LOW_RELIEF, has_onset
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.pilot import PRESETS
 from airrace.optimal_control.problem import Problem
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.pilot_conditions import NAMES, NEAR_GROUND
-from airrace.procedure.result import Stage
-from airrace.procedure.settings import MeshSettings
+from airrace.procedure.settings import MeshSettings, Stage
 from airrace.track.course import PilotLimits
 
 MESH = 1e-3

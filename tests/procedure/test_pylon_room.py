@@ -15,19 +15,18 @@ from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.planning.race import Race
-from airrace.planning.wing_clearance import SEARCH, PylonPost, closest_approaches, wing_distance
+from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wing_distance
+from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
-from airrace.procedure.progress import Silent
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.recomputation import recertify
-from airrace.procedure.result import PylonSide, Stage, StageResult
-from airrace.procedure.settings import SearchEffort
+from airrace.procedure.result import PylonSide, Silent, StageResult
+from airrace.procedure.settings import SearchEffort, Stage
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
 

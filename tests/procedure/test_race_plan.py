@@ -26,20 +26,18 @@ from races import pylon as pylon_at
 from transformations import mirrored, rotated
 
 from airrace.dynamics.performance import top_speed
-from airrace.environment.air import Air
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import ONE_PLACE, Plan, plan
+from airrace.planning.plan import ONE_PLACE, Plan, Race, plan
 from airrace.planning.planning_model import ASSUMED, cruise
-from airrace.planning.race import Race
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
-from airrace.procedure.stage import STAGES, Stage
+from airrace.procedure.settings import STAGES, Stage
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon

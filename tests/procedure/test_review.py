@@ -11,11 +11,11 @@ from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
 from airrace.dynamics.performance import top_speed
-from airrace.environment.air import Air, StaticWind
+from airrace.environment.atmosphere import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
-from airrace.planning.race import Race
-from airrace.planning.waypoints import PLANNED_MAX
+from airrace.planning.plan import Race
+from airrace.planning.route_decisions import PLANNED_MAX
 from airrace.quantities import Interval
 from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine

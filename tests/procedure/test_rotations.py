@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
-from airrace.planning.planning_model import PlanningModel
-from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turn_by
+from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, rotation_vector, turn_by
 from airrace.quantities import Interval
 from airrace.track.course import Roll, Turning
 

@@ -6,7 +6,7 @@ import pytest
 from races import PLAN, SMALL, blown, optimum
 
 from airrace.errors import UsageError
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.procedure.warm_stage import WarmStage

@@ -8,12 +8,12 @@ from matched_laps import laps, matched_laps
 from races import COURSES, PLAN, RACES, ROOT, SIXTEEN, assert_certified, blown, one_lap, optimum, solve_stages
 from test_flown_optima import plane_of
 
-from airrace.environment.air import Thermal
+from airrace.environment.atmosphere import Thermal
 from airrace.inputs import load_inputs
-from airrace.planning.race import Race
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.planning.plan import Race
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
+from airrace.procedure.settings import Stage
 from airrace.quantities import Interval
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))

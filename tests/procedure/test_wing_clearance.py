@@ -9,7 +9,7 @@ from races import PLAN, SHIPPED, SMALL, optimum
 from airrace.inputs import load_inputs
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.replay import replay
-from airrace.planning.wing_clearance import (
+from airrace.planning.clearance import (
     SEARCH,
     PylonPost,
     Wing,
@@ -20,7 +20,7 @@ from airrace.planning.wing_clearance import (
 )
 from airrace.procedure.certification import approaches, clearance_item
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.stage import Stage
+from airrace.procedure.settings import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing

@@ -9,11 +9,10 @@ import numpy as np
 
 import airrace
 from airrace.api import Run
-from airrace.environment.air import StaticWind
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import StaticWind, g0
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Quantity
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.derivation import complete_histories

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.frames import quaternion
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Quantity
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.cues import Action, Pull, RollAction, cues_of, turning_points

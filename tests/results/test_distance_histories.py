@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from example_flights import circling, half_cuban, rovinj
 
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.quantities import Interval
 from airrace.report.contents import contents_of
 from airrace.results.clearances import (

@@ -16,8 +16,7 @@ from airrace.cli import run_tables
 from airrace.cli.main import app
 from airrace.cli.run_tables import comparison_texts, near_miss_table
 from airrace.cli.tables import render
-from airrace.environment.air import StaticWind
-from airrace.environment.atmosphere import g0
+from airrace.environment.atmosphere import StaticWind, g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.procedure import results_api

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.planning.lint import RemarkKind
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.guess import leg_seconds
 from airrace.results import Flight, legs_of
 from airrace.results.clearances import BESIDE, NEAR_MISS, near_misses

@@ -4,7 +4,7 @@ import pytest
 
 from airrace.checkpoint.checkpoint import content_digest
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData
 from airrace.procedure.settings import Settings

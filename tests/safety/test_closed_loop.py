@@ -10,7 +10,7 @@ from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 
 from airrace.errors import UsageError
 from airrace.frames import rotation
-from airrace.planning.wing_clearance import pylons_of
+from airrace.planning.clearance import pylons_of
 from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case

@@ -13,10 +13,10 @@ from lxml import etree
 from transformations import Change, changed
 
 import airrace
-from airrace.environment.air import StaticWind
+from airrace.environment.atmosphere import StaticWind
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.safety.falling import States, level_fall_distance
 from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.outlines import Outline, Raster, sweep

@@ -11,9 +11,8 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.cli.main import app
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.inputs import load_inputs
-from airrace.planning.plan import plan
+from airrace.planning.plan import Race, plan
 from airrace.planning.planning_model import cruise
-from airrace.planning.race import Race
 from airrace.track.course import Course, Direction, Turning
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 from airrace.track.polygons import Point, to_right

@@ -8,7 +8,8 @@ from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.procedure.certification import negative_curvature
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import Stage
 from airrace.views.stage_tables import claim
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate
 from airrace.parameters import Parameter
 from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.result import StageResult

@@ -29,7 +29,7 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.parameters import Parameter
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
 from airrace.records import record

@@ -14,7 +14,7 @@ from airrace.optimal_control.problem import Iterate, PathConstraint, Phase, Prob
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.procedure.formulation import without_trim
-from airrace.procedure.phase_segments import concatenate, phase_piece
+from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.pilot_conditions import without_pilot
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity

@@ -24,7 +24,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.stage_problem import StageProblem
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
 from airrace.trajectory import Array
 

@@ -11,18 +11,15 @@ import numpy as np
 from airrace.frames import angle_between
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.decisions_from_solution import decisions_from_solution
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import Plan, decisions_from_solution, plan
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.route_decisions import RouteDecisions
-from airrace.planning.waypoints import Waypoint, candidates
-from airrace.procedure.guess import guess, leg_seconds
+from airrace.planning.route_decisions import RouteDecisions, Waypoint, candidates
+from airrace.procedure.guess import guess, leg_seconds, phase_piece
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, intervals
 from airrace.procedure.multistart.rolls import rerolls, tilt_turn
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move
-from airrace.procedure.phase_segments import phase_piece
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
 from airrace.track.course import Course, Turning
 

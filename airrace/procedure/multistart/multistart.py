@@ -19,8 +19,7 @@ from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
-from airrace.planning.decisions_from_solution import plan_from_solution
-from airrace.planning.plan import plan
+from airrace.planning.plan import plan, plan_from_solution
 from airrace.planning.planning_model import PlanningModel
 from airrace.points import at_points
 from airrace.procedure.guess import counts_of
@@ -40,7 +39,7 @@ from airrace.procedure.result import Route, SearchReport, StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
-from airrace.procedure.start import InitialBarrier, Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array

@@ -18,7 +18,7 @@ from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.phase_segments import QUATERNION, align_quaternions
+from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.records import record
 from airrace.trajectory import Array
 

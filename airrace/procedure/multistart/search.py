@@ -14,8 +14,7 @@ import numpy as np
 
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.solvers.process.service import SolverPool
-from airrace.planning.decisions_from_solution import decisions_from_solution
-from airrace.planning.plan import plan
+from airrace.planning.plan import decisions_from_solution, plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
@@ -24,7 +23,7 @@ from airrace.procedure.multistart.segments import Segment, differing, neighbours
 from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stage_problem import StageProblem
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
 from airrace.track.course import Course
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from airrace.frames import rotation
-from airrace.planning.decisions_from_solution import ATTITUDE, POSITION, track_turn
-from airrace.planning.plan import stops_of
+from airrace.planning.plan import ATTITUDE, POSITION, stops_of, track_turn
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.rolls import Reversal, reversals
 from airrace.records import record

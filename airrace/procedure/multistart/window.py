@@ -14,6 +14,7 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.procedure.guess import QUATERNION, align_quaternions, concatenate, phase_piece
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
@@ -23,9 +24,8 @@ from airrace.procedure.multistart.coarse_solution import (
     try_solve,
 )
 from airrace.procedure.multistart.segments import Segment
-from airrace.procedure.phase_segments import QUATERNION, align_quaternions, concatenate, phase_piece
 from airrace.procedure.stage_problem import StageProblem
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 
 ITERATIONS_MAX = 70

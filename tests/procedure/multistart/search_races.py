@@ -9,16 +9,15 @@ from disk_cache import cached_across_workers
 from races import DEGREE, EDGE_540, RULES, course, level, prepared, pylon, settings
 from races import optimum as without_search
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings, Stage
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Pylon
 

@@ -10,14 +10,12 @@ from races import planned as plan_of
 from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solution, slalom
 from transformations import mirrored
 
-from airrace.environment.air import Air
+from airrace.environment.atmosphere import Air
 from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
-from airrace.planning.plan import plan
-from airrace.planning.race import Race
-from airrace.planning.route_decisions import RouteDecisions
-from airrace.planning.waypoints import candidates
-from airrace.procedure.guess import guess
+from airrace.planning.plan import Race, plan
+from airrace.planning.route_decisions import RouteDecisions, candidates
+from airrace.procedure.guess import concatenate, guess, phase_piece
 from airrace.procedure.multistart import coarse_solution
 from airrace.procedure.multistart.coarse_solution import (
     SETTINGS,
@@ -44,8 +42,7 @@ from airrace.procedure.multistart.segments import (
     shape_of,
 )
 from airrace.procedure.multistart.window import END_SPEED_TRUST, EvaluatedMove, Move, apply_moves, evaluate
-from airrace.procedure.phase_segments import concatenate, phase_piece
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 
 ATTITUDE = slice(4, 8)

@@ -17,12 +17,11 @@ from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_ch
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import FoundRoutes
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Stage, StageResult, Status
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Settings
+from airrace.procedure.settings import Settings, Stage
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.start import Start
+from airrace.procedure.warm_start import Start
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 BOTH = dataclasses.replace(QUICK, alternatives=2)

@@ -11,14 +11,14 @@ from test_moves import each_small_race, own_window
 from transformations import mirrored
 
 from airrace.frames import quaternion, rotation
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
+from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.rolls import ROLL_RATE_ROW, rerolls, reversals
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
-from airrace.procedure.phase_segments import QUATERNION, align_quaternions
 from airrace.trajectory import Array
 
 

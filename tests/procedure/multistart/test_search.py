@@ -28,20 +28,19 @@ from waiting import PATIENCE
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverPool, SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.race import Race
+from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Route, Stage, StageResult, Status
+from airrace.procedure.result import Route, Silent, StageResult, Status
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import SearchEffort, Settings
+from airrace.procedure.settings import SearchEffort, Settings, Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import formulate
-from airrace.procedure.start import InitialBarrier
+from airrace.procedure.warm_start import InitialBarrier
 from airrace.trajectory import Trajectory
 
 SAME = 5e-3  # s
