@@ -329,7 +329,7 @@ def test_stage_needs_a_name_that_can_be_typed_and_stored_and_an_optimum_before_i
 def test_stage_is_flown_by_one_fidelity_with_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="a fidelity for the stage six-dof already"):
         register(fidelity_of(Stage.SIX_DOF))
-    monkeypatch.setattr("airrace.procedure.result._order", list(STAGES))
+    monkeypatch.setattr("airrace.procedure.settings._order", list(STAGES))
     with pytest.raises(ValueError, match="seven-dof has no inner loop"):
         register(Fidelity(Stage.new("seven-dof", after=Stage.SIX_DOF), build_point_mass))
     assert len(STAGES) == len(NAMES) + 1
