@@ -495,7 +495,7 @@ def pylon_room_observation(model: FlightModel) -> Observation:
             ]
 
         t: Scalar = ca.SX(0.0)
-        for _ in range(3):
+        for _ in range(2):
             d, v = ahead(t)
             slope = v[0] ** 2 + v[1] ** 2 - d[0] * acceleration[0] - d[1] * acceleration[1] + LEVEL_BLEND
             t = t + (d[0] * v[0] + d[1] * v[1]) / slope

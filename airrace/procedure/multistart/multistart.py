@@ -120,7 +120,7 @@ def search_routes(
         starts = planned_starts(flight, course, budget) if starts is None else starts
         elite = _elite(search.run(starts, solved).flights, course, max(budget.elite, alternatives))
         if elite:
-            report_progress(f"{len(elite)} routes compared on a finer mesh")
+            report_progress(f"{len(elite)} route{'s' * (len(elite) > 1)} compared on a finer mesh")
         finals = _with_best_rolls(search, _refine(pool, session, elite))
         found = search.result()
     seconds = time.perf_counter() - began
