@@ -299,8 +299,11 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
     state = np.zeros((STATES, count))
     state[: flights.state.shape[1]] = between(flights.state)
     state[4:8] /= np.linalg.norm(state[4:8], axis=0)
+    # A load factor that begins to change at a passage bends within a sample: a parabola through the one before, too.
+    bend = np.diff(flights.load[np.stack([np.maximum(before - 1, 0), before, after]), flight], 2, axis=0)[0]
+    load = between(flights.load) - 0.5 * share * (1.0 - share) * bend
     late = flights.sample * (before + share) - when
-    return state, between(flights.load), np.where(found, late, np.nan)
+    return state, load, np.where(found, late, np.nan)
 
 
 def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches: Mapping[str, Booleans]) -> None:
