@@ -60,9 +60,7 @@ def test_stages_below_the_last_are_solved_on_one_mesh_and_the_last_is_certified(
     assert not below.certified
     assert items_of(below) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
     assert RACE_TIME_CHANGE in items_of(last)
-    assert seconds(last) == pytest.approx(
-        seconds(other), abs=2e-4
-    )  # s; 3e-8 where wings keep no centimetre too far away
+    assert seconds(last) == pytest.approx(seconds(other), abs=2e-4)  # s; 3e-8 without needless centimetres
     assert len(below.trajectory.time) < len(proved.trajectory.time)
     assert seconds(below) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
 
