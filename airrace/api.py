@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
-from airrace.procedure.result import Progress, Silent
-from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Stage
+from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
+from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.report.film import card_of, ensure_card, film_of, film_settings
 from airrace.results.comparison import Comparison

@@ -32,7 +32,7 @@ from airrace.control import simulation
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 
 DERIVATIVES, ALGEBRA, TOGETHER = "derivatives", "linear algebra", "putting together"
 REPLAY, SIMULATION, MODELS = "replay", "simulation", "models"

@@ -19,8 +19,8 @@ from airrace.batch.jobs import Combination, Sweep, combinations, job_name
 from airrace.batch.record import make_folder
 from airrace.errors import NotCertified, UsageError
 from airrace.inputs import Inputs, inputs_from_documents, load_inputs
-from airrace.procedure.result import Silent
-from airrace.procedure.settings import Stage
+from airrace.procedure.progress import Silent
+from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.records import record
 from airrace.results import Flight

@@ -18,8 +18,9 @@ from typing import IO, TYPE_CHECKING
 from airrace import interrupts, process
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.idle_processes import start_early
-from airrace.procedure.result import Iteration, Progress, StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import StageResult
+from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult, ExitCode, empty_result, record_failure
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from airrace.batch.planning import parse_sweeps
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.records import record
 from airrace.resources import extra

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.records import record
 
 

@@ -31,7 +31,7 @@ from airrace.procedure.result import (
     SuggestedChange,
     Timings,
 )
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory

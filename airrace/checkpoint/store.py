@@ -30,7 +30,7 @@ from airrace.checkpoint.hdf5 import Group, image_of, tree_of
 from airrace.checkpoint.log_layout import LogCheckpoint, decode_log, encode_log, is_log_checkpoint
 from airrace.checkpoint.run_layout import decode, encode
 from airrace.errors import CheckpointError
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 

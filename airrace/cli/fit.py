@@ -49,7 +49,7 @@ def fit(
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.cli.tables import render
-        from airrace.procedure.settings import STAGES
+        from airrace.procedure.stage import STAGES
         from airrace.runs.fit import fit as fit_aircraft
         from airrace.standard_streams import stem_of
         from airrace.views.progress_view import watching

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from airrace.procedure.settings import STAGES, MeshCheck
+from airrace.procedure.settings import MeshCheck
+from airrace.procedure.stage import STAGES
 from airrace.resources import shipped_folder
 
 

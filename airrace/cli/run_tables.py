@@ -13,7 +13,7 @@ from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.tables import PAGE, number, render
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Confirmation, Flight, laps_of

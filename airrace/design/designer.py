@@ -18,7 +18,8 @@ from airrace.errors import UsageError
 from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.inputs.nodes import KeyPath
 from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
-from airrace.track.course import Origin, metres
+from airrace.track.course import Origin
+from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
 LANES_MAX = 2

@@ -29,8 +29,9 @@ from airrace.procedure.result import (
     StageResult,
     Status,
 )
-from airrace.procedure.settings import CertificateLimits, Stage
+from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, gate_splits, trajectory_of
 from airrace.records import record
 from airrace.track.course import ClearanceRule

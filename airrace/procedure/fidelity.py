@@ -32,7 +32,7 @@ from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
 from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Rules

@@ -30,7 +30,7 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, Initial
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
 from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, StageResult, Status
-from airrace.procedure.settings import STAGES, GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings, Stage
+from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import (
     Failure,
     check_mesh_convergence,
@@ -39,6 +39,7 @@ from airrace.procedure.solve_and_refine import (
     solve_with_refinement,
 )
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start, map_controls, track, trimmed_start
 from airrace.records import record

@@ -25,8 +25,8 @@ from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import concatenate, first_mesh, guess, phase_piece, shift
 from airrace.procedure.result import Note, NoteKind, StageResult, Status
-from airrace.procedure.settings import Stage
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval

@@ -25,9 +25,11 @@ from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, certify, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
-from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent, StageResult
-from airrace.procedure.settings import Settings, Stage
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Attempt, GateSplit, PylonCondition, StageResult
+from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, gate_splits, mesh_of, trajectory_of
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record

@@ -30,7 +30,6 @@ from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.multistart.multistart import RoutesAround
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import StageProvenance, StageResult
-from airrace.procedure.settings import Stage
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -40,6 +39,7 @@ from airrace.procedure.solve_and_refine import (
     refine_from,
 )
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record

@@ -23,7 +23,8 @@ from airrace.optimal_control.solvers.process.service import SolverPool, SolverSe
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timings
+from airrace.procedure.progress import Iteration, Progress, Silent
+from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record

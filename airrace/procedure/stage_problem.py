@@ -22,7 +22,8 @@ from airrace.procedure.guess import leg_seconds
 from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.procedure.pylon_conditions import PylonRooms
 from airrace.procedure.result import GateSplit, PylonCondition, StageResult
-from airrace.procedure.settings import Settings, Stage
+from airrace.procedure.settings import Settings
+from airrace.procedure.stage import Stage
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation

@@ -20,7 +20,8 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
-from airrace.procedure.result import Silent, StageProvenance, StageResult
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageProvenance, StageResult
 from airrace.procedure.settings import CertificateLimits, Settings
 from airrace.procedure.solve_and_refine import (
     carry_multipliers,

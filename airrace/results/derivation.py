@@ -28,7 +28,7 @@ from airrace.results.flight import (
     Source,
     TimedCrossing,
 )
-from airrace.track.course import geodetic
+from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array
 
 Values = Mapping[str, Array]

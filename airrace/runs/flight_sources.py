@@ -14,7 +14,7 @@ from airrace.errors import NotCertified, UsageError
 from airrace.export.formats import formats
 from airrace.export.globe import BEGIN, on_globe
 from airrace.logs.reading import is_log
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.runs.log_view import LogView, fly_log_through, open_log
 from airrace.runs.output import FlightName, default_output_path

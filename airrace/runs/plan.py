@@ -17,7 +17,8 @@ from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult, Status
-from airrace.procedure.settings import GuessKind, MeshCheck, Stage
+from airrace.procedure.settings import GuessKind, MeshCheck
+from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.results.comparison import Comparison
 from airrace.runs.output import documents_of, ensure_unread

@@ -14,7 +14,7 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs.objects import is_of_objects
 from airrace.inputs.reserve import FoundEntry, ReserveEntry
 from airrace.planning.parameters import course_limits
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.runs.plan import Changes
 from airrace.runs.run import RunState

@@ -25,7 +25,7 @@ from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.planning.plan import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, warnings_object

@@ -8,7 +8,7 @@ from typing import Self
 
 from airrace.errors import UsageError
 from airrace.inputs import Document
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
 from airrace.process import available_cores
 from airrace.runs.arguments import Values, value_texts

@@ -17,7 +17,7 @@ from airrace.parameters import ParameterGroup
 from airrace.planning.plan import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import GateSplit, StageResult, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.report.sections import sensitivities_table
 from airrace.resources import extra
 from airrace.results import Confirmation, Flight, Source, flight_of

@@ -17,7 +17,8 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import wanted_stages
 from airrace.procedure.result import GateSplit, NoteKind, SearchReport, StageResult, Status
-from airrace.procedure.settings import STAGES, Settings, Stage
+from airrace.procedure.settings import Settings
+from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.results import Confirmation

@@ -9,7 +9,7 @@ from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
 from airrace.safety.covariance import covariance

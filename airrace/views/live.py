@@ -11,8 +11,9 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from airrace.procedure.result import Iteration, Progress, StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import StageResult
+from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.views.progress_view import outcome_line, stage_number
 

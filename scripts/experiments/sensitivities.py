@@ -22,9 +22,11 @@ from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.result import StageResult
+from airrace.procedure.progress import Silent
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, Settings, Stage
+from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint

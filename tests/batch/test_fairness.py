@@ -19,7 +19,7 @@ from airrace.batch.fairness import (
 )
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import KNOT
 from airrace.runs.winds import WIND, overrides_of, winds_named
 

@@ -31,7 +31,7 @@ from airrace.batch.reports import (
 from airrace.cli.batch_output import LIMITS, fold_name, ranking_tables, wind_tables
 from airrace.cli.tables import render, terminal_columns
 from airrace.errors import Finding
-from airrace.procedure.settings import STAGES
+from airrace.procedure.stage import STAGES
 
 FINDING = Finding("tracks/bad, a.yaml", 7, 3, "rules.n_z_mx", "unknown key `n_z_mx`;\ndid you mean `n_z_max`? 100 %")
 

@@ -12,7 +12,7 @@ from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.checkpoint.group_reader import LARGEST
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, StageResult, Status, Timings
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
 

@@ -42,7 +42,7 @@ from airrace.procedure.result import (
     Status,
     SuggestedChange,
 )
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
 

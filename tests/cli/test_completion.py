@@ -11,7 +11,7 @@ from airrace.cli.options import complete_aircraft as aircraft
 from airrace.cli.options import complete_stage as stages
 from airrace.cli.options import complete_track as tracks
 from airrace.inputs.document import AIRCRAFT, TRACKS
-from airrace.procedure.settings import STAGES
+from airrace.procedure.stage import STAGES
 
 
 @pytest.fixture(autouse=True)

@@ -21,7 +21,7 @@ from airrace.cli.tables import render
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Route, SearchReport, StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import json_objects

@@ -22,7 +22,7 @@ from airrace.inputs.document import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.parameters import ParameterGroup
 from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenance, Status
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.sensitivity.sensitivity import Activity, Sensitivity
 from airrace.views.tables import Table

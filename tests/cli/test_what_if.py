@@ -11,7 +11,7 @@ from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.runs.run import run_of_checkpoint
 
 TRACKS = Path(__file__).parents[2] / "tracks"

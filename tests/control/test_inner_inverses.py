@@ -16,7 +16,7 @@ from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.frames import quaternion
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.trajectory import Array
 
 STEP = 0.005

@@ -19,7 +19,7 @@ from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Boundary, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory
 

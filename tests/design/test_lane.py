@@ -9,7 +9,8 @@ import pytest
 from airrace.design import solving
 from airrace.design.solving import Lane, Question
 from airrace.design.track_file import TrackFile
-from airrace.procedure.result import Progress, Stage
+from airrace.procedure.progress import Progress
+from airrace.procedure.stage import Stage
 
 
 def test_a_run_from_scratch_is_broken_off_by_a_newer_question(track: Path, monkeypatch: pytest.MonkeyPatch) -> None:

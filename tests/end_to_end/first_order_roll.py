@@ -14,7 +14,7 @@ from airrace.environment.atmosphere import Air
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.procedure.fidelity import Fidelity, register
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules
 

@@ -26,7 +26,7 @@ from airrace.export.netcdf import flight_dataset
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import GateSplit, StageResult, Status, Timings
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 from airrace.views.stage_tables import splits_table

@@ -16,9 +16,11 @@ from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
 from airrace.planning.plan import Plan, Race, plan
 from airrace.planning.planning_model import cruise
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings, Stage
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules

@@ -14,7 +14,8 @@ from airrace.planning.plan import ONE_PLACE, Race
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.results_api import sampler
 from airrace.procedure.run import recertify
-from airrace.procedure.settings import GuessKind, Settings, Stage
+from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.track.course import Rules
 from airrace.track.gates import Gate, Passing, Pylon

@@ -29,7 +29,8 @@ from airrace.planning.planning_model import cruise
 from airrace.planning.route_decisions import ANY, RouteDecisions, candidates
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings, Stage
+from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre

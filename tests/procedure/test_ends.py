@@ -19,7 +19,8 @@ from airrace.procedure.guess import first_mesh
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import MeshSettings, Settings, Stage
+from airrace.procedure.settings import MeshSettings, Settings
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import mesh_of
 from airrace.results.airdata import indicated_airspeed
 from airrace.track.course import EndState, StartSpeed

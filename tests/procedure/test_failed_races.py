@@ -9,9 +9,11 @@ from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
+from airrace.procedure.progress import Iteration, Progress, Silent
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, Settings, SolverSettings, Stage
+from airrace.procedure.settings import GuessKind, Settings, SolverSettings
+from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.track.course import ClearanceRule
 

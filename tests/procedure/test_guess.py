@@ -29,7 +29,8 @@ from airrace.procedure.guess import (
     phase_piece,
     shift,
 )
-from airrace.procedure.settings import GuessKind, MeshSettings, Stage
+from airrace.procedure.settings import GuessKind, MeshSettings
+from airrace.procedure.stage import Stage
 from airrace.trajectory import Array
 
 MESH = MeshSettings()

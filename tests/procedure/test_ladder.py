@@ -32,10 +32,12 @@ from airrace.dynamics.state_space import Surrounding
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
-from airrace.procedure.result import Silent, StageResult, Status
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import STAGES, Settings, Stage
+from airrace.procedure.settings import Settings
+from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
 from airrace.procedure.warm_start import FEWEST, first_nodes, map_controls, trimmed_start
 from airrace.trajectory import Array
@@ -329,7 +331,7 @@ def test_stage_needs_a_name_that_can_be_typed_and_stored_and_an_optimum_before_i
 def test_stage_is_flown_by_one_fidelity_with_a_controller(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="a fidelity for the stage six-dof already"):
         register(fidelity_of(Stage.SIX_DOF))
-    monkeypatch.setattr("airrace.procedure.settings._order", list(STAGES))
+    monkeypatch.setattr("airrace.procedure.stage._order", list(STAGES))
     with pytest.raises(ValueError, match="seven-dof has no inner loop"):
         register(Fidelity(Stage.new("seven-dof", after=Stage.SIX_DOF), build_point_mass))
     assert len(STAGES) == len(NAMES) + 1

@@ -8,9 +8,11 @@ import pytest
 from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.result import NoteKind, Silent, StageResult, Status
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import NoteKind, StageResult, Status
 from airrace.procedure.run import optimize, recertify
-from airrace.procedure.settings import GuessKind, MeshCheck, Settings, Stage
+from airrace.procedure.settings import GuessKind, MeshCheck, Settings
+from airrace.procedure.stage import Stage
 from airrace.runs.verification import discrepancies
 
 ALL = settings(GuessKind.PLAN)

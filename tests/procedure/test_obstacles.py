@@ -13,7 +13,7 @@ from airrace.planning.plan import Race
 from airrace.procedure.certification import clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import PylonSide, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.results.clearances import distances, least_of_all
 from airrace.results.derivation import flight_of

@@ -17,7 +17,8 @@ from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.pilot_conditions import NAMES, NEAR_GROUND
-from airrace.procedure.settings import MeshSettings, Stage
+from airrace.procedure.settings import MeshSettings
+from airrace.procedure.stage import Stage
 from airrace.track.course import PilotLimits
 
 MESH = 1e-3

@@ -34,10 +34,10 @@ from airrace.planning.plan import ONE_PLACE, Plan, Race, plan
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.result import Silent
+from airrace.procedure.progress import Silent
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import STAGES, Stage
+from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon

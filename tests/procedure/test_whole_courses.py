@@ -11,9 +11,10 @@ from test_flown_optima import plane_of
 from airrace.environment.atmosphere import Thermal
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
-from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))

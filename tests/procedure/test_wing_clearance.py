@@ -20,7 +20,7 @@ from airrace.planning.clearance import (
 )
 from airrace.procedure.certification import approaches, clearance_item
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing

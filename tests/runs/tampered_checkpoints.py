@@ -12,7 +12,7 @@ import airrace
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Curvature, Item
 from airrace.procedure.result import MeshRecord, Note, NoteKind, StageProvenance, StageResult, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.runs.run import run_of_checkpoint
 from airrace.trajectory import Trajectory
 

@@ -13,8 +13,9 @@ import pytest
 import airrace
 from airrace.api import Run
 from airrace.errors import CheckpointError, InputError, UsageError
-from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import OUTCOMES, StageResult, Status
+from airrace.procedure.stage import Stage
 
 ROOT = Path(__file__).parents[2]
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"

@@ -15,7 +15,7 @@ import airrace
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, NotCertified
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.runs.run import open_run
 from airrace.runs.verification import verify_run
 from airrace.trajectory import Trajectory

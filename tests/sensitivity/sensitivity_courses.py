@@ -7,9 +7,10 @@ from disk_cache import cached_across_workers
 from short_course import AIRCRAFT, FROM_PLAN, short_course
 
 from airrace.inputs import Document, Inputs, inputs_from_documents
-from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.sensitivity.lagrangian import sensitivities
 from airrace.sensitivity.sensitivity import Sensitivity
 

@@ -9,7 +9,7 @@ from fake_optimizer import solve_single_mesh, stage_result
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.procedure.certification import negative_curvature
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Stage
+from airrace.procedure.stage import Stage
 from airrace.views.stage_tables import claim
 
 

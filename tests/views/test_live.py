@@ -7,8 +7,9 @@ import pytest
 from fake_optimizer import stage_result
 from rich.console import Console
 
-from airrace.procedure.result import OUTCOMES, Iteration, Progress, Status
-from airrace.procedure.settings import Stage
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import OUTCOMES, Status
+from airrace.procedure.stage import Stage
 from airrace.views.live import LiveView
 from airrace.views.progress_view import LINE_INTERVAL, PlainLines, outcome_line, watching
 

@@ -16,9 +16,10 @@ from airrace.procedure.infeasibility.conflicts import KINDS, SETTINGS, ConflictS
 from airrace.procedure.infeasibility.elastic import Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.result import StageResult, Status, SuggestedChange
-from airrace.procedure.settings import SearchEffort, Stage
+from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import LIMITS, Budget, SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record

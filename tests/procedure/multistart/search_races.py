@@ -13,10 +13,12 @@ from airrace.environment.atmosphere import Air
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
-from airrace.procedure.result import Silent, StageResult
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import GuessKind, SearchEffort, Settings, Stage
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Pylon

@@ -17,10 +17,12 @@ from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_ch
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import FoundRoutes
-from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult, Status
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Settings, Stage
+from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import Start
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
