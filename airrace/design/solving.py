@@ -201,6 +201,7 @@ class Lane:
             return
         holds = known is not None and self.shown.get("holds")
         if known is not None and holds:
+            self._show(busy="mesh check")
             with contextlib.suppress(CancelledError):
                 checked = session.certify(known).result()
                 if self._known is known:
