@@ -26,6 +26,7 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     diagnose_window,
     find_local_infeasibility,
 )
+from airrace.procedure.mesh_check import check_mesh_convergence
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
@@ -33,7 +34,7 @@ from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, 
 from airrace.procedure.settings import GuessKind, MeshCheck, MeshSettings, SearchEffort, Settings
 from airrace.procedure.solve_and_refine import (
     Failure,
-    check_mesh_convergence,
+    Refinement,
     solve_certified,
     solve_single_mesh,
     solve_with_refinement,
@@ -172,8 +173,11 @@ class FidelityContinuation:
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             self.prepare(stage)
-            jobs = [functools.partial(self._optimum_above, stage, one) for one in (below, *below.alternatives)]
-            result = _with_log(self._fastest(session.side_by_side(jobs)), session)
+            jobs: list[Callable[[SolverSession], StageResult | Failure]]
+            jobs = [functools.partial(self._optimum_above, stage, below)]
+            jobs += [functools.partial(self._alternative_above, stage, one) for one in below.alternatives]
+            found = [one for one in session.side_by_side(jobs) if isinstance(one, StageResult)]
+            result = _with_log(self._fastest(found), session)
         self.done[stage] = result
         return result
 
@@ -214,14 +218,29 @@ class FidelityContinuation:
         self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], session: SolverSession
     ) -> StageResult:
         """Return the optimum of a stage, certified where that is wanted, else on a single good mesh."""
-        refine = None if self.checks_mesh(stage) else solve_single_mesh
         # Of the point mass all conflicts are analysed, see `diagnose_infeasibility`.
         diagnose = None if stage is Stage.POINT_MASS else diagnose_window
-        return solve_with_refinement(session, starts, refine, diagnose=diagnose)
+        return solve_with_refinement(session, starts, self._refinement(stage), diagnose=diagnose)
+
+    def _refinement(self, stage: Stage) -> Refinement:
+        return solve_certified if self.checks_mesh(stage) else solve_single_mesh
 
     def _optimum_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult:
         """Return the optimum of a stage from that of the stage below."""
         return self._optimum(stage, list(self._warm_starts(stage, below, session)), session)
+
+    def _alternative_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult | Failure:
+        """Return the first optimum of a stage that the primary solver finds, for a route beside the fastest.
+
+        There is that route as well, so nothing else is tried where this optimum does not hold.
+        """
+        found, refine = None, self._refinement(stage)
+        for make in self._warm_starts(stage, below, session):
+            found = refine(session, make(), session.solvers[0])
+            if isinstance(found, StageResult):
+                break
+        assert found is not None  # every stage has starts
+        return found
 
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
         """Check the meshes of optima of one stage where they may hide which of them are the fastest.

@@ -25,7 +25,6 @@ from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.clearance import ClosestApproach
 from airrace.procedure.certification import approaches, certify, clearance_item, conclude, examine, failures
-from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     SETTINGS,
@@ -33,7 +32,6 @@ from airrace.procedure.refinement import (
     MeshSolution,
     adapt,
     bisect_all,
-    bisect_coarse,
     iterate_meshes,
     refine_changed,
     refine_flagged,
@@ -41,7 +39,7 @@ from airrace.procedure.refinement import (
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import StageProblem, mesh_of
+from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
@@ -493,60 +491,6 @@ def _good_mesh(refined: Refined) -> MeshProposal | None:
         return None
     cut = np.diff(np.flatnonzero(draft.coarser)) > 1
     return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else draft
-
-
-def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: SolverSession) -> StageResult | str:
-    """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
-
-    It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both
-    have in common, so that the check is the same as that of a stage which is certified at once.
-
-    Args:
-        flight: the model of the stage, planned as the optimum goes round.
-        optimum: the stage as it was solved.
-        session: what solves. Its attempts are added to those of the stage.
-    """
-    limits, nodes = session.settings.certificate, optimum.coarser_nodes
-    mesh, iterate = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory)
-    problem = flight.problem(mesh)
-    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
-    measure = partial(examine, problem, iterate, optimum.constraint_multipliers, limits)
-    good = MeshSolution(problem, iterate, MeshProposal(mesh, iterate, optimum.mesh.why, nodes), measure)
-
-    def finer(draft: MeshProposal, coarser: MeshSolution) -> RefinementState:
-        return certified_state(
-            session,
-            flight,
-            draft,
-            InitialBarrier.OTHER_MESH,
-            session.solvers,
-            carry_multipliers(known, problem, flight.problem(draft.mesh)),
-            number=min(1, session.settings.mesh.refinements_max),
-            before=coarser,
-            coarser=coarser,
-        )
-
-    if nodes.all():
-        first = finer(bisect_all(good, limits), good)
-    else:
-        coarse, guess = restrict(mesh, iterate, nodes)
-        there = flight.problem(coarse)
-        first = RefinementState(
-            flight,
-            MeshProposal.first(there, guess),
-            InitialBarrier.OTHER_MESH,
-            session.solvers,
-            lambda refined: finer(bisect_coarse(good.draft, good.evidence.replay), refined.solved[0]),
-            carry_multipliers(known, problem, there),
-            number=-1,
-            passing=True,
-            purpose="the coarser mesh",
-        )
-    start = Start(flight, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
-    found = refine_from(session, start, first)
-    if isinstance(found, Failure):
-        return f"no optimum was found on the {'coarser' if found.coarser is None else 'finer'} mesh"
-    return replace(found, search=optimum.search) if found.certified else found.message
 
 
 def _finish(start: Start, refined: Refined) -> StageResult:
