@@ -1,9 +1,9 @@
 """The solution of one problem with one call, in a process that can be ended.
 
-An interior point method may never come back from a guess that is bad enough: where derivatives are huge, fatrop adds to
-the diagonal of its matrices for ever, without a callback in which it could be stopped. So the solve happens in a
-solver process of its own, see `service.py`, which is started by the first call, serves all others, and is ended when it
-finishes no iteration for too long. Whoever wants to stay in this process asks a `PreparedProblem`.
+An interior point method may never come back from a guess that is bad enough: where its matrices overflow, fatrop adds
+to their diagonal for ever, without a callback in which it could be stopped. So the solve happens in a solver process of
+its own, see `service.py`, which is started by the first call, serves all others, and is ended when it finishes no
+iteration for too long. Whoever wants to stay in this process asks a `PreparedProblem`.
 """
 
 import atexit

@@ -179,6 +179,14 @@ def test_derivatives_that_are_not_finite_end_the_solve() -> None:
     assert solution.ending is Ending.NOT_FINITE
 
 
+def test_huge_derivatives_end_the_solve_before_matrices_overflow() -> None:
+    problem = coasting(lambda x, u: u - 1e12 * x, lambda x: x, start=0.0, lowest=-1.0)
+    solution = optimum(problem, level(problem, 0.0))
+    assert not solution.success
+    assert solution.ending is Ending.NOT_FINITE
+    assert np.isfinite(solution.iterate.state).all()
+
+
 def test_a_guess_without_numbers_ends_the_solve() -> None:
     problem = coasting(lambda _, u: u, ca.log, start=1.0, lowest=-2.0)
     result, _ = direct(problem, level(problem, -1.0))

@@ -61,7 +61,7 @@ class Ending(Enum):
     UNKNOWN = "stopped for an unknown reason"
     RESTORATION_LIMIT = "the restoration of feasibility found no better point in time"
     EXCEPTION = "-1: fatrop failed within"
-    NOT_FINITE = "the derivatives are not finite at an iterate"
+    NOT_FINITE = "the derivatives are not finite, or far too large, at an iterate"
     CREEPING = "one short step after another at points that are nearly feasible"
     CROSSED_BOUNDS = "infeasible: bounds contradict one another"
     INVALID_GUESS = "the guess has no finite objective and constraints"

@@ -21,9 +21,10 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
+from airrace.procedure.solve_and_refine import Failure
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.warm_start import Start
+from airrace.procedure.warm_start import InitialBarrier, Start
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 BOTH = dataclasses.replace(QUICK, alternatives=2)
@@ -80,16 +81,38 @@ def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
         np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
 
 
+def stage_above(monkeypatch: pytest.MonkeyPatch, *of_alternative: StageResult | Failure) -> tuple[StageResult, int]:
+    """The stage above the point mass, whose best route takes 9 s, and how often its alternative was solved."""
+    left = list(of_alternative)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", Answers(taking(9.0), making=False))
+    monkeypatch.setattr(fidelity_continuation, "solve_certified", lambda *_: left.pop(0))
+    for way in ("track", "trimmed_start"):
+        monkeypatch.setattr(fidelity_continuation, way, lambda *_: None)
+    with open_session(BOTH) as session:
+        continuation = FidelityContinuation(HALF_CUBAN, BOTH, (search_optimum(HALF_CUBAN, BOTH),))
+        result = continuation.solve_stage(Stage.TRANSFER_FUNCTION, session)
+    return result, len(of_alternative) - len(left)
+
+
 def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where they were read from a file: what a ladder stands on is what is finished."""
-    below = search_optimum(HALF_CUBAN, BOTH)
-    answers = Answers(taking(9.0), taking(8.9), making=False)
-    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
-    with open_session(BOTH) as session:
-        result = FidelityContinuation(HALF_CUBAN, BOTH, (below,)).solve_stage(Stage.TRANSFER_FUNCTION, session)
-    assert len(answers.asked) == 2
+    result, _ = stage_above(monkeypatch, taking(8.9))
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
+
+
+def test_rival_that_does_not_hold_gets_no_second_start_and_one_without_an_optimum_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result, solved = stage_above(monkeypatch, taking(8.9, certified=False), taking(8.9))
+    assert solved == 1
+    assert seconds(result) == pytest.approx(9.0)
+    assert result.alternatives == ()
+    coarse = planned_coarse_solution(SMALL)
+    nothing = Failure(Start(coarse.flight, coarse.problem, coarse.iterate, InitialBarrier.COLD), None)
+    result, solved = stage_above(monkeypatch, nothing, taking(8.9))
+    assert solved == 2
+    assert seconds(result) == pytest.approx(8.9)
 
 
 # the order in which starts are tried, with canned answers

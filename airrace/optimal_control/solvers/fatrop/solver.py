@@ -50,6 +50,13 @@ Where it led on it took 17 steps at most, in the ladders of the shipped courses 
 courses; where it did not, it went on until no iterations were left, 400 and more.
 """
 
+DERIVATIVE_MAX = 1e9
+"""The size of a scaled derivative of the constraints beyond which a solve is given up.
+
+They are of the order of 100. Products of larger ones over the intervals overflow in the factorisation, to whose
+diagonal fatrop then adds for ever.
+"""
+
 
 @record
 class WarmStartSettings:
@@ -317,6 +324,10 @@ class _FatropCall:
         memory, places = self._buffers.constraints((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
         values, seen = functions.jacobian_sources(), self._residuals()
+        if DERIVATIVE_MAX < np.fmax.reduce(np.abs(values)) < np.inf:
+            self._not_finite = True
+            values = np.where(np.abs(values) < DERIVATIVE_MAX, values, 0.0)
+            self._stop()
         if not rows.jacobian.write(values, memory, rows.weights):
             rows.jacobian.clean(memory)
         memory.doubles[places] = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
@@ -339,7 +350,9 @@ class _FatropCall:
         memory, slope = self._buffers.costs(matrices)
         finite = stages.hessian.write(values, memory)
         memory.doubles[slope] = gradient
-        if not (finite and np.isfinite(gradient).all()):  # fatrop would add to the diagonal for ever
+        if self._not_finite or not (
+            finite and np.isfinite(gradient).all()
+        ):  # fatrop would add to the diagonal for ever
             self._not_finite = True
             stages.hessian.fill(stages.on_diagonal.astype(np.float64), memory)
             memory.doubles[slope] = 0.0
