@@ -47,7 +47,7 @@ class TableSettings:
 
     Attributes:
         routes_max: the largest number of routes in the table; all of them are in the checkpoint and in the object.
-        tie_ms: .
+        tie_ms: the difference within which legs are a tie, ms.
     """
 
     routes_max: int = 12

@@ -235,7 +235,7 @@ def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tup
 
 
 def _same(a: Point, b: Point) -> bool:
-    return polygons.distance(a, (b,), closed=False) < SIZES.same_place
+    return bool(polygons.distance(a, (b,), closed=False) < SIZES.same_place)
 
 
 def check_room(

@@ -102,7 +102,7 @@ class CsvLimits:
     Attributes:
         preamble: lines that may come before the headers.
         header_letters: letters of the longest line of headers.
-        turn: .
+        turn: a full turn, deg, beyond which the numbers of a place are no degrees.
         rows_below: rows of units, sources and the like that may stand between the headers and the first sample.
     """
 

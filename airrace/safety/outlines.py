@@ -88,7 +88,7 @@ class Raster:
         holes: dict[int, list[Array]] = {}
         for ring in rings:
             if _area(ring) > 0.0:
-                around = [n for n, border in enumerate(borders) if inside(Point(*ring[0].tolist()), _corners(border))]
+                around = [n for n, border in enumerate(borders) if inside(ring[0], _corners(border))]
                 if around:
                     holes.setdefault(around[-1], []).append(ring)
         return tuple(Outline(border, tuple(holes.get(number, ()))) for number, border in enumerate(borders))

@@ -4,7 +4,11 @@ import itertools
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from airrace.records import record
+from airrace.trajectory import Array
 
 
 @record
@@ -56,40 +60,48 @@ def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     opposed = _cross(a, b, c) * _cross(a, b, d), _cross(c, d, a) * _cross(c, d, b)
     if max(opposed) < 0.0:
         return True
-    apart = min(
-        _distance_to_edge(c, a, b), _distance_to_edge(d, a, b), _distance_to_edge(a, c, d), _distance_to_edge(b, c, d)
-    )
-    return apart == 0.0
+    ends = [(c, (a, b)), (d, (a, b)), (a, (c, d)), (b, (c, d))]
+    return bool(min(distance(place, edge, closed=False) for place, edge in ends) < 1e-9)  # m, rounding
 
 
-def distance(place: Point, corners: Sequence[Point], *, closed: bool) -> float:
-    """Return the distance of a place from a point, a line or (closed) an area, m; zero within an area."""
+def beside(places: Array, a: Point, b: Point) -> tuple[Array, Array]:
+    """Return how far every place (..., 2) lies along the line from a to b, and how far to its right, m."""
+    length = _length(a, b)
+    direction = ((b.north - a.north) / length, (b.east - a.east) / length) if length > 0.0 else (1.0, 0.0)
+    north, east = places[..., 0] - a.north, places[..., 1] - a.east
+    return north * direction[0] + east * direction[1], east * direction[0] - north * direction[1]
+
+
+def distance(places: Array | Point, corners: Sequence[Point], *, closed: bool) -> Array:
+    """Return how far every place (..., 2) is from a point, a line or (closed) an area, m, shape (...); zero within."""
+    places = _coordinates(places)
     if len(corners) == 1:
-        return _length(place, corners[0])
-    if closed and inside(place, corners):
-        return 0.0
-    return min(_distance_to_edge(place, a, b) for a, b in edges(corners, closed=closed))
+        return np.hypot(places[..., 0] - corners[0].north, places[..., 1] - corners[0].east)
+    nearest = np.full(places.shape[:-1], np.inf)
+    for a, b in edges(corners, closed=closed):
+        along, across = beside(places, a, b)
+        past = along - np.clip(along, 0.0, _length(a, b))
+        nearest = np.minimum(nearest, np.hypot(past, across))
+    return nearest * ~inside(places, corners) if closed else nearest
 
 
-def inside(place: Point, corners: Sequence[Point]) -> bool:
-    """Return whether a place lies within a simple polygon.
+def inside(places: Array | Point, corners: Sequence[Point]) -> NDArray[np.bool_]:
+    """Return whether places (..., 2) lie within a simple polygon, shape (...).
 
     A ray from inside to the north crosses its border an odd number of times.
     """
-    crossings = 0
+    places = _coordinates(places)
+    north, east = places[..., 0], places[..., 1]
+    within = np.zeros(north.shape, bool)
     for a, b in edges(corners, closed=True):
-        if (a.east > place.east) != (b.east > place.east):
-            north = a.north + (place.east - a.east) / (b.east - a.east) * (b.north - a.north)
-            crossings += north > place.north
-    return crossings % 2 == 1
+        if a.east != b.east:
+            level = a.north + (east - a.east) / (b.east - a.east) * (b.north - a.north)
+            within = within ^ (((a.east > east) != (b.east > east)) & (level > north))
+    return within
 
 
-def _distance_to_edge(place: Point, a: Point, b: Point) -> float:
-    along_north, along_east = b.north - a.north, b.east - a.east
-    squared = along_north**2 + along_east**2
-    part = ((place.north - a.north) * along_north + (place.east - a.east) * along_east) / squared if squared else 0.0
-    part = min(max(part, 0.0), 1.0)
-    return math.hypot(place.north - a.north - part * along_north, place.east - a.east - part * along_east)
+def _coordinates(places: Array | Point) -> Array:
+    return np.array([places.north, places.east]) if isinstance(places, Point) else places
 
 
 def _cross(a: Point, b: Point, c: Point) -> float:
