@@ -62,6 +62,8 @@ class RefinementSettings:
     ahead: float = 0.1
     """Share of the Hamiltonian's limit from which on an interval is halved before it misses it. With a half, 5 of those
     24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved."""
+    jump: float = 0.5
+    """Share of the Hamiltonian's limit by which it changes from one interval to the next where a drift begins."""
     coarsen_below: float = 1 / 40
     """Share of the Hamiltonian's limit below which half of the nodes are enough. With a quarter of it Rovinj and Air
     Race X take 936 and 690 intervals; with four times as much 631 and 512, and race times that differ by 1e-4 and 3e-4
@@ -343,7 +345,7 @@ def _required_parts(
         (RefinementReason.INTEGRATION, np.where(defect <= limits.replay, 1, np.maximum(integration, 2))),
         (RefinementReason.LIMITS, _parts_by_excess(_worst_nearby(check.excess), 1.0)),
         # It falls slowly with the length of the interval.
-        (RefinementReason.HAMILTONIAN, np.where(_worst_nearby(drift) <= limits.hamiltonian, 1.0, 4.0)),
+        (RefinementReason.HAMILTONIAN, np.where(_off_hamiltonian(drift, limits.hamiltonian), 4.0, 1.0)),
     ]
     return _most(optimum, wanted)
 
@@ -365,6 +367,20 @@ def _bisected_above(values: Array, limit: float) -> Array:
 def _parts_by_excess(values: Array, limit: float) -> Array:
     """Return two parts where a limit is exceeded, four where it is exceeded by far."""
     return np.where(values <= limit, 1.0, np.where(values <= 4.0 * limit, 2.0, 4.0))
+
+
+def _off_hamiltonian(drift: Array, limit: float) -> Marks:
+    """Return the intervals at or beside which the Hamiltonian drifts too far, and those where such a drift begins.
+
+    It is constant but for errors. Where a limit is touched between two nodes it jumps at one of them, and stays there
+    for all that follows, however finely that is cut.
+    """
+    off = _worst_nearby(drift) > limit
+    if off.any():
+        jumps = np.abs(np.diff(drift)) > SETTINGS.jump * limit
+        off[:-1] |= jumps
+        off[1:] |= jumps
+    return off
 
 
 def _worst_nearby(values: Array) -> Array:

@@ -254,6 +254,13 @@ def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved_once() -> None
 # mending
 
 
+def test_drift_is_cut_where_it_begins_as_well_as_where_it_is_too_large() -> None:
+    limit, last = LIMITS.hamiltonian, sum(COUNTS) - 1
+    drift = {**dict.fromkeys(range(5, last), 0.98 * limit), last: 1.02 * limit}
+    cut = parts(mended(flown({"drift": drift})))
+    assert np.flatnonzero(cut > 1).tolist() == [4, 5, last - 1, last]
+
+
 def test_mended_mesh_remembers_the_coarser_one() -> None:
     assert refine_flagged(flown(), LIMITS) is None
     solved = flown({"excess": {4: 1.5}})
