@@ -375,7 +375,7 @@ def _off_hamiltonian(drift: Array, limit: float) -> Marks:
     It is constant but for errors. Where a limit is touched between two nodes it jumps at one of them, and stays there
     for all that follows, however finely that is cut.
     """
-    off = _worst_nearby(drift) > limit
+    off = ~(_worst_nearby(drift) <= limit)
     if off.any():
         jumps = np.abs(np.diff(drift)) > SETTINGS.jump * limit
         off[:-1] |= jumps

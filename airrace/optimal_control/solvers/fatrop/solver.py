@@ -350,10 +350,8 @@ class _FatropCall:
         memory, slope = self._buffers.costs(matrices)
         finite = stages.hessian.write(values, memory)
         memory.doubles[slope] = gradient
-        if self._not_finite or not (
-            finite and np.isfinite(gradient).all()
-        ):  # fatrop would add to the diagonal for ever
-            self._not_finite = True
+        self._not_finite = self._not_finite or not (finite and np.isfinite(gradient).all())
+        if self._not_finite:  # fatrop would add to the diagonal for ever
             stages.hessian.fill(stages.on_diagonal.astype(np.float64), memory)
             memory.doubles[slope] = 0.0
             self._stop()
