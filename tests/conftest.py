@@ -27,13 +27,13 @@ LONG = (
     "end_to_end/test_closed_streams.py",
     "control/test_simulation.py",
     "end_to_end/test_finished_runs.py",
-    "procedure/test_ladder.py",
+    "procedure/test_fidelity_continuation.py",
     "end_to_end/test_strangers_folders.py",
     "test_doctests.py",
     "end_to_end/test_batches.py",
     "documentation/test_site.py",
     "shipped/test_wheel.py",
-    "cli/test_inputs_are_kept.py",
+    "cli/test_inputs_unchanged.py",
 )
 """Files of 6 to 33 s of processor time, the longest first: in parallel no process waits for one of them at the end."""
 

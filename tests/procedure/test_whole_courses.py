@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matched_laps import laps, matched_laps
 from races import COURSES, PLAN, RACES, ROOT, SIXTEEN, assert_certified, blown, one_lap, optimum, solve_stages
-from test_flown_optima import plane_of
+from test_shipped_optima import plane_of
 
 from airrace.environment.atmosphere import Thermal
 from airrace.inputs import load_inputs

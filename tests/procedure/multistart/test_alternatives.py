@@ -40,7 +40,7 @@ def seconds(result: StageResult) -> float:
     return result.trajectory.race_time
 
 
-def test_rivals_are_certified_and_slower() -> None:
+def test_alternatives_are_certified_and_slower() -> None:
     point_mass = search_optimum(HALF_CUBAN, BOTH)
     (alternative,) = point_mass.alternatives
     assert alternative.certified
@@ -49,14 +49,14 @@ def test_rivals_are_certified_and_slower() -> None:
     assert (alternative.search, alternative.alternatives) == (NOT_SEARCHED, ())
 
 
-def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
+def test_best_route_is_the_same_whether_it_climbs_alone_or_not() -> None:
     alone = search_optimum(HALF_CUBAN, dataclasses.replace(QUICK, alternatives=1))
     assert alone.alternatives == ()
     assert seconds(search_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
 
 
 @pytest.mark.slow
-def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
+def test_all_routes_are_climbed_and_the_fastest_is_the_result() -> None:
     higher = solve_stages()[1]
     assert higher.stage is Stage.TRANSFER_FUNCTION
     assert higher.certified
@@ -67,7 +67,7 @@ def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
 
 
 @pytest.mark.slow
-def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
+def test_stored_run_goes_on_with_all_routes(tmp_path: Path) -> None:
     document = StoredDocument("x.yaml", "x")
     checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(solve_stages()[0])
     write_checkpoint(tmp_path / "run.h5", checkpoint)
@@ -94,14 +94,14 @@ def stage_above(monkeypatch: pytest.MonkeyPatch, *of_alternative: StageResult | 
     return result, len(of_alternative) - len(left)
 
 
-def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_alternative_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where they were read from a file: what a ladder stands on is what is finished."""
     result, _ = stage_above(monkeypatch, taking(8.9))
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
 
 
-def test_rival_that_does_not_hold_gets_no_second_start_and_one_without_an_optimum_does(
+def test_alternative_that_does_not_hold_gets_no_second_start_and_one_without_an_optimum_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result, solved = stage_above(monkeypatch, taking(8.9, certified=False), taking(8.9))
@@ -163,13 +163,13 @@ def first_stage(
     return result, answers.asked, list(starts)
 
 
-def test_every_solver_is_asked_of_the_best_way_before_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_solver_is_asked_of_the_best_route_before_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
     result, asked, found = first_stage(monkeypatch, QUICK, 2, taking(9.0))
     assert asked == [[found[0]]]
     assert seconds(result) == pytest.approx(9.0)
 
 
-def test_ways_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_hardly_slower_is_carried_on(
+def test_routes_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_hardly_slower_is_carried_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     verdicts = taking(9.06), taking(9.03), taking(9.0)
@@ -183,7 +183,7 @@ def test_ways_that_rough_times_do_not_rank_are_all_certified_and_one_that_is_har
     assert same.alternatives == ()
 
 
-def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified(
+def test_next_route_and_at_last_the_plan_are_tried_where_the_best_is_not_certified(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     failed = taking(9.0, certified=False)
@@ -194,7 +194,7 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
     assert seconds(result) == pytest.approx(11.0)
 
 
-def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_routes_are_compared_with_the_certified_one(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = planned_coarse_solution(SMALL)
     starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
     told = [SearchReport(routes=(Route(text, 9.0, 0.0, "joint"),)) for text in ("first", "second")]
@@ -207,25 +207,25 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     assert result.search.routes[0].text == "second"
 
 
-BEST_WAY = SearchReport(routes=(Route("flat", 9.0, 0.0, "joint"),))
+BEST_ROUTE = SearchReport(routes=(Route("flat", 9.0, 0.0, "joint"),))
 
 
-def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_proof(
+def test_next_route_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_certificate(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     verdicts = (taking(9.5), taking(9.05))
     with caplog.at_level(logging.WARNING):
-        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, search=BEST_WAY)
+        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, search=BEST_ROUTE)
     assert asked == [[one] for one in found[:2]]
     assert seconds(result) == pytest.approx(9.05)
     assert not caplog.records
 
 
-def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
+def test_flight_that_is_far_slower_than_the_best_route_when_rough_says_so(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), search=BEST_WAY)
+        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), search=BEST_ROUTE)
     assert seconds(result) == pytest.approx(9.5)
     (record,) = caplog.records
     assert "9.00 s when solved coarsely" in record.getMessage()
@@ -233,9 +233,9 @@ def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
 
 
 def close_together(
-    monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, proofs: dict[float, StageResult | str], carried: int = 1
+    monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, checks: dict[float, StageResult | str], carried: int = 1
 ) -> tuple[StageResult, list[float]]:
-    """The result where two ways below the last stage were solved on one mesh each, and what was proved of them."""
+    """The result where two routes below the last stage were solved on one mesh each, by what their checks lead to."""
     two = dataclasses.replace(QUICK, alternatives=carried)
     coarse = planned_coarse_solution(SMALL)
     starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
@@ -243,7 +243,7 @@ def close_together(
 
     def answered(_: object, optimum: StageResult, __: object) -> StageResult | str:
         asked.append(round(seconds(optimum), 3))
-        return proofs[asked[-1]]
+        return checks[asked[-1]]
 
     left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near=2)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
@@ -257,30 +257,30 @@ def close_together(
     return result, asked
 
 
-def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_routes_whose_meshes_may_hide_which_is_faster_are_checked_first(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
-    proofs: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
-    result, asked = close_together(monkeypatch, first, second, proofs=proofs)
+    checks: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
+    result, asked = close_together(monkeypatch, first, second, checks=checks)
     assert asked == [9.000, 9.008]
     assert (seconds(result), result.status) == (pytest.approx(8.998), Status.CERTIFIED)
     assert result.alternatives == ()
 
 
 @pytest.mark.parametrize("time", [9.008, 9.05])
-def test_ways_that_are_both_carried_on_need_no_proof(time: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_routes_that_are_both_carried_on_need_no_certificate(time: float, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = solve_single_mesh(taking(time)), solve_single_mesh(taking(9.0))
-    result, asked = close_together(monkeypatch, first, second, proofs={}, carried=2)
+    result, asked = close_together(monkeypatch, first, second, checks={}, carried=2)
     assert asked == []
     assert (seconds(result), result.status) == (pytest.approx(9.0), Status.SOLVED)
     assert [alternative.status for alternative in result.alternatives] == [Status.SOLVED]
 
 
-def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_close_routes_one_that_could_be_confirmed_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
-    result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
+    result, _ = close_together(monkeypatch, first, second, checks={9.000: "it failed", 9.008: taking(9.008)})
     assert (seconds(result), result.status) == (pytest.approx(9.008), Status.CERTIFIED)
     assert result.alternatives == ()
-    neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
+    neither, _ = close_together(monkeypatch, first, second, checks={9.000: "it failed", 9.008: "it failed"})
     assert (seconds(neither), neither.status) == (pytest.approx(9.0), Status.SOLVED)
     assert neither.remarks == "its race time could not be confirmed on a second mesh: it failed"
 
@@ -291,7 +291,9 @@ def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch:
     assert seconds(result) == pytest.approx(10.0)
 
 
-def test_fastest_certified_way_is_the_result_whichever_was_the_best_when_rough(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fastest_certified_route_is_the_result_whichever_was_the_best_when_rough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     three = dataclasses.replace(QUICK, alternatives=3)
     verdicts = (taking(9.2), taking(9.0), taking(8.0, certified=False))
     result, asked, found = first_stage(monkeypatch, three, 4, *verdicts)
