@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 from dataclasses import dataclass
 
 
@@ -76,6 +77,12 @@ class SolverCrash(AirraceError):
     def __init__(self, text: str, status: int | None = None) -> None:
         super().__init__(text)
         self.status = status
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether it is one of the solver's own code, such as an address that does not exist: others may do better."""
+        faults = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
+        return self.status is not None and self.status in [-one for one in faults]
 
 
 class KernelError(AirraceError):

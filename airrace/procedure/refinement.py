@@ -96,6 +96,9 @@ class RefinementSettings:
     growth_max: float = 6.0
     """Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.4 times
     as fine at most. Where a limit is missed on every mesh, ever more intervals would be cut into four."""
+    growth_from: int = 300
+    """Number of intervals that a first mesh is taken to have at least for that: small ones have time to spare. A U-turn
+    within an airspace begins with 76 intervals and takes 1,562."""
     clearance_rounds_max: int = 6
     """Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons.
     """

@@ -249,7 +249,7 @@ def _from_optimum(
     )
     found = refine_from(session, start, first)
     if isinstance(found, Failure):
-        status = "it stalled" if found.solution is None else found.solution.status
+        status = session.attempts[-1].status if found.solution is None else found.solution.status
         return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
 

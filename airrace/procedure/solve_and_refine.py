@@ -260,7 +260,8 @@ class Refined:
 def refine_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
     """Solve on one mesh after another, from the first one on; return the stage, with the certificate that it has."""
     limits, total = session.settings.certificate, session.settings.mesh.refinements_max
-    largest = SETTINGS.growth_max * sum(len(fractions) for fractions in first.draft.mesh)
+    intervals = sum(len(fractions) for fractions in first.draft.mesh)
+    largest = SETTINGS.growth_max * max(intervals, SETTINGS.growth_from)
 
     def step(state: RefinementState) -> Refined:
         problem, number = state.flight.problem(state.draft.mesh), max(state.number, 0)
@@ -525,7 +526,7 @@ def _failure_result(session: SolverSession, failures: Sequence[Failure], diagnos
     start, solution, last = failure.start, failure.solution, failure.start.guess
     outcome = Status.NOT_CONVERGED
     if solution is None:
-        outcome, message = Status.TIMEOUT, "the solver finished no iteration for too long and was stopped"
+        outcome, message = Status.TIMEOUT, f"no solver came back: {session.attempts[-1].status}"
     else:
         if solution.iterate.state.shape == last.state.shape:  # else it gave up on a finer mesh
             last = solution.iterate

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
+from airrace.errors import SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import load_in_background
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
@@ -344,7 +345,9 @@ class SolverSession:
                 on_iteration=self._report,
                 threads=self.threads - self._searching,  # a search beside it has a thread to itself
             )
-        except SolverTimeout as fate:
+        except (SolverTimeout, SolverCrash) as fate:
+            if isinstance(fate, SolverCrash) and not fate.is_fault:
+                raise
             self.attempts.append(Attempt(purpose, solver, str(fate), False, 0, time.perf_counter() - started))
             return None
         if not solution.success and solution.kkt.largest <= self.settings.certificate.kkt_error:

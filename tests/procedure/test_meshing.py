@@ -437,7 +437,8 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
 def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
     growth: float, refined: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(solve_and_refine, "SETTINGS", replace(solve_and_refine.SETTINGS, growth_max=growth))
+    settings = replace(solve_and_refine.SETTINGS, growth_max=growth, growth_from=0)
+    monkeypatch.setattr(solve_and_refine, "SETTINGS", settings)
     flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:

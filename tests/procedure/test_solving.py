@@ -1,6 +1,7 @@
 """The solver cascade and the homotopy, with solvers that fail on purpose."""
 
 import dataclasses
+import signal
 from collections.abc import Callable, Sequence
 from threading import Event
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
 
+from airrace.errors import SolverCrash
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError
 from airrace.optimal_control.problem import Iterate, Problem
@@ -27,7 +29,7 @@ from airrace.procedure.solver_session import LIMITS, MEASURED, Budget, SolverPoo
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import InitialBarrier, Start
 
-STALLED = "stalled"
+STALLED, FAULTY, KILLED = "stalled", "faulty", "killed"
 
 
 class Canned(SolverService):
@@ -60,6 +62,8 @@ class Canned(SolverService):
         verdict = self.verdicts.pop(0) if len(self.verdicts) > 1 else self.verdicts[0]
         if verdict == STALLED:
             raise SolverTimeout("no iteration finished within 1 s")
+        if verdict in (FAULTY, KILLED):
+            raise SolverCrash("the solver process died", -(signal.SIGSEGV if verdict == FAULTY else 9))
         layout = Layout(problem)
         return Solution(
             solver=solver,
@@ -91,12 +95,18 @@ def small() -> tuple[Problem, Iterate]:
     return prepared(SMALL).problem(mesh), guess(planned(SMALL), mesh)
 
 
+def test_killed_solver_process_ends_the_run() -> None:
+    with pytest.raises(SolverCrash):
+        session(KILLED).solve(*small(), "all phases", barrier=InitialBarrier.COLD)
+
+
 @pytest.mark.parametrize(
     ("verdicts", "solvers"),
     [
         (["solved"], ["fatrop"]),
         (["stuck", "solved"], ["fatrop", "ipopt"]),
         ([STALLED, "solved"], ["fatrop", "ipopt"]),
+        ([FAULTY, "solved"], ["fatrop", "ipopt"]),
     ],
 )
 def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[str], solvers: list[str]) -> None:

@@ -18,6 +18,7 @@ from textbook import known_answers
 from airrace.optimal_control.problem import interpolate
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RungeKutta
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers.interface import Ending
 
 both_solvers = pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
 
@@ -63,8 +64,8 @@ def test_body_on_a_uniform_mesh_takes_little_longer_than_the_published_time(solv
     assert signs == [list(arc) for arc in reorientation.SIGNS]
 
 
-def test_an_ascent_through_the_earth_is_given_up_in_time() -> None:
-    """Air at a depth of 200 km makes derivatives from which fatrop never comes back."""
+def test_an_ascent_through_the_earth_is_given_up_at_once() -> None:
+    """Air at a depth of 200 km makes derivatives from which fatrop never came back."""
     problem, guess = delta_iii.ascent((2, 2, 2, 2))
     begin = guess.state[:, 0]
     share = np.linspace(0.0, 1.0, 5)
@@ -75,9 +76,9 @@ def test_an_ascent_through_the_earth_is_given_up_in_time() -> None:
     states[3:6] = np.outer([-7000.0, 7000.0, -2000.0], share)
     states[6] = begin[6] * (1 - share) + 7600.0 * share
     straight = interpolate(problem, guess.durations, states, [0.0, 0.0])
-    solution = solve(problem, straight, stall_seconds=4.0)
+    solution = solve(problem, straight, stall_seconds=60.0)
     assert not solution.success
-    assert solution.status == "no iteration finished within 4 s"
+    assert solution.ending is Ending.NOT_FINITE
 
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
