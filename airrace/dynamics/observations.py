@@ -33,8 +33,8 @@ The room between a wing and a pylon when it is abeam of that, seen from a moment
 
 A wing that crosses the line between two pylons askew is abeam of one of them some hundredths of a second before, and of
 the other one after. With the position `c`, velocity `v`, acceleration `a` and half wing `w` of the moment, the pylon at
-`P` is abeam where `(P - c(t)) . v(t) = 0`, all horizontal, on `c(t) = c + v t + a t^2 / 2`; two Newton steps from zero
-find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t`, made as long as `w`,
+`P` is abeam where `(P - c(t)) . v(t) = 0`, all horizontal, on `c(t) = c + v t + a t^2 / 2`; three Newton steps from
+zero find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t`, made as long as `w`,
 
     n . (P - c(t)) -+ n . w(t)
 
@@ -495,7 +495,7 @@ def pylon_room_observation(model: FlightModel) -> Observation:
             ]
 
         t: Scalar = ca.SX(0.0)
-        for _ in range(2):
+        for _ in range(3):
             d, v = ahead(t)
             slope = v[0] ** 2 + v[1] ** 2 - d[0] * acceleration[0] - d[1] * acceleration[1] + LEVEL_BLEND
             t = t + (d[0] * v[0] + d[1] * v[1]) / slope
