@@ -81,8 +81,7 @@ class SolverCrash(AirraceError):
     @property
     def is_fault(self) -> bool:
         """Whether it is one of the solver's own code, such as an address that does not exist: others may do better."""
-        faults = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
-        return self.status is not None and self.status in [-one for one in faults]
+        return self.status in (-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGFPE, -signal.SIGILL)
 
 
 class KernelError(AirraceError):

@@ -297,12 +297,13 @@ def test_iterations_of_a_restoration_that_fails_are_counted_and_limited(
     assert not solution.success
     assert len([one for one in numbers if one.endswith("r")]) > 20
     assert solution.iterations == pytest.approx(len(numbers), abs=2)
-    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 12)
+    monkeypatch.setattr(fatrop_solver, "LIMITS", fatrop_solver.SolveLimits(restoration=12))
     solution, numbers = optimum(problem, guess), printed(capsys.readouterr().out)
     assert not solution.success
     assert solution.ending is Ending.RESTORATION_LIMIT
     assert len([one for one in numbers if one.endswith("r")]) <= 12 + 2
-    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 1)  # which is none of other iterations
+    # which is none of other iterations
+    monkeypatch.setattr(fatrop_solver, "LIMITS", fatrop_solver.SolveLimits(restoration=1))
     assert optimum(EVERYTHING, GUESS).success
 
 

@@ -43,19 +43,25 @@ from airrace.trajectory import Array
 
 ENDINGS = tuple(Ending)[:7]
 """The endings in the order of `IpSolverReturnFlag`."""
-RESTORATION_MAX = 100
-"""The number of successive steps of a restoration of feasibility after which a solve is given up.
 
-Where it led on it took 17 steps at most, in the ladders of the shipped courses with exploring and on 30 generated
-courses; where it did not, it went on until no iterations were left, 400 and more.
-"""
 
-DERIVATIVE_MAX = 1e9
-"""The size of a scaled derivative of the constraints beyond which a solve is given up.
+@record
+class SolveLimits:
+    """The limits beyond which a solve is given up.
 
-They are of the order of 100. Products of larger ones over the intervals overflow in the factorisation, to whose
-diagonal fatrop then adds for ever.
-"""
+    Attributes:
+        restoration: the number of successive steps of a restoration of feasibility. Where it led on it took 17 steps at
+            most, in the ladders of the shipped courses with exploring and on 30 generated courses; where it did not, it
+            went on until no iterations were left, 400 and more.
+        derivative: the size of a scaled derivative of the constraints. They are of the order of 100. Products of larger
+            ones over the intervals overflow in the factorisation, to whose diagonal fatrop then adds for ever.
+    """
+
+    restoration: int = 100
+    derivative: float = 1e9
+
+
+LIMITS = SolveLimits()
 
 
 @record
@@ -196,7 +202,7 @@ class _FatropCall:
         ending = Ending.EXCEPTION if flag < 0 else ENDINGS[reason]
         if ending is Ending.ITERATION_LIMIT and self._detector.creeping:
             ending = Ending.CREEPING
-        if self._restoring > RESTORATION_MAX:
+        if self._restoring > LIMITS.restoration:
             ending = Ending.RESTORATION_LIMIT
         if self._not_finite:
             ending = Ending.NOT_FINITE
@@ -324,9 +330,9 @@ class _FatropCall:
         memory, places = self._buffers.constraints((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
         values, seen = functions.jacobian_sources(), self._residuals()
-        if DERIVATIVE_MAX < np.fmax.reduce(np.abs(values)) < np.inf:
+        if LIMITS.derivative < np.fmax.reduce(np.abs(values)) < np.inf:
             self._not_finite = True
-            values = np.where(np.abs(values) < DERIVATIVE_MAX, values, 0.0)
+            values = np.where(np.abs(values) < LIMITS.derivative, values, 0.0)
             self._stop()
         if not rows.jacobian.write(values, memory, rows.weights):
             rows.jacobian.clean(memory)
@@ -338,7 +344,7 @@ class _FatropCall:
         functions, stages = self._functions, self._stages
         self._steps += 1
         self._restoring = self._restoring + 1 if factor == 0.0 else 0  # a restoration leaves the objective out
-        if self._restoring > RESTORATION_MAX:
+        if self._restoring > LIMITS.restoration:
             self._stop()
         functions.w[:] = self._unknowns(unknowns)
         functions.lam_f = factor
