@@ -24,9 +24,10 @@ from airrace.planning.planning_model import PlanningModel, cruise, roll_time, ro
 from airrace.planning.route_decisions import ANY, RouteDecisions, Waypoint, candidates
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.track.course import Course, Passage, Roll
+from airrace.track.course import Course, CrowdShape, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
 from airrace.track.gates import STEEP
+from airrace.track.polygons import beside, distance
 from airrace.trajectory import Array, Trajectory
 
 ONE_PLACE = 0.01
@@ -108,6 +109,43 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
         legs += _pieces(leg, len(heights) + 1)
     banked = _with_knife_edges(waypoints, legs, choices.edges)
     return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls, choices.last)
+
+
+def plan_within_boundaries(course: Course, planned: Plan) -> Plan | None:
+    """Return a plan that turns the other way where one leaves the boundaries: lines, airspace, distances from crowds.
+
+    None where it leaves none, or where turning the other way leads out no less.
+    """
+    out, turns = _depths_outside(course, planned), dict[int, int]()
+    for first, last in itertools.pairwise(stops_of(course)):
+        paths = [leg.path for leg in planned.legs[first:last] if leg.path is not None]
+        turn = sum(float(np.dot(path.lengths, path.curvatures)) for path in paths)
+        if max(out[first:last]) > 0.0 and abs(turn) > TURN:
+            turns[last] = -1 if turn > 0.0 else 1
+    if not turns:
+        return None
+    other = plan(course, planned.cruise, RouteDecisions(turns=turns, last=planned.last))
+    return other if sum(_depths_outside(course, other)) < sum(out) else None
+
+
+def _depths_outside(course: Course, planned: Plan) -> list[float]:
+    """Return how far every leg leads out of its boundaries over ground, m; 0 for one within them, and for attitudes."""
+    depths: list[float] = []
+    for leg, passage in zip(planned.legs, course.passages[1:], strict=True):
+        depth = 0.0
+        if leg.path is not None:
+            north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, PATH_SAMPLES))
+            places = np.stack([north, east], axis=-1)
+            for line in passage.safety_lines:
+                right = beside(places, line.start, line.end)[1]
+                depth = max(depth, float(np.max(line.margin - (right if line.keep_right else -right))))
+            if course.airspace:
+                depth = max(depth, float(distance(places, course.airspace, closed=True).max()))
+            for crowd in course.crowd:
+                away = distance(places, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
+                depth = max(depth, crowd.distance - float(away.min()))
+        depths.append(depth)
+    return depths
 
 
 def stops_of(course: Course) -> list[int]:
@@ -262,6 +300,8 @@ class Race:
         return plan(self.course, self.pace)
 
 
+PATH_SAMPLES = 61
+"""The number of places of a planned leg at which its distance from boundaries is taken."""
 TURN = math.radians(45.0)
 """The angle above which a flight has chosen the side of a turn, rad.
 

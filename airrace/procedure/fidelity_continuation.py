@@ -12,7 +12,7 @@ from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
-from airrace.planning.plan import Race, plan, plan_from_solution
+from airrace.planning.plan import Race, plan, plan_from_solution, plan_within_boundaries
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.fidelity import fidelity_of, iterate_of
@@ -27,7 +27,7 @@ from airrace.procedure.infeasibility.local_infeasibility import (
     find_local_infeasibility,
 )
 from airrace.procedure.mesh_check import check_mesh_convergence
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
 from airrace.procedure.result import Note, NoteKind, PylonCondition, PylonSide, SearchReport, StageResult, Status
@@ -301,10 +301,10 @@ class FidelityContinuation:
 
         The one that the user prefers comes first.
         """
-        if self._local_infeasibility is not None:
-            return self._locally_infeasible(self._local_infeasibility, session)
-        known = self._first_starts(session)
-        budget = BUDGETS.get(self._settings.search)
+        known, budget = self._first_starts(session), BUDGETS.get(self._settings.search)
+        hopeless = self._local_infeasibility is not None and not any(self._coarse_plans or ())
+        if hopeless and self._flight_within_boundaries() is None:
+            return self._optimum(Stage.POINT_MASS, known, session)
         if budget is None:
             return self._optimum(Stage.POINT_MASS, known, session)
         found = self._search_routes(budget, session)
@@ -385,7 +385,7 @@ class FidelityContinuation:
     def _search_routes(self, budget: SearchBudget, session: SolverSession) -> FoundRoutes:
         """Search routes, with the starts of a run without a search among the starts, so that none is lost by it."""
         flight, course, starts = self.flight(Stage.POINT_MASS), self._race.course, list[InitialGuess]()
-        if budget.homotopy or Stage.HOMOTOPY in self.done:
+        if self._local_infeasibility is None and (budget.homotopy or Stage.HOMOTOPY in self.done):
             pieces = self._homotopy(session)
             if pieces.outcome is Status.SOLVED:
                 mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
@@ -393,6 +393,9 @@ class FidelityContinuation:
         solved = self._coarse_plans
         if solved is None:
             starts += self._plans(budget, session.settings.mesh)
+        within = self._flight_within_boundaries()
+        if within is not None and not any(solved or ()):
+            starts.append(planned_guess(within, within.plan, InitialBarrier.COLD))
         return search_routes(
             flight, course, session, budget, starts, self._settings.alternatives or 1, solved=solved or ()
         )
@@ -406,6 +409,15 @@ class FidelityContinuation:
             if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
                 starts.append(start)
         return [*starts, *planned_starts(flight, course, budget)]
+
+    def _flight_within_boundaries(self) -> StageProblem | None:
+        """Return the point mass along a plan that turns within the boundaries; None where its own plan does, or none.
+
+        A flight rises over a line that its plan crosses; where a ceiling forbids that, it has to turn the other way.
+        """
+        flight = self.flight(Stage.POINT_MASS)
+        other = plan_within_boundaries(self._race.course, flight.plan)
+        return None if other is None else dataclasses.replace(flight, plan=other)
 
     def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
         """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""
@@ -421,12 +433,15 @@ class FidelityContinuation:
         return pieces
 
     def _first_starts(self, session: SolverSession) -> Sequence[Callable[[], Start | StageResult]]:
-        """Return the homotopy and the plan as starts, the one that the user prefers first."""
+        """Return the homotopy and plans as starts, the one that the user prefers first.
+
+        A homotopy that is infeasible comes last, for it ends the stage.
+        """
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
-        def planned_start() -> Start:
-            problem, iterate = self._plan_guess(session)
-            return Start(flight, problem, iterate, InitialBarrier.COLD)
+        def planned_start(along: StageProblem) -> Start:
+            mesh = first_mesh(along.plan, session.settings.mesh)
+            return Start(along, along.problem(mesh), guess(along.plan, mesh), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
             where = ""
@@ -442,7 +457,11 @@ class FidelityContinuation:
             problem = flight.problem(mesh_of(first.trajectory))
             return Start(flight, problem, iterate_of(first.trajectory), InitialBarrier.PIECES)
 
-        return (concatenate_phases, planned_start) if pieces else (planned_start, concatenate_phases)
+        within = self._flight_within_boundaries()
+        planned, other = ([] if one is None else [functools.partial(planned_start, one)] for one in (flight, within))
+        if self._local_infeasibility is not None:
+            return [*other, concatenate_phases]
+        return [concatenate_phases, *planned, *other] if pieces else [*planned, *other, concatenate_phases]
 
     def _plan_guess(self, session: SolverSession) -> tuple[Problem, Iterate]:
         """Return the point mass's problem on its first mesh, and its guess from the plan."""

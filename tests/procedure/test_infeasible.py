@@ -276,7 +276,9 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     kind: GuessKind, before: list[str], search: SearchEffort
 ) -> None:
     chosen = settings(kind, search=search)
-    used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
+    plans = 4 if search is SearchEffort.QUICK else 0  # solved beside the homotopy, which finds it out
+    verdicts = (*before, *FOUND_OUT, *["stuck"] * plans, "stuck", "solved")
+    used = SolverSession(Canned(*verdicts), chosen, Silent())
     ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
         assert ladder.solve_stage(Stage.HOMOTOPY, used).outcome is Status.SOLVED
@@ -291,7 +293,6 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     ]
     purposes = [one.purpose for one in result.attempts]
     explaining = next(place for place, one in enumerate(reversed(purposes), start=1) if "without" in one) - 1
-    plans = 4 if search is SearchEffort.QUICK else 0  # solved beside the homotopy, which finds it out
     assert len(asked(used)) - explaining == len(before) + len(FOUND_OUT) + 2 + plans  # two limits are taken away
 
 

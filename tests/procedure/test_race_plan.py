@@ -30,7 +30,7 @@ from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import ONE_PLACE, Plan, Race, plan
+from airrace.planning.plan import ONE_PLACE, TURN, Plan, Race, plan, plan_within_boundaries
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
@@ -39,8 +39,9 @@ from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Interval
-from airrace.track.course import Direction
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, SafetyLine
 from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.polygons import Point
 
 every_race = pytest.mark.parametrize("name", RACES)
 OFFICIAL_SECONDS = 59.012  # of the winner at Rovinj in 2014, see the track file
@@ -306,3 +307,47 @@ def test_a_race_that_differs_has_a_plan_of_its_own() -> None:
     slower = dataclasses.replace(race, course=dataclasses.replace(race.course, passages=race.course.passages[:3]))
     assert len(race.plan.waypoints) == 4
     assert len(slower.plan.waypoints) == 3
+
+
+def bounded(kind: str, side: float) -> Course:
+    """There and back, 60 m farther to one side, to which one turns; a boundary 50 m behind that forbids it."""
+    there, back = level("there", 0.0, 0.0, 0.0), level("back", -500.0, side * 60.0, 180.0)
+    made = course("there and back", there, back)
+    east = side * 110.0
+    if kind == "line":
+        line = SafetyLine("line", Point(-1.0, east), Point(1.0, east), keep_right=side < 0.0)
+        passages = (made.passages[0], dataclasses.replace(made.passages[1], safety_lines=(line,)))
+        return dataclasses.replace(made, passages=passages)
+    if kind == "airspace":
+        far = -side * 2000.0
+        corners = ((-2000.0, far), (2000.0, far), (2000.0, east), (-2000.0, east))
+        return dataclasses.replace(made, airspace=tuple(Point(*one) for one in corners))
+    if kind == "crowd":
+        places = (Point(-500.0, side * 310.0), Point(500.0, side * 310.0))
+        return dataclasses.replace(made, crowd=(Crowd("crowd", CrowdShape.LINE, places, 200.0),))
+    return made
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["line", "airspace", "crowd"])
+def test_a_plan_within_boundaries_turns_the_other_way(kind: str, side: float) -> None:
+    made = bounded(kind, side)
+    race = Race(made, EDGE_540, Air())
+    other = plan_within_boundaries(made, race.plan)
+    assert other is not None
+    for planned, sense in ((race.plan, 1.0), (other, -1.0)):
+        path = planned.legs[0].path
+        assert path is not None
+        turn = sum(length * bend for length, bend in zip(path.lengths, path.curvatures, strict=True))
+        assert sense * side * turn > TURN
+        _, east, _ = path.points(np.linspace(0.0, path.length, 201))
+        assert (float((side * east).max()) > 110.0) is (planned is race.plan)
+    assert other.seconds > race.plan.seconds
+
+
+def test_there_is_no_other_plan_where_no_boundary_is_left_or_turning_the_other_way_leads_out_farther() -> None:
+    free = bounded("none", 1.0)
+    assert plan_within_boundaries(free, plan_of(Race(free, EDGE_540, Air()))) is None
+    corners = (Point(-2000.0, -10.0), Point(-2000.0, 130.0), Point(2000.0, 130.0), Point(2000.0, -10.0))
+    narrow = dataclasses.replace(free, airspace=corners)
+    assert plan_within_boundaries(narrow, plan_of(Race(narrow, EDGE_540, Air()))) is None
