@@ -20,14 +20,14 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import Air
 from airrace.frames import angle_between, angles, rotation
+from airrace.planning.clearance import beside_border, beside_line, ground_distance
 from airrace.planning.planning_model import PlanningModel, cruise, roll_time, rotation_time, rotation_vector, turn_by
 from airrace.planning.route_decisions import ANY, RouteDecisions, Waypoint, candidates
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.track.course import Course, CrowdShape, Passage, Roll
+from airrace.track.course import Course, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
 from airrace.track.gates import STEEP
-from airrace.track.polygons import beside, distance
 from airrace.trajectory import Array, Trajectory
 
 ONE_PLACE = 0.01
@@ -135,15 +135,11 @@ def _depths_outside(course: Course, planned: Plan) -> list[float]:
         depth = 0.0
         if leg.path is not None:
             north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, PATH_SAMPLES))
-            places = np.stack([north, east], axis=-1)
-            for line in passage.safety_lines:
-                right = beside(places, line.start, line.end)[1]
-                depth = max(depth, float(np.max(line.margin - (right if line.keep_right else -right))))
-            if course.airspace:
-                depth = max(depth, float(distance(places, course.airspace, closed=True).max()))
-            for crowd in course.crowd:
-                away = distance(places, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
-                depth = max(depth, crowd.distance - float(away.min()))
+            way = np.stack([north, east], axis=-1)
+            room = [beside_line(way, line) - line.margin for line in passage.safety_lines]
+            room += [ground_distance(way, crowd) - crowd.distance for crowd in course.crowd]
+            room += [beside_border(way, course.airspace)] if course.airspace else []
+            depth = max([0.0, *(-float(one.min()) for one in room)])
         depths.append(depth)
     return depths
 

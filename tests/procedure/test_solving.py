@@ -4,6 +4,7 @@ import dataclasses
 import signal
 from collections.abc import Callable, Sequence
 from threading import Event
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,6 +130,33 @@ def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
     (attempt,) = used.attempts
     assert attempt.success
     assert attempt.status == solution.status == f"nearly; {MEASURED}"
+
+
+@pytest.mark.parametrize(
+    ("gained", "violation", "descents"),
+    [
+        (1.0, 1e-3, LIMITS.descents_max),  # on its way down
+        (0.5 * LIMITS.descent, 1e-3, 0),  # at a standstill
+        (1.0, 0.1, 0),  # far from feasible
+    ],
+)
+def test_a_solve_that_ran_out_of_iterations_on_its_way_down_is_continued(
+    gained: float, violation: float, descents: int
+) -> None:
+    class Descending(Canned):
+        def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
+            found = super().solve(problem, guess, **rest)
+            faster = dataclasses.replace(guess, durations=guess.durations - gained / len(guess.durations))
+            kkt = KktError(violation, 1.0, 0.0)
+            return dataclasses.replace(found, ending=Ending.ITERATION_LIMIT, iterate=faster, kkt=kkt)
+
+    used = SolverSession(Descending("stuck"), Settings(), Silent())
+    problem, made = small()
+    used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
+    own = ["all phases", *["all phases, farther down"] * descents]
+    assert [one.purpose for one in used.attempts] == own * 2  # by both solvers
+    barriers = [one.barrier for _, one, _ in asked(used)]
+    assert barriers == [InitialBarrier.COLD.value, *[InitialBarrier.COARSE.value] * descents] * 2
 
 
 @pytest.mark.parametrize("passing", [False, True])
