@@ -97,6 +97,7 @@ class PylonConditionRow:
     share: float
     side: str
     error: float
+    roll_acceleration: float
 
 
 @record
@@ -195,7 +196,9 @@ def _encode_result(result: StageResult, path: str) -> dict[str, Node]:
         members["pylon_conditions"] = table_of(
             PylonConditionRow,
             [
-                PylonConditionRow(one.element, one.post, one.leg, one.share, one.side.value, one.error)
+                PylonConditionRow(
+                    one.element, one.post, one.leg, one.share, one.side.value, one.error, one.roll_acceleration
+                )
                 for one in result.pylon_conditions
             ],
         )
@@ -354,9 +357,15 @@ def _decode_pylon_conditions(place: GroupReader, legs: int) -> tuple[PylonCondit
     for row in place.rows("pylon_conditions", PylonConditionRow):
         if row.side not in [side.value for side in PylonSide]:
             raise CheckpointError(f"{place.path}/pylon_conditions: unknown side {row.side[:40]!r}")
-        if not (0 <= row.leg < legs and 0.0 <= row.share <= 1.0 and abs(row.error) < math.inf):
+        if not (
+            0 <= row.leg < legs
+            and 0.0 <= row.share <= 1.0
+            and abs(row.error) < math.inf
+            and abs(row.roll_acceleration) < math.inf
+        ):
             raise CheckpointError(f"{place.path}/pylon_conditions: no place or no number of a flight of {legs} legs")
-        found.append(PylonCondition(row.element, row.post, row.leg, row.share, PylonSide(row.side), row.error))
+        at, side = (row.element, row.post, row.leg, row.share), PylonSide(row.side)
+        found.append(PylonCondition(*at, side, row.error, row.roll_acceleration))
     return tuple(found)
 
 

@@ -34,12 +34,13 @@ The room between a wing and a pylon when it is abeam of that, seen from a moment
 A wing that crosses the line between two pylons askew is abeam of one of them some hundredths of a second before, and of
 the other one after. With the position `c`, velocity `v`, acceleration `a` and half wing `w` of the moment, the pylon at
 `P` is abeam where `(P - c(t)) . v(t) = 0`, all horizontal, on `c(t) = c + v t + a t^2 / 2`; three Newton steps from
-zero find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t`, made as long as `w`,
+zero find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t + w" t^2 / 2` as long as `w`,
 
     n . (P - c(t)) -+ n . w(t)
 
-is how far to the right of either wing tip the pylon stands, across the track. Left out are terms of order t^3 of the
-position and t^2 of the attitude. Rates are those with all controls at zero, on which neither `a` nor `w'` depends.
+is how far to the right of either wing tip the pylon stands, across the track. Of `w"` only the roll acceleration that a
+flight was measured to have is known. Left out are terms of order t^3 and what else the attitude has of order t^2. Rates
+are those with all controls at zero, on which neither `a` nor `w'` depends.
 """
 
 import functools
@@ -455,16 +456,18 @@ class PylonParameters(Vector[T]):
     east: T = quantity("m", scale=100.0, text="pylon, east of the origin")
     top: T = quantity("m", scale=100.0, text="top of the pylon above the origin")
     semispan: T = quantity("m", text="distance from the aircraft's centre to a wing tip")
+    roll_acceleration: T = quantity("rad/s2", scale=10.0, text="acceleration of the right wing tip down, as measured")
 
 
 @vector
 class PylonRoom(Vector[T]):
-    """Where the pylon is as seen from either wing tip, when that passes it abeam."""
+    """Where the pylon is as seen from either wing tip, when that passes it abeam, and how fast the wing rolls now."""
 
     left_tip: T = quantity("m", scale=100.0, text="pylon to the right of the left wing tip, when that is abeam")
     right_tip: T = quantity("m", scale=100.0, text="pylon to the right of the right wing tip, when that is abeam")
     above_left: T = quantity("m", scale=100.0, text="left wing tip above the top of the pylon, when that is abeam")
     above_right: T = quantity("m", scale=100.0, text="right wing tip above the top of the pylon, when that is abeam")
+    roll_rate: T = quantity("rad/s", text="rate at which the right wing goes down about the path")
 
 
 def pylon_room_observation(model: FlightModel) -> Observation:
@@ -477,6 +480,7 @@ def pylon_room_observation(model: FlightModel) -> Observation:
     R = rotation([x[name] for name in ATTITUDE])
     beta: Scalar = x.get("beta_K", 0.0)
     right = [sin(beta) * R[row][0] + cos(beta) * R[row][1] for row in range(3)]
+    bend = [b["roll_acceleration"] * R[row][2] for row in range(3)]
     velocity = [x["V_K"] * R[row][0] for row in range(3)]
     change: list[Scalar] = [*ca.jtimes(column([*velocity, *right]), states, rates).elements()]
     acceleration, turning = change[:3], change[3:]
@@ -487,9 +491,10 @@ def pylon_room_observation(model: FlightModel) -> Observation:
 
         def ahead(t: Scalar) -> tuple[list[Scalar], list[Scalar]]:
             """Return the way from the tip to the top of the pylon, and the velocity of the tip, at a time."""
-            wing = [one + rate * t for one, rate in zip(right, turning, strict=True)]
+            wing = [w + rate * t + 0.5 * bent * t * t for w, rate, bent in zip(right, turning, bend, strict=True)]
+            rates = [rate + bent * t for rate, bent in zip(turning, bend, strict=True)]
             half = side * b["semispan"] / sqrt(sum(one * one for one in wing))
-            rows = list(zip(way, velocity, acceleration, wing, turning, strict=True))
+            rows = list(zip(way, velocity, acceleration, wing, rates, strict=True))
             return [d - v * t - 0.5 * a * t * t - half * w for d, v, a, w, _ in rows], [
                 v + a * t + half * rate for _, v, a, _, rate in rows
             ]
@@ -503,7 +508,14 @@ def pylon_room_observation(model: FlightModel) -> Observation:
         return (v[0] * d[1] - v[1] * d[0]) / sqrt(v[0] ** 2 + v[1] ** 2 + LEVEL_BLEND), d[2]
 
     (left_tip, above_left), (right_tip, above_right) = tip(-1.0), tip(1.0)
-    rooms = PylonRoom(left_tip=left_tip, right_tip=right_tip, above_left=above_left, above_right=above_right)
+    roll_rate: Scalar = sum(rate * R[row][2] for row, rate in enumerate(turning))
+    rooms = PylonRoom(
+        left_tip=left_tip,
+        right_tip=right_tip,
+        above_left=above_left,
+        above_right=above_right,
+        roll_rate=roll_rate,
+    )
     parameters: Sequence[Quantity] = (*PylonParameters.quantities(), *system.parameters)
     values = column(rooms.join())
     function = ca.Function("pylon_room", [states, column([*b.values(), *p.values()])], [values], {"cse": True})

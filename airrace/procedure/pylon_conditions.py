@@ -46,6 +46,7 @@ class PylonSettings:
         binding: room left up to which it may be that on the next mesh, m.
         beside: time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement:
             nodes that were moved lie within half a millisecond; at 18 ms it drifted by four times its limit.
+        rolling: time before and after a moment abeam over which the roll accelerates, s; the tips are abeam within it.
     """
 
     one_passing: float = 0.5
@@ -56,6 +57,7 @@ class PylonSettings:
     holds: float = 0.01
     binding: float = 1.0
     beside: float = 2e-3
+    rolling: float = 5e-3
 
 
 SETTINGS = PylonSettings()
@@ -223,10 +225,7 @@ class PylonRooms:
                 continue
             places = np.cumsum([0.0, *problem.phases[one.leg].fractions])
             node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
-            if (
-                self._room(one, self._observe(pylon, iterate.state[:, node])) - self._required_room(one)
-                < SETTINGS.holds
-            ):
+            if self._room(one, self._observe(one, iterate.state[:, node])) - self._required_room(one) < SETTINGS.holds:
                 turned.add((pylon.name, one.leg))
                 side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
                 yield tuple(
@@ -246,7 +245,7 @@ class PylonRooms:
                 for name, sign in ROOMS[one.side]
             }
             name = pylon.text if pylon.is_obstacle else f"pylon {one.post + 1} of {one.element}"
-            values = self._arguments(pylon)
+            values = self._arguments(one)
             legs[one.leg].append(PathConstraint(name, bounds, self.room, values, at=one.share))
         return [tuple(leg) for leg in legs]
 
@@ -270,7 +269,7 @@ class PylonRooms:
             missed = max(missed, approach.shortfall)
             if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
-            room = self._room(before, self._observe(approach.pylon, replayed.state(before.leg, before.share)))
+            room = self._room(before, self._observe(before, replayed.state(before.leg, before.share)))
             left = room - self._required_room(before)
             conditions[number] = after = replayed.at(before, approach)
             if approach.shortfall > 0.0 and before.side is PylonSide.BELOW and room <= 0.0:  # it is not over the top
@@ -294,7 +293,7 @@ class PylonRooms:
                 beside = (each.side for each in conditions if pylon.is_obstacle and _same_obstacle(each, one))
                 one = dataclasses.replace(one, side=next(beside, None) or self._side(one, pylon, replayed))
                 missed = max(missed, approach.shortfall)
-                room = self._room(one, self._observe(pylon, replayed.state(one.leg, one.share)))
+                room = self._room(one, self._observe(one, replayed.state(one.leg, one.share)))
                 new.append((room if pylon.is_obstacle else 0.0, one, approach))
         taken: list[ClosestApproach] = []  # of the cylinders that are abeam at once the farthest out speaks for all
         for _, one, approach in sorted(new, key=lambda each: each[0]):
@@ -309,7 +308,7 @@ class PylonRooms:
         """Return the side with the most room; of an obstacle all cylinders are passed on the same one."""
         state = replayed.state(condition.leg, condition.share)
         posts = [one for one in self.pylons.values() if one.name == pylon.name] if pylon.is_obstacle else [pylon]
-        seen = [self._observe(one, state) for one in posts]
+        seen = [self._observe(dataclasses.replace(condition, post=one.post), state) for one in posts]
         sides = [dataclasses.replace(condition, side=side) for side in PylonSide]
         return max(sides, key=lambda one: min(self._room(one, each) for each in seen)).side
 
@@ -355,7 +354,8 @@ class PylonRooms:
         is nearest, so there an error may be half a span. Where the wing touches the pylon, it is the whole room.
         """
         pylon = self.pylons[condition.element, condition.post]
-        room = self._room(condition, self._observe(pylon, replayed.state(condition.leg, condition.share)))
+        condition = self._with_roll_acceleration(condition, replayed)
+        room = self._room(condition, self._observe(condition, replayed.state(condition.leg, condition.share)))
         most, error = SETTINGS.error_max, room - distance
         if distance < SETTINGS.touched:
             return dataclasses.replace(condition, error=max(condition.error, min(room, most), 0.0))
@@ -364,16 +364,24 @@ class PylonRooms:
         aslant = max(most, pylon.required, self.semispan if condition.side is PylonSide.BELOW else 0.0)
         return dataclasses.replace(condition, error=min(error, most) if error > -aslant else 0.0)
 
+    def _with_roll_acceleration(self, condition: PylonCondition, replayed: ReplayedFlight) -> PylonCondition:
+        seconds = float(replayed.durations[condition.leg])
+        ends = [min(max(condition.share + sign * SETTINGS.rolling / seconds, 0.0), 1.0) for sign in (-1.0, 1.0)]
+        before, after = (self._observe(condition, replayed.state(condition.leg, end))["roll_rate"] for end in ends)
+        rolling = (after - before) / ((ends[1] - ends[0]) * seconds)
+        return dataclasses.replace(condition, roll_acceleration=rolling)
+
     def _required_room(self, condition: PylonCondition) -> float:
         """Return the room that a condition asks for, m."""
         return self.pylons[condition.element, condition.post].required + condition.error
 
-    def _arguments(self, pylon: PylonPost) -> tuple[float, ...]:
-        return (pylon.north, pylon.east, pylon.height, self.semispan, *self.values)
+    def _arguments(self, condition: PylonCondition) -> tuple[float, ...]:
+        pylon = self.pylons[condition.element, condition.post]
+        return (pylon.north, pylon.east, pylon.height, self.semispan, condition.roll_acceleration, *self.values)
 
-    def _observe(self, pylon: PylonPost, state: Array) -> dict[str, float]:
-        """Return what is observed of a pylon in a state (n_x,)."""
-        values = self.room.values(state, np.array(self._arguments(pylon)))
+    def _observe(self, condition: PylonCondition, state: Array) -> dict[str, float]:
+        """Return what is observed of the pylon of a condition in a state (n_x,)."""
+        values = self.room.values(state, np.array(self._arguments(condition)))
         return dict(zip(PylonRoom.names(), np.asarray(values).ravel().tolist(), strict=True))
 
     def _room(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:

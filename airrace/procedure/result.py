@@ -180,6 +180,7 @@ class PylonCondition:
         share: of the leg's duration, at whose nearest node it is asked for.
         side: where the pylon stands.
         error: the length by which the room is larger that is seen from there, as far as it was measured, m.
+        roll_acceleration: with which the right wing tip goes down there, as far as it was measured, rad/s2.
     """
 
     element: str
@@ -188,6 +189,7 @@ class PylonCondition:
     share: float
     side: PylonSide
     error: float
+    roll_acceleration: float = 0.0
 
 
 NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0), np.zeros(0))

@@ -205,7 +205,9 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
 
 
 def test_conditions_on_pylons_are_read_back_and_are_absent_where_nothing_is_asked(tmp_path: Path) -> None:
-    conditions = tuple(PylonCondition("g1", post, 0, 1.0 / 3.0, side, 0.02) for post, side in enumerate(PylonSide))
+    conditions = tuple(
+        PylonCondition("g1", post, 0, 1.0 / 3.0, side, 0.02, -7.5) for post, side in enumerate(PylonSide)
+    )
     for result in (replace(example_result(), pylon_conditions=conditions), example_result()):
         write_checkpoint(tmp_path / "run.h5", checkpoint_with(result))
         (stored,) = read_checkpoint(tmp_path / "run.h5").stages
@@ -214,7 +216,17 @@ def test_conditions_on_pylons_are_read_back_and_are_absent_where_nothing_is_aske
             assert ("pylon_conditions" in file[STAGE]) == bool(result.pylon_conditions)
 
 
-@pytest.mark.parametrize("other", [{"leg": 99}, {"leg": -1}, {"share": 1.5}, {"share": math.nan}, {"error": math.inf}])
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"leg": 99},
+        {"leg": -1},
+        {"share": 1.5},
+        {"share": math.nan},
+        {"error": math.inf},
+        {"roll_acceleration": math.nan},
+    ],
+)
 def test_conditions_on_pylons_that_no_flight_can_have_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
     condition = replace(PylonCondition("g1", 0, 0, 1.0, PylonSide.LEFT, 0.0), **other)
     with pytest.raises(CheckpointError, match="pylon_conditions"):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
+from airrace.trajectory import Array
 
 RACE = SHIPPED["rovinj_2014"]
 TEXT = StoredDocument("course.yaml", "")
@@ -49,7 +51,7 @@ def rooms(stage: Stage, chi: float, bank: float, top: float = 25.0) -> dict[str,
     observed = pylon_room_observation(model)
     found: dict[str, dict[str, float]] = {}
     for name, east in (("west", -6.5), ("east", 6.5)):
-        b = np.concatenate([[0.0, east, top, 3.8], model.parameter_values])
+        b = np.concatenate([[0.0, east, top, 3.8, 0.0], model.parameter_values])
         values = np.asarray(observed.values(np.array(list(x.values())), b)).ravel()
         found[name] = dict(zip(PylonRoom.names(), values.tolist(), strict=True))
     return found
@@ -90,35 +92,74 @@ def test_the_room_is_the_distance_of_a_wing_that_is_abeam() -> None:
     assert min(found["left_tip"], found["right_tip"]) == pytest.approx(away, abs=0.03)
 
 
-@pytest.mark.parametrize(("climb", "bank", "roll_rate"), [(-0.9, 1.0, -7.0), (-0.9, -1.0, 2.0), (0.8, 0.6, 0.0)])
-def test_the_room_is_the_distance_of_a_wing_that_rolls_in_a_dive(climb: float, bank: float, roll_rate: float) -> None:
-    """Its tips pass a pylon before and after its centre, and elsewhere than where they are when that does."""
+def flown(start: Mapping[str, float], roll_acceleration: float, time: Array) -> Array:
+    """The states of a point mass at times around that of a state, shape (n_x, n)."""
     model = stage_model(Stage.POINT_MASS, RACE)
-    c, s, m, n = math.cos(climb / 2), math.sin(climb / 2), math.cos(bank / 2), math.sin(bank / 2)
-    x = {one.name: 0.0 for one in model.system.states} | {"V_K": 70.0, "z": -15.0, "n_z": 6.0, "p_Kbar": roll_rate}
-    x |= {"q0": c * m, "q1": c * n, "q2": s * m, "q3": -s * n}
-    start, idle = np.array(list(x.values())), np.zeros(len(model.system.controls))
+    control = np.array([roll_acceleration if one.name == "p_Kbar_dot" else 0.0 for one in model.system.controls])
     numbers = np.array(model.parameter_values)
-    time = np.linspace(-0.15, 0.15, 3001)
     halves = [
         solve_ivp(
-            lambda _, y: np.asarray(model.system.rates(y, idle, numbers)).ravel(),
+            lambda _, y: np.asarray(model.system.rates(y, control, numbers)).ravel(),
             (0.0, end),
-            start,
+            np.array(list(start.values())),
             t_eval=np.sort(time[np.sign(time) == np.sign(end)])[:: int(np.sign(end))],
             rtol=1e-9,
         ).y
-        for end in (-0.15, 0.15)
+        for end in (float(time[0]), float(time[-1]))
     ]
-    states = dict(zip(x, np.hstack([halves[0][:, ::-1], halves[1]]), strict=True))
+    return np.hstack([halves[0][:, ::-1], halves[1]])
+
+
+def in_a_dive(climb: float, bank: float, roll_rate: float) -> dict[str, float]:
+    """The state of a point mass at the origin."""
+    model = stage_model(Stage.POINT_MASS, RACE)
+    c, s, m, n = math.cos(climb / 2), math.sin(climb / 2), math.cos(bank / 2), math.sin(bank / 2)
+    x = {one.name: 0.0 for one in model.system.states} | {"V_K": 70.0, "z": -15.0, "n_z": 6.0, "p_Kbar": roll_rate}
+    return x | {"q0": c * m, "q1": c * n, "q2": s * m, "q3": -s * n}
+
+
+def tips_seen(state: Array, east: float, roll_acceleration: float) -> Array:
+    """How far to the right of either wing tip a pylon to the east of the origin stands, m, shape (2,)."""
+    model = stage_model(Stage.POINT_MASS, RACE)
+    b = np.concatenate([[0.0, east, 40.0, 3.8, roll_acceleration], model.parameter_values])
+    seen: Array = np.asarray(pylon_room_observation(model).values(state, b)).ravel()[:2]
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("climb", "bank", "roll_rate", "acceleration"),
+    [
+        (-0.9, 1.0, -7.0, 0.0),
+        (-0.9, -1.0, 2.0, 0.0),
+        (0.8, 0.6, 0.0, 0.0),
+        (0.8, 0.6, 0.0, 40.0),
+        (-0.9, 1.0, -7.0, 40.0),
+    ],
+)
+def test_the_room_is_the_distance_of_a_wing_that_rolls_in_a_dive(
+    climb: float, bank: float, roll_rate: float, acceleration: float
+) -> None:
+    """Its tips pass a pylon before and after its centre, and elsewhere than where they are when that does."""
+    start = in_a_dive(climb, bank, roll_rate)
+    states = dict(zip(start, flown(start, acceleration, np.linspace(-0.15, 0.15, 3001)), strict=True))
     q0, q1, q2, q3 = (states[name] for name in ("q0", "q1", "q2", "q3"))
     right = np.array([2 * (q1 * q2 - q0 * q3), q0**2 - q1**2 + q2**2 - q3**2, -2 * (q2 * q3 + q0 * q1)])
     centre = np.array([states["x"], states["y"], -states["z"]])
     for east in (-6.5, 6.5):
         away = wing_distance(PylonPost("g", 0.0, east, 40.0, 0.5), centre, 3.8 * right).min()
-        b = np.concatenate([[0.0, east, 40.0, 3.8], model.parameter_values])
-        seen = np.asarray(pylon_room_observation(model).values(start, b)).ravel()[:2]
+        seen = tips_seen(np.array(list(start.values())), east, acceleration)
         assert np.abs(seen).min() == pytest.approx(away, abs=0.08)
+
+
+@pytest.mark.parametrize("acceleration", [-40.0, 40.0])
+def test_a_roll_acceleration_that_is_known_does_not_change_the_room_along_a_flight(acceleration: float) -> None:
+    """Else the Hamiltonian would jump at the node of a condition that keeps the wing away."""
+    states = flown(in_a_dive(0.6, 1.2, 2.0), acceleration, np.array([-4e-3, -2e-3, 2e-3, 4e-3]))
+    for east in (-6.5, 6.5):
+        known, unknown = (
+            np.ptp([tips_seen(state, east, one) for state in states.T], axis=0) for one in (acceleration, 0.0)
+        )
+        assert known.max() < 0.2 * unknown.max()
 
 
 def by(rule: ClearanceRule, race: Race) -> Race:
