@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
+from airrace.report import film
 
 ROOT = Path(__file__).parents[2]
 RUN = "run.h5"
@@ -132,6 +133,7 @@ def test_a_file_that_is_read_is_not_written(
     monkeypatch.chdir(folder)
     monkeypatch.setenv("AIRRACE_EXTENSIONS", "extension.py")
     fake_optimizer.install(monkeypatch)
+    monkeypatch.setattr(film, "browser_path", lambda *_: "chromium")  # which is not needed to refuse a file
     content = (folder / name).read_bytes()
     (option,) = (word for word in command.split() if word.startswith("OUT"))
     paths = list(outputs(name, option))
