@@ -534,12 +534,14 @@ def _failure_result(session: SolverSession, failures: Sequence[Failure], diagnos
         message = (
             f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
         )
-        if solution.infeasible and diagnose is not None:
+        if diagnose is not None:
             conflict = diagnose(session, start.problem, last, start.guess, solution.worst)
             if conflict is None:
                 message = f"{message}; the legs around it are feasible by themselves"
-            else:
+            elif solution.infeasible:
                 outcome, message = Status.INFEASIBLE, conflict
+            else:  # nobody claims it
+                message = f"{message}; perhaps {conflict}"
         if outcome is Status.NOT_CONVERGED:
             message = f"{message}; try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     return conclude(start.flight, session, start.problem, last, outcome=outcome, message=message)

@@ -357,6 +357,35 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     assert len(result.attempts) == 1
 
 
+@pytest.mark.parametrize(
+    ("verdict", "conflict", "outcome", "message"),
+    [
+        (
+            "infeasible",
+            "the limits contradict each other at a",
+            Status.INFEASIBLE,
+            "the limits contradict each other at a",
+        ),
+        (
+            "stuck",
+            "the limits contradict each other at a",
+            Status.NOT_CONVERGED,
+            "; perhaps the limits contradict each",
+        ),
+        ("stuck", None, Status.NOT_CONVERGED, "; the legs around it are feasible by themselves"),
+    ],
+)
+def test_where_no_solver_claims_it_a_conflict_is_only_a_conjecture(
+    verdict: str, conflict: str | None, outcome: Status, message: str
+) -> None:
+    problem, made = small()
+    starts = [lambda: Start(prepared(SMALL), problem, made, InitialBarrier.COLD)]
+    result = solve_with_refinement(session(verdict), starts, diagnose=lambda *_: conflict)
+    assert result.outcome is outcome
+    assert message in result.message
+    assert ("not converged" in result.message) is (outcome is Status.NOT_CONVERGED)
+
+
 def flown(threads: int) -> StageResult:
     run = optimize(SMALL, settings(GuessKind.PLAN), until=Stage.POINT_MASS, threads=threads, progress=Silent())
     *_, result = run
