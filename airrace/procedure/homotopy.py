@@ -31,6 +31,7 @@ from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.records import record
+from airrace.track.course import Passage
 from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 
@@ -137,7 +138,7 @@ def phase_homotopy(plan: Plan, index: int, state: Array | None) -> PhaseHomotopy
 def solve_homotopy(
     flight: StageProblem, session: SolverSession, window_is_infeasible: InfeasibilityTest | None = None
 ) -> StageResult:
-    """Solve all phases one after the other; a phase for which that fails is left as planned.
+    """Solve all phases one after the other; a phase for which that fails is left as planned, on later laps at once.
 
     Args:
         flight: the point mass.
@@ -165,14 +166,16 @@ class _Homotopy:
         self.pieces: list[Iterate] = []
 
     def solve(self) -> StageResult:
-        skipped: list[str] = []
+        skipped, failed = list[str](), list[Sequence[Passage]]()
         total = len(self.mesh)
         for group in self._groups():
             *open_ended, index = group
             name = self.race.phases[index].name
             self.session.progress.activity(f"phase {index + 1} of {total}: {name}", index, total)
             self.pieces += [phase_piece(self.planned, self.race, one) for one in open_ended]
-            if not self._add_phase(index, HORIZON + len(open_ended)):
+            place = self._place(group)
+            if place in failed or not self._add_phase(index, HORIZON + len(open_ended)):
+                failed.append(place)
                 skipped += [self.race.phases[one].name for one in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
         return conclude(
@@ -184,6 +187,11 @@ class _Homotopy:
             outcome=Status.SOLVED,
             notes=(Note(NoteKind.PLANNED_PHASES, f"left as planned: {', '.join(skipped)}"),) if skipped else (),
         )
+
+    def _place(self, group: Sequence[int]) -> Sequence[Passage]:
+        """Return the passages of some phases, which are equal on all laps."""
+        waypoints = self.flight.plan.waypoints[group[0] : group[-1] + 2]
+        return [dataclasses.replace(one.passage, name="", lap=0) for one in waypoints]
 
     def _groups(self) -> list[list[int]]:
         """Return the phases to be added together: each alone, but those that end anywhere with the next fixed one.

@@ -284,6 +284,23 @@ def test_step_that_fails_is_halved_until_it_leads_to_the_real_gate_or_is_too_sma
     assert not remarks or (len(made) == 6 and result.remarks == "")
 
 
+def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
+    flight = prepared(SIXTEEN)
+
+    class Failing(Canned):
+        def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
+            found = super().solve(problem, guess, **rest)
+            return dataclasses.replace(found, success=not problem.phases[-1].name.endswith(f":{name}"))
+
+    name = flight.plan.waypoints[3].passage.name.partition(":")[2]
+    used = SolverSession(Failing("stuck"), Settings(), Silent())
+    result = solve_homotopy(flight, used)
+    first, second = (one for one in result.trajectory.phases if one.endswith(f":{name}"))
+    assert result.remarks == f"left as planned: {first}, {second}"
+    tried = {attempt.purpose.partition(",")[0] for attempt in result.attempts}
+    assert tried == set(result.trajectory.phases) - {second}
+
+
 def test_short_horizon_of_phases_is_solved_together() -> None:
     flight, used = prepared(RACES["rovinj_2014"]), session("solved")
     solve_homotopy(flight, used)
