@@ -177,7 +177,7 @@ class Fairness:
 
     def gate_table(self) -> Table:
         """Return what steps of the gates' numbers cost every aircraft."""
-        costs = (Column(name, "ms", "+.2f", key=f"{name}_ms") for name in self.aircraft)
+        costs = (Column(name, "ms", "+z.2f", key=f"{name}_ms") for name in self.aircraft)
         favour = (Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms"))
         columns = (Column("number", key="key"), Column("step", key="step"), *costs, *favour)
         rows: list[list[str | float]] = []

@@ -298,12 +298,12 @@ _ROUTES = (
     Column("route"),
     Column("routes tried", form="d"),
     Column("next best route"),
-    Column("behind", "s", "+.3f", missing=""),
+    Column("behind", "s", "+z.3f", missing=""),
 )
 _DIRECTIONS = (
     Column("from", "\N{DEGREE SIGN}", "s"),
     Column("mean", "s", ".3f"),
-    Column("s per", "kt", "+.4f", missing=""),
+    Column("s per", "kt", "+z.4f", missing=""),
 )
 
 
@@ -317,7 +317,7 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
         Column(key="code"),
         Column("stage", key="stage"),
         Column("race time", "s", ".3f", "race_time_s", missing=""),
-        Column("behind", "s", "+.3f", missing=""),
+        Column("behind", "s", "+z.3f", missing=""),
         *(Column(key=key) for key in ("behind_s", "laps_s", "wall_s")),
         Column("wall", "s", ".1f"),
         *(Column(key=key) for key in ("kept", "retries", "message", "route", "routes_evaluated")),

@@ -83,7 +83,7 @@ class SweepResult:
                 for key, is_numeric in zip(self.keys, numeric, strict=True)
             ),
             Column("race time", "s", ".3f", "race_time_s"),
-            Column("change", "s", "+.3f", "change_s"),
+            Column("change", "s", "+z.3f", "change_s"),
             Column("status", key="status"),
             Column("", key="message"),
         )

@@ -162,7 +162,7 @@ def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[J
 
 
 _JOB, _RACE_TIME = Column("job"), Column("race time", "s", ".3f")
-_RANKING = (_JOB, Column("state"), Column("stage"), _RACE_TIME, Column("behind", "s", "+.3f"))
+_RANKING = (_JOB, Column("state"), Column("stage"), _RACE_TIME, Column("behind", "s", "+z.3f"))
 _MESSAGE = Column("message", wraps=True)
 
 
@@ -179,7 +179,7 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
     searched, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
     heads = (
         *([Column("best lap", "s", ".3f")] if laps else []),
-        *([Column("routes", "evaluated", "d"), Column("next route", "behind s", "+.3f")] if searched else []),
+        *([Column("routes", "evaluated", "d"), Column("next route", "behind s", "+z.3f")] if searched else []),
         Column("wall", "s", ".1f"),
     )
     ranks: list[tuple[str | float | None, ...]] = []
@@ -224,7 +224,7 @@ def fold_name(name: str) -> str:
 
 
 _WIND = (Column(""), _JOB, Column("wind"), _RACE_TIME)
-_DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s per", "kt", "+.4f"))
+_DIRECTIONS = (Column("from", "deg", "s"), Column("mean", "s", ".3f"), Column("s per", "kt", "+z.4f"))
 
 
 def wind_tables(summaries: Sequence[WindSummary], columns: int | None = None) -> list[Table]:

@@ -264,7 +264,7 @@ _STAGES = (
     Column("stage"),
     Column("status", wraps=True),  # of two words, which a narrow terminal puts below each other
     Column("time", "s", ".3f"),
-    Column("cost", "s", "+.3f"),
+    Column("cost", "s", "+z.3f"),
     Column("regul.", "s", ".3f"),
     Column("track.", "m", ".2f"),
     Column("iter.", form="d"),
@@ -417,14 +417,14 @@ _LAPS = (
     Column("lap", form="d"),
     Column("reference", "s", ".3f"),
     Column("flight", "s", ".3f"),
-    Column("lost", "s", "+.3f"),
+    Column("lost", "s", "+z.3f"),
 )
 _LEGS = (
     Column("leg to"),
     Column("time", "s", ".3f"),
-    Column("lost", "s", "+.3f"),
-    Column("by way", "s", "+.3f"),
-    Column("by speed", "s", "+.3f"),
+    Column("lost", "s", "+z.3f"),
+    Column("by way", "s", "+z.3f"),
+    Column("by speed", "s", "+z.3f"),
     Column("what differs", wraps=True),
 )
 
@@ -481,7 +481,7 @@ def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:
     labels = [f"{one.other.label} lost" for one in (first, second)]
     labels.append(f"{second.other.label} lost against {first.other.label}")
     columns = [Column("leg to"), Column(first.reference.label, "s", ".3f")]
-    columns += [Column(one, "s", "+.3f", wraps=True) for one in labels]
+    columns += [Column(one, "s", "+z.3f", wraps=True) for one in labels]
     legs = zip(first.legs, second.legs, between.legs, strict=True)
     rows = [(a.name, a.reference.time, a.difference, b.difference, c.difference) for a, b, c in legs]
     rows.append(("race", first.reference.race_time, first.difference, second.difference, between.difference))

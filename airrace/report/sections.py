@@ -91,7 +91,7 @@ def sensitivities_table(sensitivities: Mapping[str, Sensitivity], most: int, tit
         Column("unit"),
         Column("s per unit", form="+.4g"),
         Column("step", form=".3g"),
-        Column("step up", "ms", "+.3f"),
+        Column("step up", "ms", "+z.3f"),
     )
     return Table(title, columns, rows)
 

@@ -72,7 +72,7 @@ def certificate_table(certificate: Certificate, title: str, notes: Sequence[str]
 _SEARCH = (
     Column("route", wraps=True),
     Column("rough time", "s", ".3f"),
-    Column("behind", "s", "+.3f"),
+    Column("behind", "s", "+z.3f"),
     Column("evaluated by"),
 )
 

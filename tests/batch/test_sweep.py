@@ -12,6 +12,7 @@ from pyarrow import parquet
 
 import airrace
 from airrace.api import Run
+from airrace.batch.sweep import SweepPoint, SweepResult
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import Status
 
@@ -39,6 +40,14 @@ def test_points_are_answers_of_a_session_in_the_order_of_the_combinations(tmp_pa
     rows = list(csv.DictReader(file.read_text().splitlines()))
     assert [float(row["race_time_s"]) for row in rows] == [one.race_time for one in found.points]
     assert list(rows[0]) == [*sweep, "race_time_s", "change_s", "status", "message"]
+
+
+@pytest.mark.parametrize(("change", "shown"), [(-1e-5, "+0.000"), (1e-5, "+0.000"), (-0.002, "-0.002")])
+def test_a_change_that_rounds_to_nothing_has_no_minus(change: float, shown: str) -> None:
+    point = SweepPoint(("9",), 55.0 + change, Status.SOLVED)
+    table = SweepResult("point-mass", ("rules.n_z_max",), 55.0, (point,)).table()
+    heads, row = table.texts()
+    assert row[heads.index("change s")] == shown
 
 
 def test_what_cannot_be_flown_is_a_point_and_its_neighbours_are_solved() -> None:
