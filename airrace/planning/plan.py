@@ -76,12 +76,14 @@ class Plan:
 class _Stop:
     """A passage that is planned for itself.
 
-    It has its index and candidates, the side of the turn that leads to it (0: either) and the roll on the way.
+    It has its index and candidates, the side of the turn that leads to it (0: either), the least length of the path to
+    it (m) and the roll on the way.
     """
 
     index: int
     ways: list[Waypoint]
     side: int
+    length_min: float
     roll: Roll | None
 
 
@@ -96,7 +98,13 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
         choices: what is chosen already.
     """
     stops = [
-        _Stop(index, choices.candidates(course, index), choices.turns.get(index, 0), choices.roll(course, index))
+        _Stop(
+            index,
+            choices.candidates(course, index),
+            choices.turns.get(index, 0),
+            choices.lengths.get(index, 0.0),
+            choices.roll(course, index),
+        )
         for index in stops_of(course)
     ]
     chosen, seconds = _shortest(stops, pace, last=choices.last)
@@ -111,21 +119,29 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
     return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls, choices.last)
 
 
-def plan_within_boundaries(course: Course, planned: Plan) -> Plan | None:
-    """Return a plan that turns the other way where one leaves the boundaries: lines, airspace, distances from crowds.
+def plan_with_room(course: Course, planned: Plan) -> Plan | None:
+    """Return a plan with room where one lacks it; None where it has room, or turning the other way gives no more.
 
-    None where it leaves none, or where turning the other way leads out no less.
+    It turns the other way where one leaves the boundaries (lines, airspace, distances from crowds), and takes a longer
+    way, such as a circle, where one climbs too steeply to a height between two gates.
     """
-    out, turns = _depths_outside(course, planned), dict[int, int]()
+    out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
         paths = [leg.path for leg in planned.legs[first:last] if leg.path is not None]
         turn = sum(float(np.dot(path.lengths, path.curvatures)) for path in paths)
         if max(out[first:last]) > 0.0 and abs(turn) > TURN:
             turns[last] = -1 if turn > 0.0 else 1
-    if not turns:
+        known = [one.position[2] for one in planned.waypoints[first : last + 1] if one.position is not None]
+        needed = float(np.abs(np.diff(known)).sum()) / GRADIENT
+        if sum(path.length for path in paths) < needed and len(paths) == last - first:
+            lengths_min[last] = needed
+    if turns:
+        turned = plan(course, planned.cruise, RouteDecisions(turns=turns, last=planned.last))
+        if sum(_depths_outside(course, turned)) >= sum(out):
+            turns = {}
+    if not (turns or lengths_min):
         return None
-    other = plan(course, planned.cruise, RouteDecisions(turns=turns, last=planned.last))
-    return other if sum(_depths_outside(course, other)) < sum(out) else None
+    return plan(course, planned.cruise, RouteDecisions(turns=turns, lengths=lengths_min, last=planned.last))
 
 
 def _depths_outside(course: Course, planned: Plan) -> list[float]:
@@ -183,7 +199,7 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> 
         first = np.array([one.heading for one in here])[:, None]
         last = np.array([one.heading for one in there])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
-        way = on_side(pieces, stop.side).min(axis=0) * pace.radius
+        way = on_side(pieces, stop.side, stop.length_min / pace.radius).min(axis=0) * pace.radius
         return np.where(way < ONE_PLACE, math.tau * pace.radius, way) / pace.V
     roll = stop.roll
     if roll is not None:
@@ -197,7 +213,7 @@ def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bo
         assert a.position is not None
         assert b.position is not None
         start, end = np.array(a.position[:2]), np.array(b.position[:2])
-        path = shortest(start, a.heading, end, b.heading, pace.radius, stop.side, last=last)
+        path = shortest(start, a.heading, end, b.heading, pace.radius, stop.side, length_min=stop.length_min, last=last)
         return PlannedLeg(path if path.length >= ONE_PLACE else circle(start, a.heading, pace.radius, left=last)), b
     if stop.roll is None:
         return PlannedLeg(None), b
@@ -298,6 +314,11 @@ class Race:
 
 PATH_SAMPLES = 61
 """The number of places of a planned leg at which its distance from boundaries is taken."""
+GRADIENT = 0.4
+"""The mean slope (1) above which a planned way is too short for a height.
+
+A PC-9 went up and down by 0.58 between gates 318 m apart, and no more; an Edge 540 needs no such room.
+"""
 TURN = math.radians(45.0)
 """The angle above which a flight has chosen the side of a turn, rad.
 

@@ -12,7 +12,7 @@ from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
-from airrace.planning.plan import Race, plan, plan_from_solution, plan_within_boundaries
+from airrace.planning.plan import Race, plan, plan_from_solution, plan_with_room
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.fidelity import fidelity_of, iterate_of
@@ -303,7 +303,7 @@ class FidelityContinuation:
         """
         known, budget = self._first_starts(session), BUDGETS.get(self._settings.search)
         hopeless = self._local_infeasibility is not None and not any(self._coarse_plans or ())
-        if hopeless and self._flight_within_boundaries() is None:
+        if hopeless and self._flight_with_room() is None:
             return self._optimum(Stage.POINT_MASS, known, session)
         if budget is None:
             return self._optimum(Stage.POINT_MASS, known, session)
@@ -393,9 +393,8 @@ class FidelityContinuation:
         solved = self._coarse_plans
         if solved is None:
             starts += self._plans(budget, session.settings.mesh)
-        within = self._flight_within_boundaries()
-        if within is not None and not any(solved or ()):
-            starts.append(planned_guess(within, within.plan, InitialBarrier.COLD))
+        elif not any(solved):
+            starts += self._starts_with_room(budget)
         return search_routes(
             flight, course, session, budget, starts, self._settings.alternatives or 1, solved=solved or ()
         )
@@ -410,14 +409,22 @@ class FidelityContinuation:
                 starts.append(start)
         return [*starts, *planned_starts(flight, course, budget)]
 
-    def _flight_within_boundaries(self) -> StageProblem | None:
-        """Return the point mass along a plan that turns within the boundaries; None where its own plan does, or none.
+    def _flight_with_room(self) -> StageProblem | None:
+        """Return the point mass along a plan with room; None where its own plan has it.
 
-        A flight rises over a line that its plan crosses; where a ceiling forbids that, it has to turn the other way.
+        A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
+        One that is too slow to rise as steeply as planned has to go round a circle.
         """
         flight = self.flight(Stage.POINT_MASS)
-        other = plan_within_boundaries(self._race.course, flight.plan)
+        other = plan_with_room(self._race.course, flight.plan)
         return None if other is None else dataclasses.replace(flight, plan=other)
+
+    def _starts_with_room(self, budget: SearchBudget) -> list[InitialGuess]:
+        """Return plans with room of the race's own radius and those of the budget."""
+        flight, course = self.flight(Stage.POINT_MASS), self._race.course
+        paces = (flight.plan.cruise, *(one.scale(flight.plan.cruise) for one in budget.radii))
+        roomy = (plan_with_room(course, plan(course, pace)) for pace in paces)
+        return [planned_guess(flight, one, InitialBarrier.COLD) for one in roomy if one is not None]
 
     def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
         """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""
@@ -457,8 +464,8 @@ class FidelityContinuation:
             problem = flight.problem(mesh_of(first.trajectory))
             return Start(flight, problem, iterate_of(first.trajectory), InitialBarrier.PIECES)
 
-        within = self._flight_within_boundaries()
-        planned, other = ([] if one is None else [functools.partial(planned_start, one)] for one in (flight, within))
+        roomy = self._flight_with_room()
+        planned, other = ([] if one is None else [functools.partial(planned_start, one)] for one in (flight, roomy))
         if self._local_infeasibility is not None:
             return [*other, concatenate_phases]
         return [concatenate_phases, *planned, *other] if pieces else [*planned, *other, concatenate_phases]

@@ -134,23 +134,25 @@ def _three_turns(d: Array, a: Array, b: Array) -> Array:
     return np.stack([first, middle, _turn(b - a - first + middle)])
 
 
-def on_side(pieces: Array, side: int) -> Array:
+def on_side(pieces: Array, side: int, length_min: float = 0.0) -> Array:
     """Return the lengths of all six kinds of path, infinite where a path turns to the other side on the whole.
 
     Args:
         pieces: lengths of their pieces in radii, shape (6, 3, ...).
         side: 1 for right turns, -1 for left turns, 0 for both.
+        length_min: the length in radii below which a path counts as infinite, too, where there is a longer one.
 
     Returns:
         Shape (6, ...), in radii.
     """
     total = pieces.sum(axis=1)
-    if side == 0:
-        return total
-    signs = np.asarray(WORDS, dtype=float)
-    with np.errstate(invalid="ignore"):  # a path that does not exist has infinite pieces
-        turned = (np.moveaxis(pieces, (0, 1), (-2, -1)) * signs).sum(axis=-1)
-    return np.where(side * np.moveaxis(turned, -1, 0) > NO_TURN, total, np.inf)
+    if side != 0:
+        signs = np.asarray(WORDS, dtype=float)
+        with np.errstate(invalid="ignore"):  # a path that does not exist has infinite pieces
+            turned = (np.moveaxis(pieces, (0, 1), (-2, -1)) * signs).sum(axis=-1)
+        total = np.where(side * np.moveaxis(turned, -1, 0) > NO_TURN, total, np.inf)
+    longer = np.where(total >= length_min, total, np.inf)
+    return np.where(np.isfinite(longer).any(axis=0), longer, total)
 
 
 def least(values: Array, *, last: bool = False) -> Array:
@@ -168,14 +170,23 @@ def circle(start: Array, heading: float, radius: float, *, left: bool = False) -
 
 
 def shortest(
-    start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0, *, last: bool = False
+    start: Array,
+    heading: float,
+    end: Array,
+    end_heading: float,
+    radius: float,
+    side: int = 0,
+    *,
+    length_min: float = 0.0,
+    last: bool = False,
 ) -> DubinsPath:
     """Return the shortest path; of those to one side if `side` is 1 (right) or -1 (left). Shapes (2,) and scalars.
 
-    Of equally short ones the first in the order of `WORDS` is taken, or the last.
+    Of those that are at least `length_min` long (m), if there are any. Of equally short ones the first in the order of
+    `WORDS` is taken, or the last.
     """
     pieces = lengths(start, np.asarray(heading), end, np.asarray(end_heading), radius)
-    word = int(least(on_side(pieces, side), last=last))
+    word = int(least(on_side(pieces, side, length_min / radius), last=last))
     first, second, third = (float(piece) * radius for piece in pieces[word])
     signs = WORDS[word]
     curvatures = (signs[0] / radius, signs[1] / radius, signs[2] / radius)

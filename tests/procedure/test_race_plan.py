@@ -30,7 +30,7 @@ from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import ONE_PLACE, TURN, Plan, Race, plan, plan_within_boundaries
+from airrace.planning.plan import GRADIENT, ONE_PLACE, TURN, Plan, Race, plan, plan_with_room
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
@@ -330,10 +330,10 @@ def bounded(kind: str, side: float) -> Course:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("kind", ["line", "airspace", "crowd"])
-def test_a_plan_within_boundaries_turns_the_other_way(kind: str, side: float) -> None:
+def test_a_plan_with_room_turns_the_other_way(kind: str, side: float) -> None:
     made = bounded(kind, side)
     race = Race(made, EDGE_540, Air())
-    other = plan_within_boundaries(made, race.plan)
+    other = plan_with_room(made, race.plan)
     assert other is not None
     for planned, sense in ((race.plan, 1.0), (other, -1.0)):
         path = planned.legs[0].path
@@ -345,9 +345,32 @@ def test_a_plan_within_boundaries_turns_the_other_way(kind: str, side: float) ->
     assert other.seconds > race.plan.seconds
 
 
+def over(height: float) -> Course:
+    """Straight on through two gates 300 m apart, with a height to be reached between them."""
+    top = Manoeuvre("top", height=Interval(lower=height), kind="high-turn")
+    return course("over", level("one", 0.0, 0.0, 0.0), top, level("two", 300.0, 0.0, 0.0))
+
+
+def test_a_plan_with_room_takes_a_longer_way_to_a_height() -> None:
+    made = over(160.0)
+    planned = plan_of(Race(made, EDGE_540, Air()))
+    roomy = plan_with_room(made, planned)
+    assert roomy is not None
+    up, down = (leg.path for leg in roomy.legs)
+    assert up is not None
+    assert down is not None
+    (lower, top, end) = (one.position[2] for one in roomy.waypoints if one.position is not None)
+    assert up.length + down.length >= (2.0 * top - lower - end) / GRADIENT > 300.0
+    north, east, heading = (float(values[0]) for values in down.points(np.array([down.length])))
+    assert (north, east) == pytest.approx((300.0, 0.0), abs=1e-6)
+    assert angle_between(heading, roomy.waypoints[-1].heading) == pytest.approx(0.0, abs=1e-9)
+    low = over(50.0)
+    assert plan_with_room(low, plan_of(Race(low, EDGE_540, Air()))) is None
+
+
 def test_there_is_no_other_plan_where_no_boundary_is_left_or_turning_the_other_way_leads_out_farther() -> None:
     free = bounded("none", 1.0)
-    assert plan_within_boundaries(free, plan_of(Race(free, EDGE_540, Air()))) is None
+    assert plan_with_room(free, plan_of(Race(free, EDGE_540, Air()))) is None
     corners = (Point(-2000.0, -10.0), Point(-2000.0, 130.0), Point(2000.0, 130.0), Point(2000.0, -10.0))
     narrow = dataclasses.replace(free, airspace=corners)
-    assert plan_within_boundaries(narrow, plan_of(Race(narrow, EDGE_540, Air()))) is None
+    assert plan_with_room(narrow, plan_of(Race(narrow, EDGE_540, Air()))) is None

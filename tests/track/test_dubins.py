@@ -130,3 +130,17 @@ def test_turning_counts_turns_to_both_sides_and_no_straights() -> None:
     path = DubinsPath(0.0, 0.0, 0.0, (100.0, 50.0, 30.0), (0.01, 0.0, -0.01))
     assert path.turning == pytest.approx(1.3)
     assert turned(path) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("side", [-1, 0, 1])
+def test_a_path_of_a_least_length_is_the_shortest_that_is_as_long(side: int) -> None:
+    end, heading = np.array([300.0, 20.0]), 0.2
+    pieces = lengths(np.zeros(2), np.asarray(0.0), end, np.asarray(heading), 100.0)
+    known = sorted(float(one) for one in on_side(pieces, side) * 100.0 if np.isfinite(one))
+    assert len(known) > 1
+    found = shortest(np.zeros(2), 0.0, end, heading, 100.0, side, length_min=0.5 * (known[0] + known[1]))
+    assert found.length == pytest.approx(known[1])
+    north, east, chi = (float(values[0]) for values in found.points(np.array([found.length])))
+    assert (north, east, math.cos(chi - heading)) == pytest.approx((*end.tolist(), 1.0), abs=1e-6)
+    farther = shortest(np.zeros(2), 0.0, end, heading, 100.0, side, length_min=1e6)  # there is none
+    assert farther.length == pytest.approx(known[0])
