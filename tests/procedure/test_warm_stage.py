@@ -37,7 +37,7 @@ def test_every_answer_is_the_optimum_from_scratch_and_its_mesh_can_be_checked() 
 
 def test_a_race_without_a_flight_is_an_answer_and_the_next_one_is_solved() -> None:
     with WarmStage(SMALL, PLAN, optimum(SMALL, PLAN)) as warm:
-        assert not warm.solve(with_limit(SMALL, 1.5)).holds
+        assert not warm.solve(with_limit(SMALL, 0.5)).holds
         assert warm.solve(SMALL).trajectory.race_time == pytest.approx(warm.optimum.trajectory.race_time, abs=1e-4)
 
 
