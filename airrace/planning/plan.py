@@ -375,7 +375,7 @@ def decisions_from_solution(
         for index, passage in enumerate(course.passages)
         if passage.element.two_edged
     }
-    return RouteDecisions(ways, turns, rolls, edges)
+    return RouteDecisions(ways=ways, turns=turns, rolls=rolls, edges=edges)
 
 
 def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:

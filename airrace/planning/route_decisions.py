@@ -72,18 +72,18 @@ class RouteDecisions:
     Attributes:
         ways: the candidates that are left of a passage.
         turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
-        lengths: the least length of the path to this passage, m, where there is one as long.
         rolls: the side of the roll on the leg that ends with this passage.
         edges: the wing that points down at a knife edge that allows either.
         last: whether of equally short plans the last is taken instead of the first; a mirror exchanges the two.
+        lengths: the least length of the path to this passage, m, where there is one as long.
     """
 
     ways: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
     turns: Mapping[int, int] = field(default_factory=dict[int, int])
-    lengths: Mapping[int, float] = field(default_factory=dict[int, float])
     rolls: Mapping[int, int] = field(default_factory=dict[int, int])
     edges: Mapping[int, int] = field(default_factory=dict[int, int])
     last: bool = False
+    lengths: Mapping[int, float] = field(default_factory=dict[int, float])
 
     def candidates(self, course: Course, index: int) -> list[Waypoint]:
         """Return the ways in which a passage may still be planned."""

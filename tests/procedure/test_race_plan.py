@@ -26,14 +26,16 @@ from races import pylon as pylon_at
 from transformations import mirrored, rotated
 
 from airrace.dynamics.performance import top_speed
+from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import GRADIENT, ONE_PLACE, TURN, Plan, Race, plan, plan_with_room
+from airrace.planning.plan import GRADIENT, ONE_PLACE, TURN, Plan, Race, decisions_from_solution, plan, plan_with_room
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.guess import guess
 from airrace.procedure.progress import Silent
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
@@ -217,6 +219,21 @@ def test_knife_edge_gate_for_either_wing_is_flown_on_the_wing_of_its_turn(side: 
         level("c", 200, side * 500, side * 160),
     )
     assert plan_of(race).waypoints[1].bank == bank
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_edge_of_a_flight_is_read_back(side: float) -> None:
+    race = race_of(
+        level("a", 0, 0, 0),
+        knife_edge("edge", 350, side * 160, side * 70, right=True, either=True),
+        level("c", 200, side * 500, side * 160),
+    )
+    planned = plan_of(race)
+    mesh = [(0.1,) * 10] * 2
+    state = guess(planned, mesh).state
+    decisions = decisions_from_solution(race.course, PointMassState.quantities(), state, [0, 10, 20])
+    assert decisions.edges == {1: side}
+    assert decisions.rolls == decisions.lengths == {}
 
 
 def test_pylon_between_two_gates_is_passed_on_whichever_side_is_asked_for() -> None:
