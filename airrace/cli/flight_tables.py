@@ -136,4 +136,4 @@ def _cost(seconds: float) -> str:
         return "-"
     milliseconds = 1000.0 * seconds
     # A smaller cost would show as zero.
-    return "free" if abs(milliseconds) < 0.0005 else f"{milliseconds:+z.3f}"
+    return "free" if abs(milliseconds) < 0.0005 else f"{milliseconds:+.3f}"

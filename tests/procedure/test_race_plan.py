@@ -31,7 +31,7 @@ from airrace.environment.atmosphere import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import GRADIENT, ONE_PLACE, TURN, Plan, Race, decisions_from_solution, plan, plan_with_room
+from airrace.planning.plan import ONE_PLACE, ROOM, TURN, Plan, Race, decisions_from_solution, plan, plan_with_room
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
@@ -377,7 +377,7 @@ def test_a_plan_with_room_takes_a_longer_way_to_a_height() -> None:
     assert up is not None
     assert down is not None
     (lower, top, end) = (one.position[2] for one in roomy.waypoints if one.position is not None)
-    assert up.length + down.length >= (2.0 * top - lower - end) / GRADIENT > 300.0
+    assert up.length + down.length >= (2.0 * top - lower - end) / ROOM.slope > 300.0
     north, east, heading = (float(values[0]) for values in down.points(np.array([down.length])))
     assert (north, east) == pytest.approx((300.0, 0.0), abs=1e-6)
     assert angle_between(heading, roomy.waypoints[-1].heading) == pytest.approx(0.0, abs=1e-9)
