@@ -413,7 +413,7 @@ class FidelityContinuation:
         """Return the point mass along a plan with room; None where its own plan has it.
 
         A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
-        One that is too slow to rise as steeply as planned has to go round a circle.
+        Where it would rise too steeply, a solve from a longer way finds how to.
         """
         flight = self.flight(Stage.POINT_MASS)
         other = plan_with_room(self._race.course, flight.plan)
@@ -447,8 +447,7 @@ class FidelityContinuation:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
         def planned_start(along: StageProblem) -> Start:
-            mesh = first_mesh(along.plan, session.settings.mesh)
-            return Start(along, along.problem(mesh), guess(along.plan, mesh), InitialBarrier.COLD)
+            return Start(along, *self._plan_guess(along, session), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
             where = ""
@@ -458,7 +457,7 @@ class FidelityContinuation:
             first = self._homotopy(session, plain=bool(where))
             if where and first.notes:  # phases could not be added
                 message = f"the limits contradict each other at {where}"
-                return self._infeasible(session, *self._plan_guess(session), message)
+                return self._infeasible(session, *self._plan_guess(flight, session), message)
             if self._local_infeasibility is not None:
                 return self._locally_infeasible(self._local_infeasibility, session)
             problem = flight.problem(mesh_of(first.trajectory))
@@ -470,9 +469,8 @@ class FidelityContinuation:
             return [*other, concatenate_phases]
         return [concatenate_phases, *planned, *other] if pieces else [*planned, *other, concatenate_phases]
 
-    def _plan_guess(self, session: SolverSession) -> tuple[Problem, Iterate]:
-        """Return the point mass's problem on its first mesh, and its guess from the plan."""
-        flight = self.flight(Stage.POINT_MASS)
+    def _plan_guess(self, flight: StageProblem, session: SolverSession) -> tuple[Problem, Iterate]:
+        """Return the problem of a flight on its first mesh, and its guess from the plan."""
         mesh = first_mesh(flight.plan, session.settings.mesh)
         return flight.problem(mesh), guess(flight.plan, mesh)
 
