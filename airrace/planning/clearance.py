@@ -21,6 +21,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.records import record
 from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, SafetyLine
@@ -229,7 +230,7 @@ def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
 
 
 def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[int]) -> Iterator[ClosestApproach]:
-    """Yield the least distance from every pylon on every leg.
+    """Yield the least distances from every pylon on every leg: of each passing nearby, else the least of the leg.
 
     Args:
         wing: its way.
@@ -238,15 +239,25 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
     """
     for pylon in pylons:
         distance, time = closest_in_steps(wing, pylon)
-        steps = np.array([begin + int(np.argmin(distance[begin:end])) for begin, end in pairwise(legs)])
+        near = pylon.required + SEARCH.near
+        of_legs = [begin + _least(distance[begin:end], near) for begin, end in pairwise(legs)]
+        steps = np.concatenate(of_legs)
         (velocity, centre), (turning, half) = _motion(wing, time[steps])
         along, beside, _ = _seen_from(pylon, velocity, centre)
         _, nearest = nearest_points(pylon, centre, half)
         ahead, _, speed = _seen_from(pylon, velocity + nearest * turning, centre + nearest * half)
         abeam = time[steps] - np.clip(ahead / speed, -SEARCH.abeam_max, SEARCH.abeam_max)
-        columns = (distance[steps], time[steps], abeam, along, beside)
-        for leg, numbers in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
-            yield ClosestApproach(pylon, leg, *numbers)
+        leg = np.repeat(np.arange(len(of_legs)), [len(one) for one in of_legs])
+        columns = (leg, distance[steps], time[steps], abeam, along, beside)
+        for numbers in zip(*(column.tolist() for column in columns), strict=True):
+            yield ClosestApproach(pylon, *numbers)
+
+
+def _least(distance: Array, near: float) -> NDArray[np.intp]:
+    """Return where a distance is smaller than around, as far as it is less than `near`; else where it is smallest."""
+    falls, rises = np.diff(distance, prepend=np.inf) <= 0.0, np.diff(distance, append=np.inf) > 0.0
+    dips = np.flatnonzero(falls & rises & (distance < near))
+    return dips if len(dips) else np.array([np.argmin(distance)])
 
 
 def _motion(wing: Wing, times: Array) -> list[tuple[Array, Array]]:

@@ -234,7 +234,7 @@ def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, repl
 
 
 def approaches(flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay) -> list[ClosestApproach]:
-    """Return the least distance of the wing from every pylon of the course on every leg."""
+    """Return the least distances of the wing from every pylon of the course, see `closest_approaches`."""
     wing, legs = replayed_wing(flight, problem, iterate, replay)
     return list(closest_approaches(wing, pylons_of(flight.course), legs))
 

@@ -95,6 +95,8 @@ def solve_with_refinement(
                 if isinstance(begun, StageResult):
                     return begun
                 made.append(begun)
+            if any(made[number].has_guess_of(before) for before in made[:number]):
+                continue
             found = refine(session, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)

@@ -71,6 +71,12 @@ class Start:
     provenance: StageProvenance = NO_PROVENANCE
     multipliers: Multipliers | None = None
 
+    def has_guess_of(self, other: "Start") -> bool:
+        """Tell whether another start begins with the same guess on the same mesh: where both are trimmed."""
+        mine, theirs = self.guess, other.guess
+        pairs = (mine.durations, theirs.durations), (mine.state, theirs.state), (mine.control, theirs.control)
+        return self.problem.mesh == other.problem.mesh and all(np.array_equal(*pair) for pair in pairs)
+
 
 FEWEST = 4
 """The smallest number of intervals of a phase."""

@@ -210,7 +210,7 @@ def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[
 
 
 def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
-    """Yield the distances of the wing from pylons and obstacles, one per leg on which it comes near.
+    """Yield the distances of the wing from pylons and obstacles, one for each time that it comes near.
 
     The course keeps it clear of all of them at any time.
     """

@@ -83,15 +83,19 @@ def test_the_least_distance_of_a_rolling_wing_in_a_turn_is_found_between_samples
             assert when[distance.argmin()] == pytest.approx(fine[truth.argmin()], abs=2e-3)
 
 
-def test_approaches_are_those_of_every_leg() -> None:
+def test_approaches_are_those_of_every_passing_on_every_leg() -> None:
     time = np.linspace(0.0, 4.0, 201)
     centre = np.stack([100.0 * np.abs(time - 2.0) - 50.0, np.where(time < 2.0, 6.0, 5.0), np.full(201, 15.0)])
     half = np.stack([np.zeros(201), np.full(201, 4.0), np.zeros(201)])
-    found = list(closest_approaches(Wing(time, centre, half), [PylonPost("g", 0.0, 0.0, 25.0, 1.5)], [0, 100, 200]))
-    assert [one.leg for one in found] == [0, 1]
-    assert [one.distance for one in found] == pytest.approx([2.0, 1.0], abs=1e-6)
-    assert [one.time for one in found] == pytest.approx([1.5, 2.5], abs=1e-3)
-    assert [one.shortfall for one in found] == pytest.approx([-0.5, 0.5], abs=1e-6)
+    post, wing = PylonPost("g", 0.0, 0.0, 25.0, 1.5), Wing(time, centre, half)
+    for legs, numbers in (([0, 100, 200], [0, 1]), ([0, 200], [0, 0])):  # passed on both of two legs, or twice on one
+        found = list(closest_approaches(wing, [post], legs))
+        assert [one.leg for one in found] == numbers
+        assert [one.distance for one in found] == pytest.approx([2.0, 1.0], abs=1e-6)
+        assert [one.time for one in found] == pytest.approx([1.5, 2.5], abs=1e-3)
+        assert [one.shortfall for one in found] == pytest.approx([-0.5, 0.5], abs=1e-6)
+    (far,) = closest_approaches(wing, [dataclasses.replace(post, east=-60.0)], [0, 200])
+    assert far.distance == pytest.approx(61.0, abs=1e-6)
 
 
 def test_pylons_ask_for_what_their_passing_asks_but_never_for_less_than_half_a_metre() -> None:
