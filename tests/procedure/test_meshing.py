@@ -261,6 +261,17 @@ def test_drift_is_cut_where_it_begins_as_well_as_where_it_is_too_large() -> None
     assert np.flatnonzero(cut > 1).tolist() == [4, 5, last - 1, last]
 
 
+def test_a_leg_of_a_divided_mesh_becomes_as_fine_as_where_the_integrator_errs() -> None:
+    """A roll that is indifferent to its place on a leg would else move to where the leg is not yet fine."""
+    solved = flown({"defect": {4: 1.01 * LIMITS.replay}})
+    assert np.flatnonzero(parts(mended(solved)) > 1).tolist() == [3, 4, 5]
+    divided = solved.draft.coarser.copy()
+    divided[16] = False  # on the other leg
+    again = mended(replace(solved, draft=replace(solved.draft, coarser=divided)))
+    assert counts(again) == [2 * COUNTS[0], COUNTS[1]]
+    assert where(again, RefinementReason.INTEGRATION) == list(range(2 * COUNTS[0]))
+
+
 def test_mended_mesh_remembers_the_coarser_one() -> None:
     assert refine_flagged(flown(), LIMITS) is None
     solved = flown({"excess": {4: 1.5}})
