@@ -42,10 +42,12 @@ class SessionLimits:
             to 540. It is spent in 1.1 to 1.4 times the planned race time.
         fewest_intervals: the number of intervals that a race is taken to have at least: small ones have time to
             spare.
-        known_iterations_max: the largest number of iterations of a solve that begins with known multipliers.
-            They took it from 25 to 17 iterations on Rovinj in 5 kt of wind. Of 950 such solves of shipped and
-            generated courses 930 took up to 80. Where they mislead all methods that are asked in turn, it is
-            solved without them, which takes 30 to 50 iterations from another stage and about 100 from another mesh.
+        known_iterations_max: the largest number of iterations of a solve that begins with the multipliers of
+            another mesh. They took it from 25 to 17 iterations on Rovinj in 5 kt of wind. Where they mislead all
+            methods that are asked in turn, it is solved without them.
+        stage_iterations_max: the same with multipliers of another stage. Of 171 such solves of shipped and
+            generated courses 162 took 9 to 78 iterations, the others 123 and more; without multipliers those took
+            30 to 60.
         descents_max: how often a solve that ran out of iterations on its way down is continued.
         descent: the time that such a solve has gained so far, s.
         nearly_feasible: the largest violation of its last point, scaled (1).
@@ -55,7 +57,8 @@ class SessionLimits:
 
     work_per_interval: int = 5000
     fewest_intervals: int = 100
-    known_iterations_max: int = 80
+    known_iterations_max: int = 120
+    stage_iterations_max: int = 80
     descents_max: int = 2
     descent: float = 0.02
     nearly_feasible: float = 1e-2
@@ -404,11 +407,13 @@ def _tries(
 ) -> Iterator[tuple[str, Multipliers | None, SolverOptions]]:
     """Yield what is tried in turn: each solver with the multipliers, if it begins with any, then without them.
 
-    Where they misled, the optimum is farther away than the barrier parameter was chosen for: with 1e-3 instead of 1e-5
-    second meshes took 91, 107 and 121 iterations, and not 206, 189 and 258.
+    Where those of another mesh misled, the optimum is farther away than the barrier parameter was chosen for: with 1e-3
+    instead of 1e-5 second meshes took 91, 107 and 121 iterations, and not 206, 189 and 258.
     """
-    sooner = replace(options, iterations_max=min(options.iterations_max, LIMITS.known_iterations_max))
-    farther = replace(options, barrier=max(options.barrier, InitialBarrier.COARSE.value))
+    near = options.algorithm == "predictor-corrector"
+    known_max = LIMITS.known_iterations_max if near else LIMITS.stage_iterations_max
+    sooner = replace(options, iterations_max=min(options.iterations_max, known_max))
+    farther = replace(options, barrier=max(options.barrier, InitialBarrier.COARSE.value)) if near else options
     for solver in solvers:
         known = multipliers is not None and SOLVERS[solver].begins_with_multipliers
         if known:
