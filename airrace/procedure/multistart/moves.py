@@ -35,7 +35,8 @@ class MoveSettings:
             Rovinj, came back to where they were.
         long_turn: from which on a way over the top is proposed, rad.
         reach: time before and after a roll that its window holds, s.
-        fewest: number of intervals of a phase from which on they are left out of a window.
+        fewest: number of intervals of a phase from which on they are left out of a window, and that stay in it at
+            least: the end fixes eleven states, which two intervals behind a gate cannot reach.
         high: rise above both ends from which on a turn is no longer flat, m.
         plan_penalty_max: largest extra time of a move's plan with which it is proposed, whatever the budget, s. On
             Rovinj and Air Race X moves with 2 s and more were slower by 3.7 to 12 s in their windows.
@@ -125,7 +126,8 @@ class MoveGenerator:
     def _spare(self, phase: int, count: int) -> int:
         """Return how many of so many intervals at an end of a phase need not be in a window."""
         whole, counting = len(self.base.problem.phases[phase].fractions), self.base.problem.phases[phase].bounds
-        return 0 if counting or count < SETTINGS.fewest or count >= whole else count
+        spare = min(count, whole - SETTINGS.fewest)
+        return 0 if counting or spare < SETTINGS.fewest else spare
 
     def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
         """Return the route of another flight through neighbouring segments."""

@@ -14,6 +14,7 @@ from airrace.frames import quaternion, rotation
 from airrace.planning.plan import Race
 from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
+from airrace.procedure.multistart import moves
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.rolls import ROLL_RATE_ROW, rerolls, reversals
 from airrace.procedure.multistart.search import QUICK
@@ -101,6 +102,19 @@ def test_flights_that_differ_in_a_roll_alone_are_on_different_routes() -> None:
         assert different == differing(other, base, segments)
         nodes = base.problem.first_node
         assert all(nodes[each.first] < one.last and one.first < nodes[each.last] for each in different)
+
+
+def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With two intervals between a gate and eleven fixed states there is no step, and fatrop looks for one for ever."""
+    base, left_out, rest = planned_coarse_solution(SLALOM), 0, [math.inf]
+    for reach in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
+        monkeypatch.setattr(moves, "SETTINGS", dataclasses.replace(moves.SETTINGS, reach=reach))
+        for one in rolls(base, SLALOM):
+            ends = zip((one.pieces[0], one.pieces[-1]), one.spare, strict=True)
+            rest += [piece.control.shape[1] - spare for piece, spare in ends if spare]
+            left_out += sum(one.spare)
+    assert left_out
+    assert min(rest) >= moves.SETTINGS.fewest
 
 
 def test_window_that_leaves_out_intervals_saves_nothing_on_the_own_route_and_fits_into_the_flight() -> None:
