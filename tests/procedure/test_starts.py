@@ -86,9 +86,18 @@ def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], 
 def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
     verdicts: list[str], made: list[int], solvers: list[str]
 ) -> None:
-    result, made_then, asked_then = tried(canned(*verdicts), solved_start(), solved_start())
+    other = solved_start()
+    nudged = dataclasses.replace(other.guess, durations=(1.0 + 1e-9) * other.guess.durations)
+    other = dataclasses.replace(other, guess=nudged)
+    result, made_then, asked_then = tried(canned(*verdicts), solved_start(), other)
     assert result.certified
     assert (made_then, asked_then) == (made, solvers)
+
+
+def test_a_start_with_the_guess_of_an_earlier_one_is_not_solved_again() -> None:
+    result, made, solvers = tried(canned("stuck", "stuck", "stuck"), solved_start(), solved_start())
+    assert result.outcome is Status.NOT_CONVERGED
+    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
 
 
 def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
