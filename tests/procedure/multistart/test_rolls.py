@@ -13,8 +13,8 @@ from transformations import mirrored
 from airrace.frames import quaternion, rotation
 from airrace.planning.plan import Race
 from airrace.procedure.guess import QUATERNION, align_quaternions
-from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart import moves
+from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.rolls import ROLL_RATE_ROW, rerolls, reversals
 from airrace.procedure.multistart.search import QUICK
