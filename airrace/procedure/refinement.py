@@ -223,13 +223,13 @@ def bisect_coarse(draft: MeshProposal, replay: Replay | None = None) -> MeshProp
 def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
     """Return a mesh that is finer where something is wrong between nodes; None if nothing is.
 
-    Where the integrator's error is too large on a mesh that was divided before, a control has moved to where it was
-    not: a roll that is indifferent to its place on a leg. There the whole leg becomes as fine.
+    Where a leg was cut before for the same reason, a control has moved to where it was not: a roll that is indifferent
+    to its place on the leg. Then the whole leg becomes as fine.
     """
     parts, why = _required_parts(optimum, limits, nearby=1.0)
-    if not optimum.draft.coarser.all():
-        long = _as_long_as(optimum, (parts > 1) & (why == RefinementReason.INTEGRATION)) & (parts == 1)
-        parts[long], why[long] = 2, RefinementReason.INTEGRATION
+    for reason in (RefinementReason.INTEGRATION, RefinementReason.LIMITS):
+        again = _as_long_as(optimum, (parts > 1) & (why == reason), reason) & (parts == 1)
+        parts[again], why[again] = 2, reason
     return None if (parts == 1).all() else _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
 
 
@@ -374,13 +374,17 @@ def _bisected_above(values: Array, limit: float) -> Array:
     return np.where(_worst_nearby(values) <= limit, 1.0, 2.0)
 
 
-def _as_long_as(optimum: MeshSolution, some: Marks) -> Marks:
-    """Return the intervals that are as long as the shortest one of some on the same leg, within a tenth; shape (N,)."""
+def _as_long_as(optimum: MeshSolution, some: Marks, reason: RefinementReason) -> Marks:
+    """Return the intervals as long as the shortest one of some on the same leg, within a tenth; shape (N,).
+
+    Of legs alone that have intervals which were cut before for a reason.
+    """
     steps = interval_durations(optimum.problem, optimum.iterate.durations)
     counts = [len(phase.fractions) for phase in optimum.problem.phases]
     leg, shortest = np.repeat(np.arange(len(counts)), counts), np.full(len(counts), np.inf)
     np.minimum.at(shortest, leg[some], steps[some])
-    return steps > 0.9 * shortest[leg]
+    cut = np.bincount(leg[optimum.draft.why == reason], minlength=len(counts)) > 0
+    return (steps > 0.9 * shortest[leg]) & cut[leg]
 
 
 def _parts_by_excess(values: Array, limit: float) -> Array:

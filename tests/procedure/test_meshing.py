@@ -261,15 +261,21 @@ def test_drift_is_cut_where_it_begins_as_well_as_where_it_is_too_large() -> None
     assert np.flatnonzero(cut > 1).tolist() == [4, 5, last - 1, last]
 
 
-def test_a_leg_of_a_divided_mesh_becomes_as_fine_as_where_the_integrator_errs() -> None:
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [("defect", 1.01 * LIMITS.replay, RefinementReason.INTEGRATION), ("excess", 1.01, RefinementReason.LIMITS)],
+)
+def test_a_leg_that_is_cut_again_for_the_same_reason_becomes_as_fine_everywhere(
+    name: str, value: float, why: RefinementReason
+) -> None:
     """A roll that is indifferent to its place on a leg would else move to where the leg is not yet fine."""
-    solved = flown({"defect": {4: 1.01 * LIMITS.replay}})
+    solved = flown({name: {4: value}})
     assert np.flatnonzero(parts(mended(solved)) > 1).tolist() == [3, 4, 5]
-    divided = solved.draft.coarser.copy()
-    divided[16] = False  # on the other leg
-    again = mended(replace(solved, draft=replace(solved.draft, coarser=divided)))
-    assert counts(again) == [2 * COUNTS[0], COUNTS[1]]
-    assert where(again, RefinementReason.INTEGRATION) == list(range(2 * COUNTS[0]))
+    for interval, expected in ((9, [2 * COUNTS[0], COUNTS[1]]), (16, [COUNTS[0] + 3, COUNTS[1]])):  # the other leg
+        before = solved.draft.why.copy()
+        before[interval] = why
+        again = mended(replace(solved, draft=replace(solved.draft, why=before)))
+        assert counts(again) == expected
 
 
 def test_mended_mesh_remembers_the_coarser_one() -> None:
