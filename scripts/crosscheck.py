@@ -41,8 +41,8 @@ STATES, SEED = 1000, 540
 FORCE_LIMIT = 1e-3  # g
 ANGULAR_LIMIT = 1e-3  # rad/s2
 OWN_AIR_LIMIT = 2e-3
-"""The limit in JSBSim's own atmosphere, whose density is a little different, rad/s2. In some of the states the Zlin, the
-lightest aircraft, rolls with 350 rad/s2."""
+"""The limit in JSBSim's own atmosphere, whose density is a little different, rad/s2. In some of the states the Zlin,
+the lightest aircraft, rolls with 350 rad/s2."""
 DISTANCE_LIMIT = 0.1  # m
 ANGLE_LIMIT = math.radians(0.2)
 
@@ -114,7 +114,8 @@ def main() -> int:
 
     try:
         runs = [run_of_checkpoint(read_checkpoint(path), path) for path in paths]
-        print(f"{STATES} states: the worst of JSBSim minus ours; limits {FORCE_LIMIT} g and {ANGULAR_LIMIT}, {OWN_AIR_LIMIT} rad/s2")
+        limits = f"{FORCE_LIMIT} g and {ANGULAR_LIMIT} rad/s2, in its own air {OWN_AIR_LIMIT}"
+        print(f"{STATES} states: the worst of JSBSim minus ours; limits {limits}")
         print(f"{'aircraft':<20}{'planet':<8}{'density':<24}{'g':>12}{'rad/s2':>12}  holds")
         for aircraft in dict.fromkeys([*shipped_aircraft(), *(run.inputs.race.aircraft for run in runs)]):
             for row in in_states(aircraft):
