@@ -240,7 +240,7 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
     for pylon in pylons:
         distance, time = closest_in_steps(wing, pylon)
         near = pylon.required + SEARCH.near
-        of_legs = [begin + _least(distance[begin:end], near) for begin, end in pairwise(legs)]
+        of_legs = [begin + _passings(distance[begin:end], near) for begin, end in pairwise(legs)]
         steps = np.concatenate(of_legs)
         (velocity, centre), (turning, half) = _motion(wing, time[steps])
         along, beside, _ = _seen_from(pylon, velocity, centre)
@@ -253,7 +253,7 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
             yield ClosestApproach(pylon, *numbers)
 
 
-def _least(distance: Array, near: float) -> NDArray[np.intp]:
+def _passings(distance: Array, near: float) -> NDArray[np.intp]:
     """Return where a distance is smaller than around, as far as it is less than `near`; else where it is smallest."""
     falls, rises = np.diff(distance, prepend=np.inf) <= 0.0, np.diff(distance, append=np.inf) > 0.0
     dips = np.flatnonzero(falls & rises & (distance < near))

@@ -20,7 +20,15 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import Air
 from airrace.frames import angle_between, angles, rotation
-from airrace.planning.clearance import beside_border, beside_line, ground_distance
+from airrace.planning.clearance import (
+    Place,
+    PylonPost,
+    beside_border,
+    beside_line,
+    cleared_pylons,
+    ground_distance,
+    place_of,
+)
 from airrace.planning.planning_model import PlanningModel, cruise, roll_time, rotation_time, rotation_vector, turn_by
 from airrace.planning.route_decisions import ANY, RouteDecisions, Waypoint, candidates
 from airrace.quantities import Quantity
@@ -139,9 +147,15 @@ def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> 
 def plan_with_room(course: Course, planned: Plan) -> Plan | None:
     """Return a plan with room where one lacks it; None where it has room, or turning the other way gives no more.
 
-    It turns the other way where one leaves the boundaries (lines, airspace, distances from crowds), and takes a longer
-    way, such as a circle, where one climbs too steeply to a height between two gates.
+    It turns the other way where one leaves the boundaries (lines, airspace, distances from crowds), takes a longer way,
+    such as a circle, where one climbs too steeply to a height between two gates, and passes gates so straight that the
+    wing fits between their pylons.
     """
+    pylons, ways = {place_of(one): one for one in cleared_pylons(course)}, dict[int, tuple[Waypoint, ...]]()
+    for stop in stops_of(course):
+        if not _fits(planned.waypoints[stop], pylons, planned.cruise):
+            fitting = [one for one in candidates(course, stop) if _fits(one, pylons, planned.cruise)]
+            ways |= {stop: tuple(fitting)} if fitting else {}
     out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
         paths = [leg.path for leg in planned.legs[first:last] if leg.path is not None]
@@ -153,12 +167,28 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
         if sum(path.length for path in paths) < needed and len(paths) == last - first:
             lengths_min[last] = needed
     if turns:
-        turned = plan(course, planned.cruise, RouteDecisions(turns=turns, last=planned.last))
+        turned = plan(course, planned.cruise, RouteDecisions(ways, turns, last=planned.last))
         if sum(_depths_outside(course, turned)) >= sum(out):
             turns = {}
-    if not (turns or lengths_min):
+    if not (ways or turns or lengths_min):
         return None
-    return plan(course, planned.cruise, RouteDecisions(turns=turns, lengths=lengths_min, last=planned.last))
+    return plan(course, planned.cruise, RouteDecisions(ways, turns, lengths=lengths_min, last=planned.last))
+
+
+def _fits(way: Waypoint, pylons: Mapping[Place, PylonPost], pace: PlanningModel) -> bool:
+    """Tell whether the wing is clear of the pylons at either end of the gate's line, to first order."""
+    if way.position is None or way.bank is None:
+        return True
+    north, east, height = way.position
+    half = pace.semispan * abs(math.cos(way.bank))
+    for post in way.passage.element.drawing().posts:
+        pylon, d_north, d_east = pylons.get(place_of(post)), post.north - north, post.east - east
+        along = math.cos(way.axis) * d_north + math.sin(way.axis) * d_east
+        if pylon is None or abs(along) > ONE_PLACE or height > pylon.height:
+            continue
+        if abs(math.cos(way.heading) * d_east - math.sin(way.heading) * d_north) < half + pylon.required:
+            return False
+    return True
 
 
 def _depths_outside(course: Course, planned: Plan) -> list[float]:

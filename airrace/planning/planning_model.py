@@ -39,11 +39,12 @@ ASSUMED = PlanningAssumptions()
 
 @record
 class PlanningModel:
-    """The planning speed `V` (m/s), load factor `n` in turns (g) and roll rate `p` (rad/s)."""
+    """The planning speed `V` (m/s), load factor `n` in turns (g), roll rate `p` (rad/s), and half the span (m)."""
 
     V: float
     n: float
     p: float
+    semispan: float = 0.0
 
     @property
     def radius(self) -> float:
@@ -59,7 +60,7 @@ def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
     n_lift = lift / (aircraft.airframe.m * g0)
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
     n = max(min(ASSUMED.load_factor, ASSUMED.share_of_limit * n_limit, 0.8 * n_lift), ASSUMED.least_load_factor)
-    return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
+    return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p), 0.5 * aircraft.airframe.b)
 
 
 ROUNDING = 1e-6

@@ -413,7 +413,8 @@ class FidelityContinuation:
         """Return the point mass along a plan with room; None where its own plan has it.
 
         A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
-        Where it would rise too steeply, a solve from a longer way finds how to.
+        Where it would rise too steeply, a solve from a longer way finds how to; likewise where it would pass gates too
+        aslant for its wing.
         """
         flight = self.flight(Stage.POINT_MASS)
         other = plan_with_room(self._race.course, flight.plan)

@@ -76,7 +76,7 @@ def solve_with_refinement(
     Args:
         session: what solves.
         starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
-            that there is no flight is a result, and the end.
+            that there is no flight is a result, and the end; one with the guess of an earlier one is left out.
         refine: leads from a start to an optimum; None for `solve_certified`.
         diagnose: looks for what stands in the way where there is no flight.
     """

@@ -41,7 +41,7 @@ from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Interval
-from airrace.track.course import Course, Crowd, CrowdShape, Direction, SafetyLine
+from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, Direction, SafetyLine
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point
 
@@ -385,8 +385,33 @@ def test_a_plan_with_room_takes_a_longer_way_to_a_height() -> None:
     assert plan_with_room(low, plan_of(Race(low, EDGE_540, Air()))) is None
 
 
+def aslant(width: float) -> Course:
+    """Two gates one behind the other whose axes differ by 113 degrees, to be crossed at up to 60."""
+    gates = [
+        dataclasses.replace(one, width=width, tolerances=dataclasses.replace(one.tolerances, crossing=math.radians(60)))
+        for one in (level("one", 0.0, 0.0, 252.0), level("two", -152.0, -28.5, 139.0))
+    ]
+    return course("aslant", *gates)
+
+
+def test_a_plan_with_room_crosses_gates_so_straight_that_the_wing_fits_between_their_pylons() -> None:
+    width, needed = 13.0, 0.5 * EDGE_540.airframe.b + 0.5  # half the span, and the least clearance
+    made, wide = aslant(width), aslant(30.0)
+    most = math.acos(needed / (0.5 * width))
+    planned = plan_of(Race(made, EDGE_540, Air()))
+    assert max(abs(angle_between(one.heading, one.axis)) for one in planned.waypoints) > most
+    roomy = plan_with_room(made, planned)
+    assert roomy is not None
+    assert max(abs(angle_between(one.heading, one.axis)) for one in roomy.waypoints) <= most
+    assert plan_with_room(wide, plan_of(Race(wide, EDGE_540, Air()))) is None
+    knife_edges = [dataclasses.replace(one.element, bank=0.5 * math.pi) for one in made.passages]
+    edged = course("on edge", *knife_edges)
+    assert plan_with_room(edged, plan_of(Race(edged, EDGE_540, Air()))) is None
+
+
 def test_there_is_no_other_plan_where_no_boundary_is_left_or_turning_the_other_way_leads_out_farther() -> None:
     free = bounded("none", 1.0)
+    free = dataclasses.replace(free, rules=dataclasses.replace(free.rules, clearance=ClearanceRule.CROSSING))
     assert plan_with_room(free, plan_of(Race(free, EDGE_540, Air()))) is None
     corners = (Point(-2000.0, -10.0), Point(-2000.0, 130.0), Point(2000.0, 130.0), Point(2000.0, -10.0))
     narrow = dataclasses.replace(free, airspace=corners)
