@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.constraint_rows import Indices
-from airrace.optimal_control.kernels import Callee, Kernel, Kernels, observation_kernel
+from airrace.optimal_control.kernels import Callee, Kernel, Kernels, casadi_observation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly, unique_rows
 from airrace.records import record
@@ -116,7 +116,7 @@ class Assembly:
         samples_of: dict[int, list[int]] = {}
         for number, sample in enumerate(layout.output_samples):
             samples_of.setdefault(id(sample.observation), []).append(number)
-        self.calls += [self._observations(numbers) for numbers in samples_of.values()]
+        self.calls += [self._observations(kernels, numbers) for numbers in samples_of.values()]
         self.linear = np.zeros(layout.unknowns)
         self.linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
         terminal = [objective.terminal.get(quantity.name, 0.0) for quantity in problem.system.states]
@@ -127,7 +127,7 @@ class Assembly:
             weights = np.array([objective.terminal.get(one.name, 0.0) for one in seen.quantities])
             end = len(layout.parameter_values())
             own = np.arange(end - len(objective.values), end)
-            self.final = FinalCost(observation_kernel(seen, layout.n_x), weights, layout.state_index[-1], own)
+            self.final = FinalCost(casadi_observation(seen.values), weights, layout.state_index[-1], own)
         weights = np.array([objective.regularisation.get(one.name, 0.0) for one in problem.system.controls])
         penalty = Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
         self.penalty = penalty if weights.any() else None
@@ -164,14 +164,14 @@ class Assembly:
         own = np.zeros((len(nodes), 0), dtype=np.int64)
         return Calls(kernel, inputs, own, self._system_parameters, rows, weights, nodes)
 
-    def _observations(self, numbers: list[int]) -> Calls:
+    def _observations(self, kernels: Kernels, numbers: list[int]) -> Calls:
         """Return the calls of one observation, for the output samples of these numbers."""
         layout = self.layout
         samples = [layout.output_samples[number] for number in numbers]
         observation = samples[0].observation
         call_of = np.full(len(layout.output_samples) + 1, -1)  # the last one stands for the path
         call_of[numbers] = np.arange(len(numbers))
-        kernel = observation_kernel(observation, layout.n_x)
+        kernel = kernels.observations.kernel(observation.values)
         nodes = np.array([sample.node for sample in samples])
         rows, weights = self._rows(kernel, len(numbers), call_of[layout.rows.source])
         offsets = len(layout.problem.parameters) + layout.intervals + np.array([sample.offset for sample in samples])

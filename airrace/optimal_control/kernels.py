@@ -11,6 +11,7 @@ library, or for an operation that it does not know, casadi evaluates the graphs 
 """
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 
@@ -22,7 +23,7 @@ from airrace.native.interpreter import BatchFunction, Interpreter, interpreter
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_tables import scheme_numbers, step_parts, step_tables
 from airrace.records import record
-from airrace.system import Observation, System
+from airrace.system import System
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
@@ -33,6 +34,12 @@ MAP_IN_THREADS = 64
 Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop, a
 fifth of what 128 intervals of the cheapest derivative take in lanes, the Jacobian of a point mass's step. For fewer
 calls little of the gain would be left.
+"""
+
+INTERPRETED_AFTER = 2
+"""The number of problems with an observation for which casadi evaluates it.
+
+To translate the room beside a pylon takes the interpreter 0.2 to 0.3 s, more than it gains on two meshes of a stage.
 """
 
 
@@ -200,12 +207,59 @@ def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Ar
     return call, found
 
 
+class Observations:
+    """The kernels of what is observed of a system, each made once: y = x, own = its parameters, nothing shared.
+
+    The pieces and windows of a race are problems of their own that share a few observations; to make the kernels for
+    each of them took a fifth of a homotopy. For the first problems they are casadi's, then the interpreter's, if there
+    is one; both have the same bits. Rooms beside pylons are observed at many nodes: of the solver's time in the search
+    on Rovinj 2014 casadi took a quarter for them.
+
+    Args:
+        native: the interpreter, or None.
+    """
+
+    def __init__(self, native: Interpreter | None = None) -> None:
+        self._native = native
+        self._kernels: dict[ca.Function, Callee] = {}
+        self._problems = Counter[ca.Function]()
+
+    def kernel(self, values: ca.Function) -> Callee:
+        """Return the kernel of the values (x, b) that a problem observes."""
+        self._problems[values] += 1
+        if values not in self._kernels:
+            self._kernels[values] = casadi_observation(values)
+        elif self._native is not None and self._problems[values] == INTERPRETED_AFTER + 1:
+            try:
+                self._kernels[values] = _native_kernel(self._native, _observation_functions(values))
+            except KernelError as error:
+                logger.warning("casadi evaluates an observation, slower: %s", error)
+        return self._kernels[values]
+
+
+def casadi_observation(values: ca.Function) -> Kernel:
+    """Return the kernel of an observation's values (x, b) as casadi's functions."""
+    return Kernel(*_observation_functions(values))
+
+
+def _observation_functions(values: ca.Function) -> list[ca.Function]:
+    x, own = (ca.SX.sym(name, values.size1_in(place)) for place, name in enumerate("xb"))
+    return _differentiate("observe", x, own, ca.SX.sym("none", 0), values(x, own))
+
+
 @record
 class Kernels:
-    """The kernels of a system; `path` is None for a system without path quantities."""
+    """The kernels of a system.
+
+    Attributes:
+        step: of one interval.
+        path: of the path quantities; None for a system without.
+        observations: of the system.
+    """
 
     step: Callee
     path: Callee | None
+    observations: Observations
 
 
 def build_kernels(system: System, scheme: RungeKutta) -> Kernels:
@@ -236,13 +290,16 @@ def native_kernels(native: Interpreter, system: System, scheme: RungeKutta) -> K
         hessian_pattern=parts.hessian,
         entries=native.step(step_tables(parts), scheme_numbers(scheme), [parts.alone, *parts.generated]),
     )
-    if not path:
-        return Kernels(step, None)
-    value, jacobian, hessian = path
+    return Kernels(step, _native_kernel(native, path) if path else None, Observations(native))
+
+
+def _native_kernel(native: Interpreter, functions: Sequence[ca.Function]) -> NativeKernel:
+    """Return the kernel of value, Jacobian and Hessian; raises KernelError for an operation that is not known."""
+    value, jacobian, hessian = functions
     y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
     patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
-    entries = [native.function(function) for function in path]
-    return Kernels(step, NativeKernel(value.name(), native.lanes, (y, own, shared, lam), *patterns, entries))
+    entries = [native.function(function) for function in functions]
+    return NativeKernel(value.name(), native.lanes, (y, own, shared, lam), *patterns, entries)
 
 
 def casadi_kernels(system: System, scheme: RungeKutta) -> Kernels:
@@ -254,13 +311,8 @@ def casadi_kernels(system: System, scheme: RungeKutta) -> Kernels:
     if system.projection is not None:
         x_next = system.projection(x_next)
     path = path_functions(system)
-    return Kernels(Kernel(*_differentiate("step", y, fraction, p, x_next)), Kernel(*path) if path else None)
-
-
-def observation_kernel(observation: Observation, states: int) -> Kernel:
-    """Return the kernel of a boundary's observation: y = x, own = the boundary's values, nothing shared."""
-    x, values, nothing = ca.SX.sym("x", states), ca.SX.sym("b", len(observation.parameters)), ca.SX.sym("none", 0)
-    return Kernel(*_differentiate("observe", x, values, nothing, observation.values(x, values)))
+    step = Kernel(*_differentiate("step", y, fraction, p, x_next))
+    return Kernels(step, Kernel(*path) if path else None, Observations())
 
 
 def path_functions(system: System) -> list[ca.Function]:

@@ -20,8 +20,10 @@ from airrace.optimal_control import sparse_assembly as module
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import (
+    INTERPRETED_AFTER,
     Kernel,
     NativeKernel,
+    Observations,
     Part,
     bind,
     build_kernels,
@@ -162,6 +164,31 @@ def test_a_program_has_the_same_bits_in_all_variants(name: str) -> None:
         found.append([functions.g, functions.jacobian, functions.gradient, functions.hessian])
     for one in found[1:]:
         assert_bitwise_equal(one, found[0])
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_what_many_problems_observe_is_interpreted_with_the_bits_of_casadi(variant: str) -> None:
+    x, b = ca.SX.sym("x", 3), ca.SX.sym("b", 2)
+    distance = ca.sqrt((x[0] - b[0]) ** 2 + (x[1] - b[1]) ** 2 + 1.0)
+    values = ca.Function("seen", [x, b], [ca.vertcat(distance, ca.sin(x[2]) / distance)])
+    observations = Observations(VARIANTS[variant])
+    asked = [observations.kernel(values) for _ in range(INTERPRETED_AFTER + 2)]
+    first, *others, mine, again = asked
+    assert isinstance(first, Kernel)
+    assert all(one is first for one in others)
+    assert isinstance(mine, NativeKernel)
+    assert again is mine
+    given = random_intervals(mine, 2, 0, COUNT)
+    assert_as_casadi(all_results(mine, given), all_results(first, given))
+
+
+def test_an_observation_that_the_interpreter_does_not_know_stays_with_casadi(caplog: pytest.LogCaptureFixture) -> None:
+    x = ca.SX.sym("x")
+    values = ca.Function("seen", [x, ca.SX.sym("b", 0)], [ca.erf(x)])
+    observations = Observations(list(VARIANTS.values())[-1])
+    assert all(isinstance(observations.kernel(values), Kernel) for _ in range(INTERPRETED_AFTER + 3))
+    assert caplog.text.count("casadi evaluates an observation, slower") == 1
+    assert all(isinstance(Observations().kernel(values), Kernel) for _ in range(INTERPRETED_AFTER + 3))
 
 
 def test_arguments_of_another_size_are_refused() -> None:
