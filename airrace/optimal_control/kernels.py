@@ -5,6 +5,7 @@ what does not:
 
     step: y = (x, u, T), own = the interval's share of the duration T, shared = p    -> x at the interval's end
     path: y = (x, u), own empty, shared = p                                          -> path quantities
+    observe: y = x, own = the parameters of the place, shared empty                  -> what is observed there
 
 The native interpreter evaluates them, the step composed of the derivatives of its stages (`step.c`). Without the native
 library, or for an operation that it does not know, casadi evaluates the graphs of the whole functions.
@@ -208,12 +209,12 @@ def bind(function: ca.Function, arguments: Sequence[Array], results: Sequence[Ar
 
 
 class Observations:
-    """The kernels of what is observed of a system, each made once: y = x, own = its parameters, nothing shared.
+    """The kernels of what is observed of a system, each made once and kept.
 
-    The pieces and windows of a race are problems of their own that share a few observations; to make the kernels for
-    each of them took a fifth of a homotopy. For the first problems they are casadi's, then the interpreter's, if there
-    is one; both have the same bits. Rooms beside pylons are observed at many nodes: of the solver's time in the search
-    on Rovinj 2014 casadi took a quarter for them.
+    The pieces and windows of a race are problems of their own that share a few observations; to differentiate them for
+    each took a fifth of a homotopy. For the first problems casadi evaluates them, then the interpreter, if there is
+    one, with the same bits. Rooms beside pylons are observed at many nodes: of the solver's time in the search on
+    Rovinj 2014 casadi took a quarter for them.
 
     Args:
         native: the interpreter, or None.
@@ -226,25 +227,21 @@ class Observations:
 
     def kernel(self, values: ca.Function) -> Callee:
         """Return the kernel of the values (x, b) that a problem observes."""
+        kernel = self._kernels.get(values) or casadi_observation(values)
         self._problems[values] += 1
-        if values not in self._kernels:
-            self._kernels[values] = casadi_observation(values)
-        elif self._native is not None and self._problems[values] == INTERPRETED_AFTER + 1:
+        if isinstance(kernel, Kernel) and self._native is not None and self._problems[values] == INTERPRETED_AFTER + 1:
             try:
-                self._kernels[values] = _native_kernel(self._native, _observation_functions(values))
+                kernel = _native_kernel(self._native, (kernel.value, kernel.jacobian, kernel.hessian))
             except KernelError as error:
                 logger.warning("casadi evaluates an observation, slower: %s", error)
-        return self._kernels[values]
+        self._kernels[values] = kernel
+        return kernel
 
 
 def casadi_observation(values: ca.Function) -> Kernel:
     """Return the kernel of an observation's values (x, b) as casadi's functions."""
-    return Kernel(*_observation_functions(values))
-
-
-def _observation_functions(values: ca.Function) -> list[ca.Function]:
     x, own = (ca.SX.sym(name, values.size1_in(place)) for place, name in enumerate("xb"))
-    return _differentiate("observe", x, own, ca.SX.sym("none", 0), values(x, own))
+    return Kernel(*_differentiate("observe", x, own, ca.SX.sym("none", 0), values(x, own)))
 
 
 @record
@@ -294,7 +291,11 @@ def native_kernels(native: Interpreter, system: System, scheme: RungeKutta) -> K
 
 
 def _native_kernel(native: Interpreter, functions: Sequence[ca.Function]) -> NativeKernel:
-    """Return the kernel of value, Jacobian and Hessian; raises KernelError for an operation that is not known."""
+    """Return the native kernel of casadi's value, Jacobian and Hessian.
+
+    Raises:
+        KernelError: one has an operation that the interpreter does not know.
+    """
     value, jacobian, hessian = functions
     y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
     patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
