@@ -272,7 +272,8 @@ class PylonRooms:
             room = self._room(before, self._observe(before, replayed.state(before.leg, before.share)))
             left = room - self._required_room(before)
             conditions[number] = after = replayed.at(before, approach)
-            if approach.shortfall > 0.0 and before.side is PylonSide.BELOW and room <= 0.0:  # it is not over the top
+            fixed = approach.pylon.is_obstacle and before.side is not PylonSide.BELOW  # the side of all its cylinders
+            if approach.shortfall > 0.0 and room <= 0.0 and not fixed:  # the wing does not pass on that side
                 side = PylonSide.BELOW if approach.pylon.is_obstacle else self._side(after, approach.pylon, replayed)
                 conditions[number] = dataclasses.replace(after, side=side, error=0.0)
             elif left < SETTINGS.holds:

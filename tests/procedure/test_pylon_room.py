@@ -366,13 +366,15 @@ def test_a_pylon_whose_top_is_below_the_wing_does_not_keep_it_away_to_the_side()
     assert (before.side in (PylonSide.LEFT, PylonSide.RIGHT), after.side) == (True, PylonSide.BELOW)
 
 
-def test_a_wing_beside_a_pylon_below_its_top_is_kept_away_to_the_side() -> None:
-    """A condition that it flies above the top cannot say how far away it is there."""
+@pytest.mark.parametrize("above", [True, False], ids=["above the top", "on the other side"])
+def test_a_condition_on_a_side_where_a_wing_does_not_pass_gives_way_to_one_where_it_does(above: bool) -> None:
+    """It cannot say how far away the wing is, and its error is that of another way past the pylon."""
     result = optimum(SMALL, PLAN)
     (own,) = (one for one in result.pylon_conditions if one.element == "pylon")
-    above = dataclasses.replace(own, side=PylonSide.BELOW, error=-3.0)
+    opposite = PylonSide.LEFT if own.side is PylonSide.RIGHT else PylonSide.RIGHT
+    wrong = dataclasses.replace(own, side=PylonSide.BELOW if above else opposite, error=-30.0)
     others = [one for one in result.pylon_conditions if one is not own]
-    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, above])
+    flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, wrong])
     assert flight.rooms is not None
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
