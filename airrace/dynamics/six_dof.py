@@ -22,7 +22,7 @@ from airrace.dynamics.aerodynamics import (
     thrust,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, surface_bounds
+from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, brisk_rudder, surface_bounds
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import angle_rates, angular_accelerations, incidence, rotation_to_body
@@ -127,4 +127,5 @@ def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
         aircraft=inner_loop_parameters(aircraft),
         air=air,
         counting=counting,
+        brisk=brisk_rudder(aircraft),
     )

@@ -27,7 +27,7 @@ from airrace.dynamics.aerodynamics import (
     thrust,
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
-from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, surface_bounds
+from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, brisk_rudder, surface_bounds
 from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.parameters import InnerLoopParameters
@@ -196,4 +196,5 @@ def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: b
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,
+        brisk=brisk_rudder(aircraft),
     )
