@@ -1,7 +1,8 @@
 """The rolls of a flight from one side to the other, and each of them the other way.
 
 A roll leads through level or through inverted flight, a full turn about the velocity apart. Where an aircraft pulls
-down, banked beyond the vertical, it can do so on either side. Each choice is a local optimum of its own.
+down, banked beyond the vertical, it can do so on either side. Pushed up upside down it can be pulled up upright. Each
+choice is a local optimum of its own.
 
 The tilting of turns about the straight line between their ends: slanted at first, over the top when upright.
 """
@@ -35,6 +36,7 @@ class RollSettings:
             meanwhile.
         roll_max: longest roll that is reversed, s; through level flight it may be a weave, which needs no roll.
         blend: time in which a guess changes sides before and after a pull-down, s.
+        upside_down: shortest time under negative load factors upside down that is flown upright, s.
     """
 
     banked: float = math.sin(math.radians(30.0))
@@ -42,10 +44,12 @@ class RollSettings:
     pull_down_max: float = 2.5
     roll_max: float = 2.0
     blend: float = 0.4
+    upside_down: float = 0.4
 
 
 SETTINGS = RollSettings()
 ROLL_RATE_ROW = PointMassState.names().index("p_Kbar")
+LOAD_FACTOR_ROW = PointMassState.names().index("n_z")
 
 
 @record
@@ -82,7 +86,7 @@ class Reroll:
 
 def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield a flight with each of its rolls the other way, in turn, in the order of the nodes."""
-    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate)]
+    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_upright(problem, iterate)]
     yield from sorted(found, key=lambda one: (one.first, one.last))
 
 
@@ -127,6 +131,23 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
         added = -2.0 * (bank + nearest) * np.clip(1.0 - away / SETTINGS.blend, 0.0, 1.0)
         yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added))
+
+
+def _upright(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
+    """Yield each stretch flown upside down under negative load factors flown upright, with the same lift."""
+    time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION])
+    for first, last in _runs((rotation(list(iterate.state[QUATERNION]))[2][2] < 0.0) & (load < 0.0)):
+        if time[last] - time[first] < SETTINGS.upside_down:
+            continue
+        added = np.zeros_like(time)
+        for node in (first, last):
+            from_node = np.clip((time - time[node]) / SETTINGS.blend, -1.0, 1.0)
+            around = np.flatnonzero(np.abs(from_node) < 1.0)
+            rolled = bank[around[-1]] - bank[around[0]]
+            added -= math.copysign(0.5 * math.pi, rolled) * (1.0 + np.sin(0.5 * math.pi * from_node))
+        upright = _roll_over(problem, iterate, added)
+        upright.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
+        yield Reroll(first, last, "upright instead of inverted", upright)
 
 
 def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:

@@ -16,7 +16,7 @@ from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.procedure.multistart import moves
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.moves import MoveGenerator
-from airrace.procedure.multistart.rolls import ROLL_RATE_ROW, rerolls, reversals
+from airrace.procedure.multistart.rolls import LOAD_FACTOR_ROW, ROLL_RATE_ROW, rerolls, reversals
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
@@ -65,6 +65,28 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
         cosine = (own[QUATERNION] * state[QUATERNION]).sum(axis=0)
         assert cosine[0] == pytest.approx(1.0)
         assert cosine[-1] == pytest.approx(-1.0 if one.kind.startswith("roll") else 1.0)
+
+
+@pytest.mark.parametrize("onward", [1.0, -1.0], ids=["rolls on", "rolls back"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_flown_upside_down_is_flown_upright_with_the_same_lift(side: float, onward: float) -> None:
+    base = planned_coarse_solution(SMALL)
+    state, nodes = base.iterate.state.copy(), np.arange(base.iterate.state.shape[1])
+    middle = len(nodes) // 2
+    inverted = abs(nodes - middle) <= 8
+    bank = side * np.where(inverted, 170.0, np.where(nodes < middle, 20.0, 20.0 if onward < 0.0 else 340.0))
+    state[QUATERNION] = attitudes(bank)
+    state[LOAD_FACTOR_ROW] = np.where(inverted, -1.5, 1.5)
+    own = dataclasses.replace(base.iterate, state=state)
+    (found,) = [one for one in rerolls(base.problem, own) if one.kind == "upright instead of inverted"]
+    assert (found.first, found.last) == (middle - 8, middle + 8)
+    there = found.flight.state
+    assert (there[LOAD_FACTOR_ROW] > 0.0).all()
+    lift, own_lift = (
+        one[LOAD_FACTOR_ROW] * np.array([row[2] for row in rotation(list(one[QUATERNION]))]) for one in (there, state)
+    )
+    away = abs(abs(nodes - middle) - 8) > 3
+    assert lift[:, away] == pytest.approx(own_lift[:, away], abs=1e-9)
 
 
 @pytest.mark.parametrize("node", [0, -1])
