@@ -87,6 +87,25 @@ def test_fatrop_is_asked_where_steps_give_up(monkeypatch: pytest.MonkeyPatch) ->
     assert found.objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
 
 
+@pytest.mark.parametrize(
+    ("downhill", "nearly_feasible", "led_on"), [(5, 1e-3, True), (6, 1e-3, False), (5, 0.0, False)]
+)
+def test_steps_go_on_as_long_as_they_lead_downhill(
+    downhill: int, nearly_feasible: float, led_on: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, guess, multipliers = bisect_all("everything")
+    slow = replace(guess, durations=1.2 * guess.durations)  # from there the fifth step leads to the optimum
+    few = replace(
+        predictor_corrector.PARAMETERS,
+        iterations_max=4,
+        downhill=downhill,
+        nearly_feasible=nearly_feasible,
+        nearly_optimal=0.0,
+    )
+    monkeypatch.setattr(predictor_corrector, "PARAMETERS", few)
+    assert (STEPS in solved(problem, slow, multipliers).status) is led_on
+
+
 @pytest.mark.parametrize(("near", "barrier"), [(True, 1e-5), (False, 1e-2)])
 def test_multipliers_that_mislead_do_not_change_the_optimum(near: bool, barrier: float) -> None:
     problem, guess, multipliers = bisect_all("everything")

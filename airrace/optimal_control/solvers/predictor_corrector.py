@@ -13,6 +13,7 @@ method has for inequalities and a penalty for equalities.
 
 import ctypes
 import sys
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,10 +92,12 @@ class Parameters:
 
     Attributes:
         iterations_max: after which steps are given up. Of 61 solves on refined meshes of the shipped courses 60 led to
-            an optimum, after 8 at most; fatrop took 8 to 23. The longest valleys that were met took 62 and 107, and
-            fatrop 200.
-        nearly_optimal: the error from which on steps go on as long as each lessens it; `iterations_max` does not end
-            them then, only that of the options.
+            an optimum, after 8 at most; fatrop took 8 to 23.
+        downhill: so many iterations lead on if the objective falls over them at nearly feasible points;
+            `iterations_max` does not end them then, only that of the options. A roll that moves along its leg took 107
+            to 157, and fatrop 200 to 600.
+        nearly_feasible: the largest infeasibility of such points, scaled (1).
+        nearly_optimal: the error from which on steps go on as long as each lessens it, likewise.
         largest_step: the largest change of a scaled unknown in a step; in those valleys 0.8 and 3 take up to half as
             many iterations more.
         first_barrier: least first value of the barrier parameter: with less, slacks are so small that more steps are
@@ -114,7 +117,9 @@ class Parameters:
         boundary_fraction: part of the way to where the first slack vanishes.
     """
 
-    iterations_max: int = 150
+    iterations_max: int = 120
+    downhill: int = 20
+    nearly_feasible: float = 0.1
     nearly_optimal: float = 1e-5
     largest_step: float = 1.5
     first_barrier: float = 1e-5
@@ -235,6 +240,7 @@ class _Solve:
             return self._result(guess, np.zeros(len(self._functions.g)), Ending.NO_STEP, 0)
         usual = min(self._options.iterations_max, PARAMETERS.iterations_max)
         point, iteration, ending, before = self._first(guess, multipliers), 0, Ending.NO_STEP, np.inf
+        objectives = deque[float](maxlen=PARAMETERS.downhill)
         for iteration in range(self._options.iterations_max + 1):
             residuals = self._residuals(point)
             if residuals is None:
@@ -247,7 +253,10 @@ class _Solve:
                     break
                 w = self._restore_fixed(point.w)
                 return self._result(w, self._multipliers(point), Ending.OPTIMAL, iteration)
-            leads_on = error < min(before, PARAMETERS.nearly_optimal)
+            objectives.append(self._functions.f)
+            downhill = len(objectives) == PARAMETERS.downhill and self._functions.f < objectives[0]
+            downhill = downhill and infeasibility < PARAMETERS.nearly_feasible
+            leads_on = downhill or error < min(before, PARAMETERS.nearly_optimal)
             if iteration == self._options.iterations_max or (iteration >= usual and not leads_on):
                 ending = Ending.ITERATION_LIMIT
                 break
