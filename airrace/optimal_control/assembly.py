@@ -78,17 +78,17 @@ class FinalCost:
 
 @record
 class Penalty:
-    """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled controls.
+    """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled states and controls.
 
     Attributes:
-        weights: per control, shape (n_u,).
-        controls: places of the controls among the unknowns, shape (N, n_u).
+        weights: per state or control, shape (n,).
+        places: of these among the unknowns, the states where the intervals begin; shape (N, n).
         durations: places of the durations, shape (N,).
         fractions: places of the fractions in p, shape (N,).
     """
 
     weights: Array
-    controls: Indices
+    places: Indices
     durations: Indices
     fractions: Indices
 
@@ -128,9 +128,11 @@ class Assembly:
             end = len(layout.parameter_values())
             own = np.arange(end - len(objective.values), end)
             self.final = FinalCost(casadi_observation(seen.values), weights, layout.state_index[-1], own)
-        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in problem.system.controls])
-        penalty = Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
-        self.penalty = penalty if weights.any() else None
+        both = (*problem.system.states, *problem.system.controls)
+        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in both])
+        places = np.hstack([layout.state_index[:-1], layout.control_index])[:, weights > 0.0]
+        penalty = Penalty(weights[weights > 0.0], places, layout.duration_index[:-1], self._fractions)
+        self.penalty = penalty if penalty.weights.size else None
         # the linear part of the gaps, in scaled units: rows, unknowns, signs and stages
         states, durations, intervals = layout.gap_index[:, :-1], layout.gap_index[:, -1], np.arange(layout.intervals)
         self._gap_rows = np.concatenate([states.ravel(), durations, durations])
@@ -262,7 +264,7 @@ class Assembly:
         """The Hessian of the Lagrangian, both triangles.
 
         Its sources are the nonzeros of all kernels' Hessians, those of the final cost's, and the penalty's two blocks,
-        in w w and in w T, each of shape (N, n_u).
+        in w w and in w T, each of shape (N, n).
         """
         return self.hessian_of(np.arange(self._stages))
 
@@ -289,13 +291,13 @@ class Assembly:
             if within[-1]:
                 matrix.add(rows, columns, scale[rows] * scale[columns], np.arange(len(rows)))
         if (penalty := self.penalty) is not None:  # T fraction weight w^2
-            intervals, begins = np.flatnonzero(within[:-1]), layout.n_u * np.arange(self._stages)
-            controls = penalty.controls[intervals].ravel()
+            intervals, count = np.flatnonzero(within[:-1]), len(penalty.weights)
+            places = penalty.places[intervals].ravel()
             factor = 2.0 * np.tile(penalty.weights, len(intervals))
-            durations = np.repeat(penalty.durations[intervals], layout.n_u)
-            for columns, weights in ((controls, factor), (durations, factor * scale[durations])):
-                matrix.add_block(penalty.controls.size, begins)
-                matrix.add(controls, columns, weights, _results(intervals, layout.n_u))
+            durations = np.repeat(penalty.durations[intervals], count)
+            for columns, weights in ((places, factor), (durations, factor * scale[durations])):
+                matrix.add_block(penalty.places.size, count * np.arange(self._stages))
+                matrix.add(places, columns, weights, _results(intervals, count))
         return matrix.build()
 
     def structure_keys(self, *, rows: bool) -> Indices:

@@ -136,10 +136,10 @@ class NlpExpressions:
         return f
 
     def regularisation(self, penalty: Penalty) -> ca.MX:
-        """Return the cost of moving the controls."""
-        controls = take_columns(self.w, penalty.controls)
+        """Return the cost of the squared states and controls."""
+        values = take_columns(self.w, penalty.places)
         shares = self.unscaled[penalty.durations.tolist()] * self.p[penalty.fractions.tolist()]
-        return ca.dot(ca.mtimes(ca.DM(penalty.weights).T, controls**2).T, shares)
+        return ca.dot(ca.mtimes(ca.DM(penalty.weights).T, values**2).T, shares)
 
     def constraints(self) -> ca.MX:
         """Return g."""

@@ -115,8 +115,8 @@ class Evaluation:
                 blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
             if (penalty := self.assembly.penalty) is not None:
                 share = (self.lam_f * self.p[penalty.fractions])[:, None]
-                durations = np.broadcast_to(unscaled[penalty.durations][:, None], penalty.controls.shape)
-                blocks += [(share * durations).ravel(), (share * self.w[penalty.controls]).ravel()]
+                durations = np.broadcast_to(unscaled[penalty.durations][:, None], penalty.places.shape)
+                blocks += [(share * durations).ravel(), (share * self.w[penalty.places]).ravel()]
             return np.concatenate(blocks)
 
     def _hessian_blocks(self, unscaled: Array) -> list[Array]:
@@ -141,7 +141,7 @@ class Evaluation:
         if self._final is not None:
             f += self._final.value(unscaled)
         if (penalty := self.assembly.penalty) is not None:
-            weighted = _weighted_sums(penalty.weights, self.w[penalty.controls] ** 2)
+            weighted = _weighted_sums(penalty.weights, self.w[penalty.places] ** 2)
             f += _sum(weighted * self._interval_durations(penalty, unscaled))
         return f
 
@@ -151,10 +151,10 @@ class Evaluation:
             places = self._final.cost.inputs
             gradient[places] += self._final.derivatives(unscaled, 1.0)[0] * scale[places]
         if (penalty := self.assembly.penalty) is not None:
-            controls = self.w[penalty.controls]
+            values = self.w[penalty.places]
             durations = self._interval_durations(penalty, unscaled)[:, None]
-            gradient[penalty.controls] += 2.0 * controls * (penalty.weights * durations)
-            weighted = _weighted_sums(penalty.weights, controls**2)
+            gradient[penalty.places] += 2.0 * values * (penalty.weights * durations)
+            weighted = _weighted_sums(penalty.weights, values**2)
             gradient[penalty.durations] += scale[penalty.durations] * (weighted * self.p[penalty.fractions])
         return gradient
 

@@ -126,17 +126,18 @@ class Phase:
 
 @record
 class Objective:
-    """The minimised functional: the time, a cost of the final state, and a cost of moving the controls.
+    """The minimised functional: the time, a cost of the final state, and a cost of squared states and controls.
 
-        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (u_j / scale_j)^2 dt
+        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (v_j / scale_j)^2 dt
 
-    The c_i are states, or what an observation sees of the final state, which may be any smooth function of it. A cost
-    that is integrated along the flight is a state of its own, whose rate is the integrand.
+    The c_i are states, or what an observation sees of the final state, which may be any smooth function of it. The v_j
+    are controls or states; of states the sum counts those where each interval begins, which suits small weights. Any
+    other cost that is integrated along the flight is a state of its own, whose rate is the integrand.
 
     Attributes:
         time: weight of the final time t_f, per s.
         terminal: weights by name: of states, or of the observation's quantities, per unit of these.
-        regularisation: weights of controls by name, per s.
+        regularisation: weights of states and controls by name, per s.
         observation: what is observed of the final state; None if only states are weighed.
         values: the observation's parameters (n_b,).
     """
@@ -304,7 +305,8 @@ def _check_objective(system: System, objective: Objective) -> None:
         raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
     parameters = objective.observation.parameters if objective.observation is not None else ()
     _require_count("the objective", parameters, objective.values)
-    _require_known("the objective regularises unknown controls", objective.regularisation, system.controls)
+    both = (*system.states, *system.controls)
+    _require_known("the objective regularises unknown states or controls", objective.regularisation, both)
     for name, weight in {"time": objective.time, **objective.terminal, **objective.regularisation}.items():
         if not math.isfinite(weight):
             raise ValueError(f"the objective weighs {name} by {weight}")

@@ -101,8 +101,8 @@ class Settings:
     """The settings of a run.
 
     `alternatives` is how many of the best routes are taken through all stages, None for the best one and one more if
-    that is hardly slower; `regularisation` weighs the integral of squared, scaled control rates against seconds of race
-    time; `mesh_check` is which stages of a run are solved on a second mesh as well.
+    that is hardly slower; `regularisation` weighs the integrals of squared, scaled control rates and of flight upside
+    down against seconds of race time; `mesh_check` is which stages of a run are solved on a second mesh as well.
     """
 
     guess: GuessKind = GuessKind.HOMOTOPY

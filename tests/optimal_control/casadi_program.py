@@ -116,8 +116,8 @@ class _Transcription(NlpExpressions):
         if penalty is not None:
             share = self.lam_f * ca.repmat(self.p[penalty.fractions.tolist()].T, len(penalty.weights), 1)
             durations = ca.repmat(self.unscaled[penalty.durations.tolist()].T, len(penalty.weights), 1)
-            controls = take_columns(self.w, penalty.controls)
-            drawn = [*drawn, ca.vec(share * durations), ca.vec(share * controls)]
+            values = take_columns(self.w, penalty.places)
+            drawn = [*drawn, ca.vec(share * durations), ca.vec(share * values)]
         return sum_of(self.assembly.hessian, ca.vertcat(*drawn))
 
 

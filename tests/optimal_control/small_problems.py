@@ -77,7 +77,7 @@ def rich_problem() -> Problem:
             ),
             Phase("three", (1.0,), Interval(0.1, 1.0), Boundary("finish", {"clearance": seen}, pylons, (-0.3,))),
         ),
-        objective=Objective(time=0.8, terminal={"b": -0.3, "c": 0.2}, regularisation={"s": 0.05, "t": 0.4}),
+        objective=Objective(time=0.8, terminal={"b": -0.3, "c": 0.2}, regularisation={"b": 0.3, "s": 0.05, "t": 0.4}),
         time_scale=0.7,
     )
 

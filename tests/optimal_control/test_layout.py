@@ -269,7 +269,9 @@ def test_objective_is_time_terminal_values_and_regularisation() -> None:
     lengths = layout.fractions * iterate.durations[layout.phase_of_interval]
     s, t = iterate.control / np.array([[4.0], [0.25]])
     b, c = iterate.state[1:, -1]
-    expected = 0.8 * iterate.durations.sum() - 0.3 * b + 0.2 * c + lengths @ (0.05 * s**2 + 0.4 * t**2)
+    begun = iterate.state[1, :-1] / problem.system.states[1].scale
+    effort = lengths @ (0.3 * begun**2 + 0.05 * s**2 + 0.4 * t**2)
+    expected = 0.8 * iterate.durations.sum() - 0.3 * b + 0.2 * c + effort
     assert float(program.nlp(layout.pack(iterate), layout.parameter_values())[0]) == pytest.approx(expected, abs=1e-13)
 
 
@@ -316,8 +318,8 @@ def doubtful() -> Problem:
 
 WRONG = [
     (replace(RICH, objective=Objective(terminal={"heigth": 1.0})), "weighs unknown states: heigth"),
-    (replace(RICH, objective=Objective(regularisation={"x": 1.0})), "regularises unknown controls: x"),
-    (replace(RICH, objective=Objective(regularisation={"a": 1.0})), "regularises unknown controls: a"),
+    (replace(RICH, objective=Objective(regularisation={"x": 1.0})), "regularises unknown states or controls: x"),
+    (replace(RICH, objective=Objective(regularisation={"load": 1.0})), "regularises unknown states or controls: load"),
     (replace(RICH, objective=Objective(terminal={"b": math.nan})), "weighs b by nan"),
     (replace(RICH, objective=Objective(time=math.inf)), "weighs time by inf"),
     (replace(RICH, objective=Objective(regularisation={"s": -0.1})), "must not be negative"),

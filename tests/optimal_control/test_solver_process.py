@@ -442,7 +442,7 @@ def test_nothing_is_printed_and_the_options_are_the_solvers(capfd: pytest.Captur
 
 def test_a_problem_that_means_something_else_is_refused_here() -> None:
     problem, guess = rest_to_rest()
-    with pytest.raises(ValueError, match="unknown controls: g"):
+    with pytest.raises(ValueError, match="unknown states or controls: g"):
         solve(replace(problem, objective=Objective(regularisation={"g": 1.0})), guess)
 
 

@@ -304,7 +304,9 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     rates = {one.name: row / one.upper for one, row in zip(flown.controls, flown.control, strict=True)}
     brisk = {"eta_dot": 0.5, "xi_dot": 0.5, "zeta_dot": 0.25}
     weighed = sum(((rates[name] / share) ** 2 * steps).sum() for name, share in brisk.items())
-    assert result.provenance.regularisation == pytest.approx(Settings().regularisation * weighed, rel=1e-6)
+    upside_down = ((flown.of("q1") ** 2 + flown.of("q2") ** 2)[:-1] * steps).sum()
+    expected = Settings().regularisation * (weighed + upside_down)
+    assert result.provenance.regularisation == pytest.approx(expected, rel=1e-6)
 
 
 NAMES = ["homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof"]
