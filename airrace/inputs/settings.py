@@ -105,7 +105,7 @@ class SettingsEntry(Schema):
         "which stages have their race time confirmed on a second mesh: the last one of a run, or all"
     )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = optional(
-        "weight of squared control rates, each measured by half of its limit, and of flight upside down, in seconds"
+        "weight, against seconds, of squared control rates, measured by half of their limits, and of flight upside down"
     )
     mesh: MeshEntry = Field(default=MeshEntry(), description="how finely a flight is cut into intervals")
     solver: SolverEntry = Field(default=SolverEntry(), description="which solvers, and how long they may try")

@@ -81,7 +81,7 @@ class Penalty:
     """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled states and controls.
 
     Attributes:
-        weights: per state or control, shape (n,).
+        weights: of the n states and controls that have one, shape (n,).
         places: of these among the unknowns, the states where the intervals begin; shape (N, n).
         durations: places of the durations, shape (N,).
         fractions: places of the fractions in p, shape (N,).
@@ -130,9 +130,10 @@ class Assembly:
             self.final = FinalCost(casadi_observation(seen.values), weights, layout.state_index[-1], own)
         both = (*problem.system.states, *problem.system.controls)
         weights = np.array([objective.regularisation.get(one.name, 0.0) for one in both])
-        places = np.hstack([layout.state_index[:-1], layout.control_index])[:, weights > 0.0]
-        penalty = Penalty(weights[weights > 0.0], places, layout.duration_index[:-1], self._fractions)
-        self.penalty = penalty if penalty.weights.size else None
+        some = np.flatnonzero(weights)
+        places = np.hstack([layout.state_index[:-1], layout.control_index])[:, some]
+        penalty = Penalty(weights[some], places, layout.duration_index[:-1], self._fractions)
+        self.penalty = penalty if some.size else None
         # the linear part of the gaps, in scaled units: rows, unknowns, signs and stages
         states, durations, intervals = layout.gap_index[:, :-1], layout.gap_index[:, -1], np.arange(layout.intervals)
         self._gap_rows = np.concatenate([states.ravel(), durations, durations])

@@ -10,8 +10,7 @@ they are. A linear control follows a smooth optimum with an error that falls wit
 one with an error that falls with the interval itself.
 
 The value's bounds hold at the nodes and therefore everywhere. It goes on from phase to phase; a control that has to be
-free to jump there stays a held one. In `Objective.regularisation` the value is a state and
-the rate the control.
+free to jump there stays a held one. In `Objective.regularisation` the value is a state and the rate the control.
 """
 
 from collections.abc import Callable, Collection

@@ -170,6 +170,21 @@ def test_hamiltonian_counts_the_regularisation() -> None:
     assert np.abs(without + 1.0).max() > 0.05
 
 
+def test_hamiltonian_counts_the_weight_of_a_state() -> None:
+    """To first order in the intervals: the sum takes the state where they begin, the Hamiltonian where they end."""
+    drift = []
+    for intervals in (100, 200):
+        weighed = least_time(intervals, regularisation={"f": 0.5, "v": 0.2})
+        solution = solved(weighed)
+        H = hamiltonian(weighed, solution.iterate, solution.multipliers.constraints)
+        drift.append(np.abs(H + 1.0).max())
+        forgetful = replace(weighed, objective=Objective(regularisation={"f": 0.5}))
+        without = hamiltonian(forgetful, solution.iterate, solution.multipliers.constraints)
+        assert np.abs(without + 1.0).max() > 0.05
+    assert drift[1] < 5e-3
+    assert drift[1] == pytest.approx(0.5 * drift[0], rel=0.1)
+
+
 def test_hamiltonian_strays_where_a_mesh_hides_the_switch() -> None:
     """One free phase on an odd number of intervals: the force cannot change sign in the middle of one."""
     whole = replace(least_time(), phases=(replace(least_time().phases[1], fractions=uniform(5)),))
