@@ -7,7 +7,7 @@ import pytest
 
 from airrace.errors import InputError
 from airrace.inputs import load_inputs
-from airrace.inputs.pilot import PRESETS
+from airrace.inputs.rules import PILOT_PRESETS
 from airrace.inputs.variation import Variation
 from airrace.parameters import unit_and_step
 from airrace.planning.parameters import relaxable_parameters
@@ -24,16 +24,16 @@ def test_without_the_block_nothing_is_limited() -> None:
     assert pilot_of() == pilot_of("rules.pilot=none") == PilotLimits()
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", PILOT_PRESETS)
 def test_a_preset_is_named_in_a_word_and_its_keys_are_overridden_one_by_one(name: str) -> None:
-    assert pilot_of(f"rules.pilot={name}") == pilot_of(f"rules.pilot.preset={name}") == PRESETS[name].build()
+    assert pilot_of(f"rules.pilot={name}") == pilot_of(f"rules.pilot.preset={name}") == PILOT_PRESETS[name].build()
     own = pilot_of(f"rules.pilot={name}", "rules.pilot.gate_roll_rate_max_deg_s=60")
     assert own.roll_rate == pytest.approx(math.radians(60.0))
-    assert own.n_z_low == PRESETS[name].build().n_z_low
+    assert own.n_z_low == PILOT_PRESETS[name].build().n_z_low
 
 
 def test_display_is_nowhere_milder_than_race() -> None:
-    race, display = PRESETS["race"].build(), PRESETS["display"].build()
+    race, display = PILOT_PRESETS["race"].build(), PILOT_PRESETS["display"].build()
     assert display.n_z_low >= race.n_z_low
     assert display.n_z_ends >= race.n_z_ends
     assert display.onset <= race.onset
@@ -44,7 +44,7 @@ def test_display_is_nowhere_milder_than_race() -> None:
 
 def test_numbers_of_the_preset_are_parameters_and_limits_that_may_give_way() -> None:
     inputs = load_inputs(TRACK, overrides=["rules.pilot=race"])
-    keys = {key for key, value in PRESETS["race"].model_dump().items() if isinstance(value, float)}
+    keys = {key for key, value in PILOT_PRESETS["race"].model_dump().items() if isinstance(value, float)}
     found = {key for key in Variation(inputs).parameters if key.startswith("rules.pilot.")}
     assert found == {f"rules.pilot.{key}" for key in keys}
     milder = {one.key for one in relaxable_parameters(inputs.race)}

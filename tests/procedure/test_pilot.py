@@ -11,7 +11,7 @@ from transformations import mirrored
 
 from airrace.dynamics.pilot_observation import LOW_RELIEF, has_onset
 from airrace.frames import angles, quaternion, rotation
-from airrace.inputs.pilot import PRESETS
+from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
 from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh
@@ -23,7 +23,7 @@ from airrace.track.course import PilotLimits
 
 MESH = 1e-3
 """The time by which races on meshes of their own may differ, s."""
-RACE_PILOT, DISPLAY = (PRESETS[name].build() for name in ("race", "display"))
+RACE_PILOT, DISPLAY = (PILOT_PRESETS[name].build() for name in ("race", "display"))
 
 
 def flown_by(pilot: PilotLimits, race: Race = SMALL) -> Race:
