@@ -17,8 +17,7 @@ from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, Sca
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
-from airrace.inputs.reserve import ReserveEntry, check_reserve, tightened
-from airrace.inputs.rules import penalties_of
+from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, tightened
 from airrace.inputs.schema import Schema, language_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language

@@ -16,8 +16,7 @@ from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
 from airrace.inputs.nodes import LIMITS, Reporter
 from airrace.inputs.places import OriginEntry, Places
-from airrace.inputs.reserve import MarginsEntry
-from airrace.inputs.rules import RulesEntry, build_rules, with_preset
+from airrace.inputs.rules import MarginsEntry, RulesEntry, build_rules, with_preset
 from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
     Corners,

@@ -11,8 +11,7 @@ from airrace.inputs.inputs import DocumentReader, Inputs, build_course_and_air, 
 from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
 from airrace.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
 from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides
-from airrace.inputs.reserve import ReserveEntry, tightened
-from airrace.inputs.rules import LimitsEntry, with_preset
+from airrace.inputs.rules import LimitsEntry, ReserveEntry, tightened, with_preset
 from airrace.inputs.schema import Schema, validate
 from airrace.inputs.track import TrackEntry, track_language
 from airrace.parameters import Parameter

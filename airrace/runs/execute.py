@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
 from airrace.errors import OutOfTime, UsageError
-from airrace.inputs.reserve import ReserveEntry
+from airrace.inputs.rules import ReserveEntry
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.progress import Progress

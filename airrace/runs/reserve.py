@@ -12,7 +12,7 @@ from typing import Any
 
 from airrace.errors import InputError, UsageError
 from airrace.inputs.objects import is_of_objects
-from airrace.inputs.reserve import FoundEntry, ReserveEntry
+from airrace.inputs.rules import FoundEntry, ReserveEntry
 from airrace.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
 from airrace.records import record
