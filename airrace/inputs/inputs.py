@@ -17,7 +17,7 @@ from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, Sca
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
-from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, tightened
+from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, read_preset, tightened
 from airrace.inputs.schema import Schema, language_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language
@@ -314,3 +314,26 @@ def check_together(race: Race, track: Reporter) -> None:
             key, text = misfit
             track.value(("gates", name, key), text)
             remarked.add(name)
+
+
+def sources_of(inputs: Inputs) -> tuple[tuple[str, str, str], ...]:
+    """Return what numbers are of, the schema of their file, and where they come from.
+
+    They are those of the course, of the aircraft, and of the rules if these are a season's.
+    """
+    found: list[tuple[str, str, str]] = []
+    reader = DocumentReader(inputs.overrides)
+    for what, document in (("track", inputs.track), ("aircraft", inputs.aircraft)):
+        opened = None if is_of_objects(document) else reader.open(document, what)
+        if opened is None:
+            found.append((what, "", "built in Python: no file says it"))
+            continue
+        root = opened.reporter.root
+        source, rules = root.scalar("source"), root.get("rules")
+        unnamed = "the file names none as a whole; see the comments beside its numbers"
+        found.append((what, str(root.scalar("schema")), str(source) if source else unnamed))
+        preset = rules.scalar("preset") if isinstance(rules, MappingNode) else root.scalar("rules")
+        if preset:
+            entry = read_preset(str(preset))
+            found.append((f"rules {preset}", entry.schema_, entry.source))
+    return tuple(found)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from airrace.checkpoint import StoredDocument, inputs_hash
 from airrace.errors import UsageError
-from airrace.inputs.sources import sources_of
+from airrace.inputs.inputs import sources_of
 from airrace.inputs.variation import Variation
 from airrace.quantities import KNOT
 from airrace.report.document import (

@@ -17,7 +17,7 @@ from short_course import AIRCRAFT, FROM_PLAN
 import airrace
 from airrace.errors import StorageError, UsageError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.inputs.sources import sources_of
+from airrace.inputs.inputs import sources_of
 from airrace.report import printing
 from airrace.report.document import document_page
 from airrace.report.printing import browser_path, print_pdf
