@@ -46,7 +46,7 @@ class Schema(BaseModel):
         for name, info in type(self).model_fields.items():
             value, key = getattr(self, name), info.alias or name
             if isinstance(value, float):
-                value *= next((factor for ending, factor in SI.items() if key.endswith(ending)), 1.0)
+                value *= si_factor(key)
             if value is not None:
                 arguments[name] = value
         return arguments
@@ -64,6 +64,11 @@ class ShorthandSchema(Schema):
 def optional(description: str, alias: str | None = None) -> Any:  # Any: the declaration of a field of any type
     """Return the declaration of a key that may be left out, with None in its place."""
     return Field(default=None, alias=alias, description=description)
+
+
+def si_factor(key: str) -> float:
+    """Return the SI value of the unit of a key."""
+    return next((factor for ending, factor in SI.items() if key.endswith(ending)), 1.0)
 
 
 def schema_of(annotation: Annotation) -> type[Schema] | None:

@@ -1,34 +1,206 @@
-"""Aircraft of one's own: files estimated from a flight manual, and the comparison of an aircraft with its manual."""
+"""Aircraft of one's own: the figures of a flight manual, the file that is estimated from them or fitted, in which every
+number names the relation it comes from, and the comparison of an aircraft with its manual.
+"""
 
+import json
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.estimation import ManualFigures, estimate
+from airrace.dynamics.estimation import ManualFigures, Relations, estimate
 from airrace.dynamics.performance import performance, under
-from airrace.errors import UsageError
-from airrace.inputs import measures
-from airrace.inputs.aircraft_file import aircraft_text, read_aircraft_file
-from airrace.inputs.document import SUFFIX
-from airrace.quantities import DEGREE, KNOT
+from airrace.errors import InputError, UsageError
+from airrace.inputs.aircraft import AircraftEntry, PublishedEntry
+from airrace.inputs.document import AIRCRAFT, SUFFIX, Document
+from airrace.inputs.inputs import DocumentReader, read_aircraft, read_named
+from airrace.inputs.schema import Schema, language_of, si_factor, validate
+from airrace.quantities import DEGREE, FOOT, KNOT, Interval
 from airrace.records import record
 from airrace.runs.output import ensure_free, write_text
 from airrace.views.tables import Column, Table
 
+POUND, MILE = 0.45359237, 1609.344
+"""The pound avoirdupois, kg, and the statute mile, m."""
+HORSEPOWER, METRIC_HORSEPOWER = 745.69987, 735.49875
+"""550 foot-pounds and 75 metre-kilograms per second, W."""
+_MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([^\d\s.,+-].*)?")
+
+
+@record
+class Measure:
+    """A kind of measure.
+
+    Attributes:
+        units: their SI values; the unit of a kind with only one may be left out.
+        allowed: what an aircraft can have, in the first unit.
+    """
+
+    units: Mapping[str, float]
+    allowed: Interval
+
+
+_MASS = Measure({"kg": 1.0, "lb": POUND}, Interval(50.0, 50_000.0))
+_POWER = Measure({"kW": 1000.0, "hp": HORSEPOWER, "PS": METRIC_HORSEPOWER}, Interval(5.0, 5000.0))
+_SPEED = Measure({"kt": KNOT, "km/h": 1.0 / 3.6, "mph": MILE / 3600.0, "m/s": 1.0}, Interval(10.0, 550.0))
+_LOAD_FACTOR = Measure({"g": 1.0}, Interval(1.1, 25.0))
 MEASURES = {
-    **dict.fromkeys(("mass", "manual_mass"), measures.MASS),
-    "span": measures.LENGTH,
-    "area": measures.AREA,
-    **dict.fromkeys(("power", "manual_power"), measures.POWER),
-    **dict.fromkeys(("stall", "speed_max", "roll_speed", "speed_limit"), measures.SPEED),
-    "climb": measures.CLIMB,
-    "roll_rate": measures.ROLL_RATE,
-    **dict.fromkeys(("n_z", "turn"), measures.LOAD_FACTOR),
-    "n_z_min": measures.NEGATIVE_LOAD_FACTOR,
+    **dict.fromkeys(("mass", "manual_mass"), _MASS),
+    "span": Measure({"m": 1.0, "ft": FOOT}, Interval(2.0, 60.0)),
+    "area": Measure({"m2": 1.0, "ft2": FOOT * FOOT}, Interval(1.0, 500.0)),
+    **dict.fromkeys(("power", "manual_power"), _POWER),
+    **dict.fromkeys(("stall", "speed_max", "roll_speed", "speed_limit"), _SPEED),
+    "climb": Measure({"m/s": 1.0, "ft/min": FOOT / 60.0, "m/min": 1.0 / 60.0}, Interval(0.1, 60.0)),
+    "roll_rate": Measure({"deg/s": DEGREE}, Interval(5.0, 1000.0)),
+    **dict.fromkeys(("n_z", "turn"), _LOAD_FACTOR),
+    "n_z_min": Measure({"g": 1.0}, Interval(-25.0, 0.9)),
 }
-"""The measures of a flight manual's figures."""
+"""The measures of a flight manual's figures, numbers with a unit: `57kt`, `315 hp`, `3200 ft/min`."""
+
+
+def read_measure(text: str, measure: Measure, option: str) -> float:
+    """Return the measure, in SI units, of a number with its unit; messages call it by its option, e.g. `--stall`.
+
+    Raises:
+        UsageError: it is no number, its unit is missing or unknown, or no aircraft has it.
+    """
+    found, known, first = _MEASURE.fullmatch(text), ", ".join(measure.units), next(iter(measure.units))
+    if found is None:
+        raise UsageError(f"{option}: {text!r} is no number with a unit ({known})")
+    unit = (found[2] or "").strip().lower().replace("\N{SUPERSCRIPT TWO}", "2")
+    if not unit and len(measure.units) > 1:
+        raise UsageError(f"{option}: {text!r} has no unit; give one of {known}, e.g. {found[1]}{first}")
+    factors = {name.lower(): factor for name, factor in measure.units.items()}
+    factor = factors.get(unit or first.lower())
+    if factor is None:
+        raise UsageError(f"{option}: {found[2]!r} is no unit of it; known are {known}")
+    value, allowed = float(found[1]) * factor, measure.allowed
+    if not allowed.lower <= value / measure.units[first] <= allowed.upper:
+        raise UsageError(f"{option}: {text} is beyond {allowed.lower:g} to {allowed.upper:g} {first}")
+    return value
+
+
+_HEAD = """\
+# {origin} and {template}.
+#
+{legend}
+#   {template:<14} taken over: nothing that was given says anything about it
+#
+# Derivatives are per radian; rates are made dimensionless with b/(2 V) (p, r) and cbar/(2 V) (q, alpha-dot).
+# A positive deflection makes a negative moment about its own axis.
+schema: {language}
+name: {name}
+source: {source}
+"""
+
+
+@record
+class Provenance:
+    """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, and a source."""
+
+    sentence: str
+    marks: tuple[tuple[str, str], ...]
+    source: str
+
+
+MANUAL = Provenance(
+    "An aircraft that is estimated from its flight manual",
+    (
+        ("given", "a figure of the flight manual"),
+        ("else", "the relation by which it follows from the figures and the template"),
+    ),
+    "a flight manual",
+)
+
+
+@record
+class AircraftFile:
+    """An aircraft file as it is read: what it says, and the aircraft that it makes."""
+
+    entry: AircraftEntry
+    aircraft: Aircraft
+
+    @property
+    def published(self) -> ManualFigures:
+        """The figures that are published of it, SI."""
+        given = self.entry.published.arguments() if self.entry.published else {}
+        return ManualFigures(**{name: value for name, value in given.items() if name != "source"})
+
+
+def read_aircraft_file(named: str | Path | Document) -> AircraftFile:
+    """Read an aircraft file or the name of one that comes along.
+
+    Raises:
+        InputError: it cannot be read, or is no aircraft.
+    """
+    reader = DocumentReader(())
+    opened = reader.open(read_named(AIRCRAFT, named, reader.findings), "aircraft")
+    entry = validate(AircraftEntry, opened.reporter) if opened else None
+    aircraft = read_aircraft(opened.reporter) if opened and entry else None
+    if entry is None or aircraft is None or reader.findings:
+        raise InputError(reader.findings)
+    return AircraftFile(entry, aircraft)
+
+
+def aircraft_text(
+    template: AircraftFile,
+    named: str,
+    aircraft: Aircraft,
+    relations: Relations,
+    figures: ManualFigures | None = None,
+    origin: Provenance = MANUAL,
+) -> str:
+    """Return the text of the file of an aircraft that was made of a template, with a manual's figures at its end.
+
+    `named` is how the template was called.
+
+    Raises:
+        UsageError: it is no aircraft that flies.
+    """
+    name, source = map(json.dumps, (aircraft.name, f"{origin.source}; what that leaves open, {named}"))
+    legend = "\n".join(f"#   {mark:<14} {meaning}" for mark, meaning in origin.marks)
+    texts = {"origin": origin.sentence, "legend": legend, "name": name, "source": source, "template": named}
+    lines = [_HEAD.format(**texts, language=language_of(AircraftEntry))]
+    for group, entry in template.entry:
+        if isinstance(entry, Schema) and group != "published" and (group != "linear" or aircraft.linear):
+            lines += [f"{group}:", *_align(list(_numbers(group, entry, aircraft, relations, named))), ""]
+    lines += [] if figures is None else ["published:"]
+    for field, info in PublishedEntry.model_fields.items():
+        key, value = info.alias or field, getattr(figures, field, None)
+        lines += [] if value is None else [f"  {key}: {value / si_factor(key):.6g}"]
+    text = "\n".join(lines) + "\n"
+    try:
+        read_aircraft_file(Document(aircraft.name, text))
+    except InputError as error:
+        first = error.findings[0]
+        message = f"these figures make no aircraft that flies: {first.key}: {first.message}"
+        raise UsageError(message) from error
+    return text
+
+
+def _numbers(
+    group: str, entry: Schema, aircraft: Aircraft, relations: Relations, named: str
+) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a group with their values, and where each comes from."""
+    V, n_z = aircraft.envelope.V, aircraft.envelope.n_z
+    ends = {"speed_min_m_s": V.lower, "speed_max_m_s": V.upper, "n_z_min": n_z.lower, "n_z_max": n_z.upper}
+    for field, info in type(entry).model_fields.items():
+        key, value, relation = info.alias or field, getattr(entry, field), relations.get((group, field))
+        if value is None:
+            continue
+        if relation:
+            value = (ends[field] if group == "envelope" else getattr(getattr(aircraft, group), field)) / si_factor(key)
+        text = f"{value:.6g}" if isinstance(value, float) else str(value).lower()
+        yield f"  {key}: {text}", relation or named
+
+
+def _align(lines: list[tuple[str, str]]) -> Iterator[str]:
+    width = max(len(text) for text, _ in lines)
+    for text, comment in lines:
+        yield f"{text:<{width}}  # {comment}"
+
 
 _COLUMNS = (
     Column("figure", key="figure"),
@@ -93,7 +265,7 @@ def estimate_aircraft(
     given = {key: text for key, text in figures.items() if text is not None}
     if unknown := sorted(given.keys() - MEASURES.keys()):
         raise UsageError(f"there is no figure {unknown[0]!r}; known are {', '.join(MEASURES)}")
-    read = {key: measures.parse(text, MEASURES[key], f"--{key.replace('_', '-')}") for key, text in given.items()}
+    read = {key: read_measure(text, MEASURES[key], f"--{key.replace('_', '-')}") for key, text in given.items()}
     manual = ManualFigures(**read)
     if from_ is None:
         if read or output is not None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Inputs, load_inputs
-from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.inputs.course_import import ImportRemark, sketch_course
 from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
@@ -19,6 +18,7 @@ from airrace.records import record
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.planned import plan_clearances, planned_flight, remarks_on_line
+from airrace.runs.aircraft import read_aircraft_file
 from airrace.runs.json_objects import planned_object
 from airrace.runs.output import ensure_free, write_text
 from airrace.standard_streams import STANDARD, name_of

@@ -14,7 +14,6 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import Air, StaticWind
 from airrace.errors import UsageError
-from airrace.inputs.aircraft_file import Provenance, aircraft_text, read_aircraft_file
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.deviations import place_roundings
@@ -31,6 +30,7 @@ from airrace.procedure.settings import SearchEffort
 from airrace.process import available_cores
 from airrace.quantities import KNOT
 from airrace.records import record
+from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
 from airrace.runs.arguments import AircraftGiven, TrackGiven, Values, document_or_path, read_inputs, value_texts
 from airrace.runs.execute import execute
 from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text

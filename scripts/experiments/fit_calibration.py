@@ -21,8 +21,8 @@ import airrace
 import airrace.runs.fit as fitting
 from airrace.aircraft.aircraft import Aircraft
 from airrace.api import Run
-from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.procedure.results_api import sampler
+from airrace.runs.aircraft import read_aircraft_file
 
 COURSES = ("rovinj_2014", "chiba_2015")
 SPREAD = {"C_D0": 0.15, "k": 0.10, "power": 0.10, "roll": 0.15}

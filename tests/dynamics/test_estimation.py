@@ -15,7 +15,7 @@ from airrace.dynamics.estimation import ManualFigures, estimate
 from airrace.dynamics.handling import faults
 from airrace.dynamics.performance import climb_rate, performance, roll_rate, stall_speed, top_speed, under
 from airrace.errors import UsageError
-from airrace.inputs.aircraft_file import read_aircraft_file
+from airrace.runs.aircraft import read_aircraft_file
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 TEMPLATES = [read_aircraft_file(CONFIGS / f"{name}.yaml").aircraft for name in ("edge540", "pc9")]

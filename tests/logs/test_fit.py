@@ -8,7 +8,7 @@ import synthetic
 from command import run as airrace
 
 import airrace.runs.fit as fitting
-from airrace.inputs.aircraft_file import read_aircraft_file
+from airrace.runs.aircraft import read_aircraft_file
 
 pytestmark = pytest.mark.usefixtures("folder")
 

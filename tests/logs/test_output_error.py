@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import synthetic
 
-from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.logs.output_error import Estimate, estimate_factors, recorded_path
 from airrace.logs.smoothing import smooth
+from airrace.runs.aircraft import read_aircraft_file
 from airrace.trajectory import Array
 
 AIR = replace(synthetic.race().air, wind=None)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import synthetic
 
-from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.roll_rate import measure_roll_rate
+from airrace.runs.aircraft import read_aircraft_file
 
 START = read_aircraft_file("edge540").aircraft
 

@@ -1,4 +1,4 @@
-"""Aircraft of one's own by `airrace aircraft`: the file, what it says of its numbers, and the comparison."""
+"""Aircraft of one's own by `airrace aircraft`: figures with units, the file and its numbers, and the comparison."""
 
 import re
 from pathlib import Path
@@ -10,8 +10,8 @@ from command import run as airrace
 from airrace import estimate_aircraft
 from airrace.dynamics.handling import faults, remarks
 from airrace.errors import UsageError
-from airrace.inputs.aircraft_file import read_aircraft_file
 from airrace.inputs.document import AIRCRAFT
+from airrace.runs.aircraft import MEASURES, read_aircraft_file, read_measure
 
 MANUAL = ("--mass", "730kg", "--span", "24.6ft", "--area", "10.44m2", "--power", "315hp", "--stall", "55kt")
 SPEEDS = ("--speed-max", "343km/h", "--climb", "3200ft/min", "--roll-rate", "400", "--n-z", "10g")
@@ -113,3 +113,49 @@ def test_nothing_is_wrong_with_aircraft_that_come_along_and_all_name_their_sourc
     assert file.entry.published.source
     text = (AIRCRAFT.path / f"{name}.yaml").read_text(encoding="utf-8")
     assert re.search(r"^  mass_kg: \S+ +# [SE]", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("text", "figure", "value"),
+    [
+        ("100kt", "stall", 51.444444),
+        ("100 KT", "stall", 51.444444),
+        ("180km/h", "stall", 50.0),
+        ("100 mph", "stall", 44.704),
+        ("50.5 m/s", "stall", 50.5),
+        ("3000ft/min", "climb", 15.24),
+        ("900 m/min", "climb", 15.0),
+        ("300hp", "power", 223709.96),
+        ("300 PS", "power", 220649.63),
+        ("1000lb", "mass", 453.59237),
+        ("24ft", "span", 7.3152),
+        ("100ft2", "area", 9.290304),
+        ("9.1 m\N{SUPERSCRIPT TWO}", "area", 9.1),
+        ("10", "n_z", 10.0),
+        ("180", "roll_rate", 3.14159265),
+        ("180 deg/s", "roll_rate", 3.14159265),
+    ],
+)
+def test_a_number_with_its_unit_is_a_measure(text: str, figure: str, value: float) -> None:
+    assert read_measure(text, MEASURES[figure], "--figure") == pytest.approx(value, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "figure", "words"),
+    [
+        ("57", "stall", "--figure: '57' has no unit; give one of kt, km/h, mph, m/s, e.g. 57kt"),
+        ("57 furlongs", "stall", "--figure: 'furlongs' is no unit of it; known are kt, km/h, mph, m/s"),
+        ("fast", "stall", "--figure: 'fast' is no number with a unit (kt, km/h, mph, m/s)"),
+        ("", "mass", "--figure: '' is no number with a unit (kg, lb)"),
+        ("1e9kg", "mass", "is no unit of it"),
+        ("1,5m", "span", "is no number with a unit (m, ft)"),
+        ("nan kt", "stall", "is no number with a unit"),
+        ("-50kt", "stall", "--figure: -50kt is beyond 10 to 550 kt"),
+        ("0kg", "mass", "--figure: 0kg is beyond 50 to 50000 kg"),
+        ("0.5", "n_z", "--figure: 0.5 is beyond 1.1 to 25 g"),
+    ],
+)
+def test_what_is_no_measure_is_refused_with_what_would_be_right(text: str, figure: str, words: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        read_measure(text, MEASURES[figure], "--figure")
+    assert words in str(refused.value)
