@@ -2,6 +2,7 @@
 
 import glob
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import islice, zip_longest
@@ -23,10 +24,12 @@ from airrace.batch.jobs import (
 from airrace.batch.record import Choice, JobRecord, checkpoint_path, reason_to_fly, record_path
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import inputs_from_documents, read_documents
-from airrace.inputs.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
 from airrace.inputs.document import AIRCRAFT, TRACKS, Document, read_document
 from airrace.inputs.nodes import MappingNode, Place, Reporter
 from airrace.inputs.overrides import FILE as SET_OPTION
+from airrace.inputs.overrides import value_text
+from airrace.inputs.schema import read_entry
+from airrace.inputs.settings import BatchEntry
 from airrace.records import record
 from airrace.runs.command_result import ExitCode
 from airrace.runs.output import ensure_unread
@@ -179,7 +182,7 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
             continue
         files.append(path)
         try:
-            entry, reporter = read_batch(document)
+            entry, reporter = read_entry(BatchEntry, document)
             groups.append(_group_of(entry, reporter, path.parent, manner))
             findings += reporter.findings
         except InputError as error:
@@ -195,7 +198,8 @@ def _batch_document(path: Path) -> Document | None:
     Whatever else is wrong with the file is reported when it is read as a course.
     """
     document = read_document(path, []) if path == STANDARD or os.path.isfile(path) else None
-    return document if document is not None and is_batch(document) else None
+    said = None if document is None else re.search(r"^schema:\s*[\"']?airrace/batch/", document.text, re.MULTILINE)
+    return document if said else None
 
 
 def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> SourceGroup:
@@ -225,7 +229,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
         Manner(
             aircraft=manner.aircraft or tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ()),
             settings=manner.settings or (None if entry.settings is None else folder / entry.settings),
-            overrides=(*set_texts(entry.set), *manner.overrides),
+            overrides=(*(f"{key}={value_text(value)}" for key, value in entry.set.items()), *manner.overrides),
             sweeps=tuple({**sweeps, **of_command_line}.values()),
             until=manner.until or entry.until,
             places=places,

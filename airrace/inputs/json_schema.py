@@ -12,11 +12,10 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from airrace.inputs.aircraft import AircraftEntry
-from airrace.inputs.batch import BatchEntry
 from airrace.inputs.log_layout import LogEntry
 from airrace.inputs.rules import RulesEntry, preset_names
 from airrace.inputs.schema import Schema
-from airrace.inputs.settings import SettingsEntry
+from airrace.inputs.settings import BatchEntry, SettingsEntry
 from airrace.inputs.track import track_language
 
 DIALECT = "http://json-schema.org/draft-07/schema#"

@@ -64,6 +64,19 @@ def apply_overrides(
     return root
 
 
+def value_text(value: str | int | float | bool) -> str:
+    """Return a value as `--set` would be given it: text that looks like something else is quoted."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if not isinstance(value, str):
+        return repr(value)
+    try:
+        is_plain = plain_scalar(value) == value and value[:1] not in ("'", '"')
+    except ValueError:
+        is_plain = False
+    return value if is_plain else "'" + value.replace("'", "''") + "'"
+
+
 def _scalar(text: str) -> str | int | float | bool | None:
     """Return a value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
     if text[:1] in ("'", '"'):

@@ -1,4 +1,6 @@
-"""The settings language `airrace/settings/1`. Every key is optional; the defaults are the procedure's own."""
+"""The languages `airrace/settings/1` and `airrace/batch/1`: how a race is solved, by default as the procedure has it,
+and of which races a batch consists.
+"""
 
 import dataclasses
 from typing import Annotated, ClassVar, Literal
@@ -125,3 +127,24 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
         solver=SolverSettings(**entry.solver.arguments()),
         certificate=entry.certificate.build(reporter),
     )
+
+
+Value = str | int | float | bool
+Files = Annotated[list[str], Field(min_length=1, max_length=100_000)]
+
+
+class BatchEntry(Schema):
+    """A whole batch file. Paths are relative to it."""
+
+    what: ClassVar[str] = "a batch"
+    schema_: Literal["airrace/batch/1"] = Field(alias="schema", description="the language of this file and its version")
+    notes: str = Field(default="", description="whatever a reader should know")
+    courses: Files = Field(description="track files, patterns such as `tracks/*.yaml`, or courses that come along")
+    aircraft: Files | None = optional("aircraft files, each of which flies every course; without them the tracks' own")
+    settings: str | None = optional("a settings file")
+    set: dict[str, Value] = Field(default_factory=dict[str, Value], description="single values, as `--set` gives them")
+    sweep: dict[str, str | list[Value]] = Field(
+        default_factory=dict[str, str | list[Value]],
+        description="values that are tried in turn, as `--sweep` gives them: a list, or a range `first:last:step`",
+    )
+    until: str | None = optional("the last stage")

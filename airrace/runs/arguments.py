@@ -7,8 +7,8 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import Air
 from airrace.errors import UsageError
 from airrace.inputs import Document, Inputs, load_inputs
-from airrace.inputs.batch import set_texts
 from airrace.inputs.objects import CourseAndAir, document_of_objects
+from airrace.inputs.overrides import value_text
 from airrace.planning.plan import Race
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.runs.plan import settings_texts
@@ -45,7 +45,9 @@ def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> Air
 
 def value_texts(values: Values) -> list[str]:
     """Return values as `key=value` texts, as `--set` takes them."""
-    return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
+    if isinstance(values, Mapping):
+        return [f"{key}={value_text(value)}" for key, value in values.items()]
+    return [values] if isinstance(values, str) else list(values)
 
 
 def read_inputs(

@@ -21,9 +21,10 @@ from pages import DOCS, PAGES, ROOT, Block, blocks, languages, name_of, shell_li
 from airrace.cli.main import app
 from airrace.export import formats
 from airrace.inputs import Document, load_inputs
-from airrace.inputs.batch import read_batch
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 from airrace.inputs.log_layout import read_layout
+from airrace.inputs.schema import read_entry
+from airrace.inputs.settings import BatchEntry
 
 ENDS = ("|", ">", "&&", ";", "&")
 """Where the shell takes over from the command."""
@@ -108,7 +109,7 @@ def read(block: Block, folder: Path) -> None:
         case "settings":
             load_inputs(TRACK, aircraft=AIRCRAFT, settings=path)
         case "batch":
-            _, reporter = read_batch(Document("batch.yaml", block.text))
+            _, reporter = read_entry(BatchEntry, Document("batch.yaml", block.text))
             assert reporter.findings == []
         case "log":
             layout, _ = read_layout(path)

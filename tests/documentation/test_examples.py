@@ -11,7 +11,8 @@ import pytest
 from pages import DOCS, ROOT
 
 from airrace.inputs import Document, load_inputs
-from airrace.inputs.batch import read_batch
+from airrace.inputs.schema import read_entry
+from airrace.inputs.settings import BatchEntry
 
 EXAMPLES = DOCS / "examples"
 FAST = {"first_flight.py", "own_problem.py", "read_hdf5.py"}
@@ -37,7 +38,7 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
 def test_the_yaml_of_the_examples_is_valid() -> None:
     inputs = load_inputs(EXAMPLES / "sprint.yaml", settings=EXAMPLES / "careful.yaml")
     assert inputs.settings.certificate.race_time == 0.002
-    _, reporter = read_batch(Document("winds.yaml", (EXAMPLES / "winds.yaml").read_text(encoding="utf-8")))
+    _, reporter = read_entry(BatchEntry, Document("winds.yaml", (EXAMPLES / "winds.yaml").read_text(encoding="utf-8")))
     assert reporter.findings == []
 
 
