@@ -17,16 +17,6 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.report.film import card_of, ensure_card, film_of, film_settings
 from airrace.results.comparison import Comparison
-from airrace.runs.arguments import (
-    AircraftGiven,
-    SettingsGiven,
-    TrackGiven,
-    Values,
-    aircraft_of,
-    document_or_path,
-    read_inputs,
-    value_texts,
-)
 from airrace.runs.brief import Brief
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
 from airrace.runs.execute import execute
@@ -34,14 +24,21 @@ from airrace.runs.flight_sources import report_page, write_flights
 from airrace.runs.log_view import LogView, fly_log_through
 from airrace.runs.output import ensure_free, write_text
 from airrace.runs.plan import (
+    AircraftGiven,
     Changes,
     ExecutionPlan,
+    SettingsGiven,
+    TrackGiven,
+    Values,
+    aircraft_of,
+    chosen_texts,
+    document_or_path,
     open_source_run,
     plan_changed_run,
     plan_new_run,
     plan_resumed_run,
-    reserve_texts,
-    settings_texts,
+    read_inputs,
+    value_texts,
 )
 from airrace.runs.run import RunState, compare_stages, open_run
 from airrace.runs.stage_view import Sensitivities
@@ -125,7 +122,7 @@ def optimize(
         track,
         aircraft,
         settings,
-        [*value_texts(set), *reserve_texts({"probability": reserve})],
+        [*value_texts(set), *chosen_texts("rules.reserve", probability=reserve)],
         guess=guess,
         search=search,
         alternatives=alternatives,
@@ -199,7 +196,7 @@ def resume(
                 "`from_` goes on in the same run; a changed run starts from the highest stage up to `until`"
             )
         before = run if isinstance(run, RunState) else open_source_run(Path(run))
-        changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
+        changes = changes.with_overrides(chosen_texts("settings", mesh_check=mesh_check))
         plan = plan_changed_run(before, changes, until=until, path=path)
     else:
         before = run if isinstance(run, RunState) else open_run(Path(run))
@@ -408,7 +405,7 @@ class Run(RunState):
         """
         from airrace.runs.reserve import fly_reserve, reserve_named  # takes what flies
 
-        texts = reserve_texts({"probability": probability, **options})
+        texts = chosen_texts("rules.reserve", probability=probability, **options)
         fly_again = _flies_again(threads=threads, progress=progress)
         return fly_reserve(self, reserve_named(self, texts), fly_again, threads=threads)
 

@@ -187,7 +187,7 @@ def optimize_many(
     """
     from airrace.batch.reports import ranking_of
     from airrace.batch.supervision import Watcher
-    from airrace.runs.arguments import value_texts
+    from airrace.runs.plan import value_texts
 
     def refuse(plan: "BatchPlan") -> None:
         if plan.findings:

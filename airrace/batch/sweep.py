@@ -23,9 +23,8 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.records import record
 from airrace.resources import extra
-from airrace.runs.arguments import Values, value_texts
 from airrace.runs.output import write_text
-from airrace.runs.plan import Changes
+from airrace.runs.plan import Changes, Values, value_texts
 from airrace.runs.run import RunState, open_run
 from airrace.runs.session import Session
 from airrace.runs.stage_view import StageView

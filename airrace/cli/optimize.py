@@ -96,7 +96,7 @@ def optimize(
         from airrace.errors import UsageError
         from airrace.inputs import load_inputs
         from airrace.runs.output import NO_PIPE, ensure_free
-        from airrace.runs.plan import plan_new_run, reserve_texts, settings_texts
+        from airrace.runs.plan import chosen_texts, plan_new_run
         from airrace.runs.signing import signer_of
 
         signer = None if sign is None else signer_of(sign)
@@ -105,8 +105,8 @@ def optimize(
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
         ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
-        chosen = settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
-        chosen = [*(overrides or ()), *chosen, *reserve_texts({"probability": reserve})]
+        chosen = chosen_texts("settings", guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
+        chosen = [*(overrides or ()), *chosen, *chosen_texts("rules.reserve", probability=reserve)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=chosen)
         plan = plan_new_run(inputs, until=until, path=path, start=start)
         _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
@@ -146,7 +146,7 @@ def resume(
         threads = threads or available_cores()
         if not dry_run:
             start_early()
-        from airrace.runs.plan import Changes, open_source_run, plan_changed_run, plan_resumed_run, settings_texts
+        from airrace.runs.plan import Changes, chosen_texts, open_source_run, plan_changed_run, plan_resumed_run
         from airrace.runs.run import open_run
         from airrace.runs.signing import ensure_own, signer_of
 
@@ -154,7 +154,7 @@ def resume(
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
         if output is not None:
-            changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
+            changes = changes.with_overrides(chosen_texts("settings", mesh_check=mesh_check))
             plan = plan_changed_run(open_source_run(run_file), changes, until=until, path=output)
         else:
             ensure_own(run_file, signer)

@@ -31,10 +31,17 @@ from airrace.process import available_cores
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
-from airrace.runs.arguments import AircraftGiven, TrackGiven, Values, document_or_path, read_inputs, value_texts
 from airrace.runs.execute import execute
 from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
-from airrace.runs.plan import plan_new_run
+from airrace.runs.plan import (
+    AircraftGiven,
+    TrackGiven,
+    Values,
+    document_or_path,
+    plan_new_run,
+    read_inputs,
+    value_texts,
+)
 from airrace.runs.run import RunState
 from airrace.standard_streams import stem_of
 from airrace.trajectory import Array

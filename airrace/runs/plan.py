@@ -1,4 +1,4 @@
-"""The plan of a run: which stages are computed, reused or checked on a second mesh; of a new run or of a stored one."""
+"""The plan of a run: what is asked for, and which stages are computed, reused or checked on a second mesh."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -7,17 +7,22 @@ from enum import Enum
 from pathlib import Path
 from typing import Self
 
+from airrace.aircraft.aircraft import Aircraft
 from airrace.checkpoint import Sign, inputs_hash, read_checkpoint, stale_stages
+from airrace.environment.atmosphere import Air
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs import Document, Inputs, inputs_from_documents
+from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import read_named
+from airrace.inputs.objects import CourseAndAir, document_of_objects
+from airrace.inputs.overrides import value_text
+from airrace.planning.plan import Race
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult, Status
-from airrace.procedure.settings import GuessKind, MeshCheck
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.results.comparison import Comparison
@@ -32,8 +37,94 @@ from airrace.runs.run import (
     run_of_checkpoint,
 )
 from airrace.runs.stage_view import StageView
+from airrace.track.course import Course
 
 logger = logging.getLogger(__name__)
+
+TrackGiven = str | Path | Course | Race
+"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
+AircraftGiven = str | Path | Aircraft
+"""An aircraft by name, its file, or an object."""
+SettingsGiven = str | Path
+"""A settings file, by its path."""
+Values = Mapping[str, str | int | float | bool] | Sequence[str]
+"""Single values by their keys, or texts `key=value`."""
+
+
+def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
+    """Return a name or a path as it is, and an object as the document that holds it."""
+    match given:
+        case Race(course, _, air):
+            return document_of_objects(CourseAndAir(course, air), _file_name(course.name))
+        case Course():
+            still = Air(elevation=given.origin.elevation)
+            return document_of_objects(CourseAndAir(given, still), _file_name(given.name))
+        case Aircraft():
+            return document_of_objects(given, _file_name(given.name))
+        case _:
+            return given
+
+
+def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> AircraftGiven | None:
+    """Return the aircraft that is asked for: the one that is named, else that of a race."""
+    return track.aircraft if aircraft is None and isinstance(track, Race) else aircraft
+
+
+def value_texts(values: Values) -> list[str]:
+    """Return values as `key=value` texts, as `--set` takes them."""
+    if isinstance(values, Mapping):
+        return [f"{key}={value_text(value)}" for key, value in values.items()]
+    return [values] if isinstance(values, str) else list(values)
+
+
+def chosen_texts(group: str, **chosen: Enum | str | float | None) -> list[str]:
+    """Return values of a group that have options of their own as `key=value` texts; None leaves a value alone."""
+    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
+    return [f"{group}.{name}={value}" for name, value in plain.items() if value is not None]
+
+
+def in_force(overrides: Sequence[str]) -> tuple[str, ...]:
+    """Return overrides, `key=value`, without those that a later one replaces, itself or what it is part of."""
+    keys = [text.partition("=")[0].strip() for text in overrides]
+    return tuple(
+        text
+        for place, (text, key) in enumerate(zip(overrides, keys, strict=True))
+        if not any(key == later or key.startswith(f"{later}.") for later in keys[place + 1 :])
+    )
+
+
+def read_inputs(
+    track: TrackGiven,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    set: Values = (),
+    **chosen: str | GuessKind | SearchEffort | MeshCheck | int | None,
+) -> Inputs:
+    """Return what is given for a race, as objects.
+
+    Args:
+        track, aircraft, settings, set: see `optimize`.
+        chosen: settings that have arguments of their own; None for what the settings say.
+
+    Raises:
+        InputError: they are not valid; it carries all findings.
+        UsageError: no course is given.
+    """
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    return load_inputs(
+        named,
+        aircraft=document_or_path(aircraft_of(track, aircraft)),
+        settings=settings,
+        overrides=[*value_texts(set), *chosen_texts("settings", **chosen)],
+    )
+
+
+def _file_name(name: str) -> str:
+    """Return a name as a file could bear it: runs are called after it."""
+    return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"
+
 
 MESH_CHECK = "settings.mesh_check="
 """The prefix of an override that says which stages have a mesh check."""
@@ -156,27 +247,6 @@ class Changes:
         if findings or track is None or aircraft is None:
             raise InputError(findings)
         return inputs_from_documents(track, aircraft, settings, in_force([*stored.overrides, *self.overrides]))
-
-
-def in_force(overrides: Sequence[str]) -> tuple[str, ...]:
-    """Return overrides, `key=value`, without those that a later one replaces, itself or what it is part of."""
-    keys = [text.partition("=")[0].strip() for text in overrides]
-    return tuple(
-        text
-        for place, (text, key) in enumerate(zip(overrides, keys, strict=True))
-        if not any(key == later or key.startswith(f"{later}.") for later in keys[place + 1 :])
-    )
-
-
-def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
-    """Return settings that have options of their own as `key=value` texts; None leaves a setting alone."""
-    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
-    return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]
-
-
-def reserve_texts(values: Mapping[str, float | str | None]) -> list[str]:
-    """Return values of `rules.reserve` as `key=value` texts; None leaves one alone."""
-    return [f"rules.reserve.{key}={value}" for key, value in values.items() if value is not None]
 
 
 def open_source_run(path: Path) -> RunState:

@@ -11,8 +11,7 @@ from airrace.inputs import Document
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
 from airrace.process import available_cores
-from airrace.runs.arguments import Values, value_texts
-from airrace.runs.plan import Changes
+from airrace.runs.plan import Changes, Values, value_texts
 from airrace.runs.run import RunState, current_versions, open_run
 from airrace.runs.stage_view import StageView
 
