@@ -19,6 +19,7 @@ from airrace.batch.jobs import Combination, Sweep, combinations, job_name
 from airrace.batch.record import make_folder
 from airrace.errors import NotCertified, UsageError
 from airrace.inputs import Inputs, inputs_from_documents, load_inputs
+from airrace.inputs.air import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, winds_named
 from airrace.procedure.progress import Silent
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
@@ -30,7 +31,6 @@ from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_new_run, plan_resumed_run, stage_by_name
 from airrace.runs.run import RunState, adopt_checkpoint, new_run, resolved_text
 from airrace.runs.stage_view import StageView, stage_sensitivities
-from airrace.runs.winds import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, winds_named
 from airrace.standard_streams import stem_of
 from airrace.views.tables import Column, Table
 

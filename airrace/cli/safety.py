@@ -95,13 +95,13 @@ def safety(
         from airrace.api import Run, optimize
         from airrace.cli.tables import render
         from airrace.errors import UsageError
+        from airrace.inputs.air import winds_named
         from airrace.runs.command_result import ExitCode
         from airrace.runs.output import ensure_free
         from airrace.runs.run import open_run
         from airrace.runs.safety_case import SafetyCase
         from airrace.runs.safety_files import DOCUMENTS, NUMBERS, ensure_safety_file, write_safety_file
         from airrace.runs.safety_rose import SafetyRose, fly_runs
-        from airrace.runs.winds import winds_named
 
         ensure_room(output, as_json=as_json)
         if output is not None:

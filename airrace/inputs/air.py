@@ -1,6 +1,7 @@
-"""The air of the day in a track file: deviations from the standard atmosphere, wind, thermals."""
+"""The air of the day in a track file: deviations from the standard atmosphere, wind, thermals; and roses of winds."""
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
@@ -8,12 +9,16 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
-from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
+from airrace.errors import UsageError
+from airrace.inputs.nodes import LIMITS, KeyPath, Reporter, dotted
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
+from airrace.records import record
 
-WIND: KeyPath = ("environment", "wind")
+PATH: KeyPath = ("environment", "wind")
+WIND = dotted(PATH)
+SPEED, OTHER_SPEED, ORIGIN = f"{WIND}.speed_kt", f"{WIND}.speed_m_s", f"{WIND}.from_deg"
 
 
 class WindEntry(Schema):
@@ -47,13 +52,13 @@ class WindEntry(Schema):
     def build(self, reporter: Reporter) -> StaticWind:
         """Return the wind; it is only of use if nothing was reported."""
         if self.speed_kt is None and self.speed_m_s is None:
-            reporter.key(WIND, "missing; a wind needs `speed_kt` or `speed_m_s`")
+            reporter.key(PATH, "missing; a wind needs `speed_kt` or `speed_m_s`")
         if self.speed_kt is not None and self.speed_m_s is not None:
-            reporter.key((*WIND, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
+            reporter.key((*PATH, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
         # A key that the profile does not use would have no effect, silently.
         for key, value, profile in (("exponent", self.exponent, "power"), ("roughness_m", self.roughness_m, "log")):
             if value is not None and self.profile != profile:
-                reporter.key((*WIND, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
+                reporter.key((*PATH, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
         given = {"reference_height": self.reference_height_m, "exponent": self.exponent, "roughness": self.roughness_m}
         wind = StaticWind(
             origin=math.radians(self.from_deg),
@@ -63,7 +68,7 @@ class WindEntry(Schema):
         )
         if wind.profile is Profile.LOG and wind.reference_height <= wind.roughness:
             message = f"must be above the roughness of {wind.roughness:g} m in a log profile"
-            reporter.value((*WIND, "reference_height_m"), message)
+            reporter.value((*PATH, "reference_height_m"), message)
         return wind
 
 
@@ -99,3 +104,39 @@ class EnvironmentEntry(Schema):
             wind=self.wind.build(places.reporter) if self.wind else None,
             thermals=tuple(thermals),
         )
+
+
+@record
+class Wind:
+    """A wind of a rose: speed, kt, and where it blows from, deg."""
+
+    speed_kt: float
+    from_deg: float
+
+    @property
+    def text(self) -> str:
+        """The wind in words, e.g. `10 kt from 090`."""
+        return f"{self.speed_kt:g} kt from {self.from_deg:03.0f}" if self.speed_kt else "calm"
+
+
+def winds_named(text: str) -> list[Wind]:
+    """Return the winds of a rose, e.g. of `0,5,10kt@8`: these speeds from eight directions; a calm is one wind.
+
+    Raises:
+        UsageError: it is no rose.
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d+)?(?:,\d+(?:\.\d+)?)*)kt(?:@(\d+))?", text)
+    count = int(found[2] or 8) if found else 0
+    if not found or not 1 <= count <= 72:
+        raise UsageError(
+            f"{text!r} is no rose of winds; one is 0,5,10kt@8: speeds, and from how many directions (1 to 72)"
+        )
+    speeds = [float(one) for one in found[1].split(",")]
+    return [Wind(speed, 360.0 * one / count) for speed in speeds for one in range(count if speed else 1)]
+
+
+def overrides_of(wind: Wind) -> tuple[tuple[str, str], ...]:
+    """Return keys and values that make it the wind of a course, whichever speed that has; the profile stays."""
+    if not wind.speed_kt:
+        return ((WIND, "null"),)
+    return (OTHER_SPEED, "null"), (SPEED, f"{wind.speed_kt:g}"), (ORIGIN, f"{wind.from_deg:g}")

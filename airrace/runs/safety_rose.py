@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from airrace.errors import InputError, UsageError
+from airrace.inputs.air import Wind, overrides_of, winds_named
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase
-from airrace.runs.winds import Wind, overrides_of, winds_named
 from airrace.safety.result import LOAD, Count
 from airrace.views.tables import Cell, Column, Table, Value
 

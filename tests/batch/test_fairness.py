@@ -19,9 +19,9 @@ from airrace.batch.fairness import (
 )
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
+from airrace.inputs.air import WIND, overrides_of, winds_named
 from airrace.procedure.stage import Stage
 from airrace.quantities import KNOT
-from airrace.runs.winds import WIND, overrides_of, winds_named
 
 COURSE = "half_cuban_eight"
 QUICK = ("settings.search=off", "settings.guess=plan")

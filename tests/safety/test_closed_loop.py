@@ -10,12 +10,12 @@ from safety_courses import eight_inputs, eight_optimum, inputs, loop, optimum
 
 from airrace.errors import UsageError
 from airrace.frames import rotation
+from airrace.inputs.air import Wind, winds_named
 from airrace.planning.clearance import pylons_of
 from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
-from airrace.runs.winds import Wind, winds_named
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, grid_of, measure, together
 from airrace.safety.gusts import GustFilter, Gusts

@@ -17,6 +17,7 @@ from short_course import AIRCRAFT, FROM_PLAN
 import airrace
 from airrace.errors import StorageError, UsageError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
+from airrace.inputs.air import Wind
 from airrace.inputs.inputs import sources_of
 from airrace.report import printing
 from airrace.report.document import document_page
@@ -26,7 +27,6 @@ from airrace.runs.safety_case import SafetyCase
 from airrace.runs.safety_document import NO_CROWD, safety_document
 from airrace.runs.safety_files import ensure_safety_file
 from airrace.runs.safety_rose import SafetyRose, fly_runs
-from airrace.runs.winds import Wind
 from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.drawing import figure_address
