@@ -82,7 +82,7 @@ def verify(
         from airrace.runs.command_result import ExitCode
         from airrace.runs.run import ensure_readable, run_of_checkpoint
         from airrace.runs.signing import ensure_signed, signer_of
-        from airrace.runs.verification import verify_run
+        from airrace.runs.verification import confirm_log, verify_run
         from airrace.standard_streams import STANDARD
 
         if sign is not None and run_file == STANDARD:
@@ -90,13 +90,12 @@ def verify(
         signer = None if sign is None else signer_of(sign)
         checkpoint, signature = read_stored_sealed(run_file)
         if isinstance(checkpoint, LogCheckpoint):
-            from airrace.runs.log_verification import confirmation_of
             from airrace.runs.log_view import open_log
 
             if sign is not None or trust is not None:
                 raise UsageError("a flight log is not signed: leave --sign and --trust out")
             log = open_log(checkpoint)
-            found = confirmation_of(log, versions=not other_versions)
+            found = confirm_log(log, versions=not other_versions)
             answer.fields.update(flown=True, track=log.inputs.race.course.name, verified=bool(found.verified))
             answer.fields["verification"] = found.words
             if not found.verified:

@@ -44,16 +44,16 @@ class LogView:
     confirmation: Confirmation | None = None
 
     def confirmed(self, *, verify: bool) -> Self:
-        """Return this log with what verifying it tells; see `airrace.runs.log_verification`.
+        """Return this log with what verifying it tells; see `airrace.runs.verification`.
 
         Args:
             verify: whether it is verified at all; else it is called not verified.
         """
         if not verify:
             return replace(self, confirmation=Confirmation(None))
-        from airrace.runs.log_verification import confirmation_of  # takes what smooths, and needs this view itself
+        from airrace.runs.verification import confirm_log  # takes what smooths, and needs this view itself
 
-        return replace(self, confirmation=confirmation_of(self))
+        return replace(self, confirmation=confirm_log(self))
 
     @property
     def violations(self) -> tuple[Violation, ...]:
