@@ -451,7 +451,7 @@ class Run(RunState):
             UsageError: an argument says nothing sensible, there is no such stage, or it found no flight.
             StorageError: the system refused.
         """
-        from airrace.runs.footprints import flight_footprint
+        from airrace.runs.flight_sources import flight_footprint
 
         return flight_footprint(self.flight(stage), drag_area, glide_ratio, None if output is None else Path(output))
 

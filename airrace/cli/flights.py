@@ -387,10 +387,10 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
         verbose: Verbose = False,
     ) -> None:
         with answering(as_json=as_json, verbose=verbose) as answer:
-            from airrace.runs.flight_sources import open_flights, output_of, write_flights
-            from airrace.runs.output import ensure_free
+            from airrace.runs.flight_sources import open_flights, write_flights
+            from airrace.runs.output import default_output_path, ensure_free
 
-            path = output or output_of(form.name, names)
+            path = output or default_output_path(names[0], form.suffix or form.name)
             ensure_room(path, as_json=as_json)
             ensure_free(path, force=force, sources=names)
             write_flights(

@@ -44,8 +44,7 @@ def footprint(
     This is mechanics, not the scatter formula of an authority, and no prediction.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.flight_sources import open_flight
-        from airrace.runs.footprints import ensure_footprint_file, flight_footprint
+        from airrace.runs.flight_sources import ensure_footprint_file, flight_footprint, open_flight
         from airrace.runs.output import ensure_free
 
         if output is not None:

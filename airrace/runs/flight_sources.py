@@ -1,4 +1,4 @@
-"""Flights by the names that every command takes: opened, exported, reported.
+"""Flights by the names that every command takes: opened, exported, reported, and the footprints of falls from them.
 
 `RUN.h5` is the last stage of a run, `RUN.h5:STAGE` another one, `LOG.h5` an imported log, and `LOG.csv` a log itself.
 """
@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from airrace.checkpoint import LogCheckpoint, read_stored
 from airrace.checkpoint.atomic import replace_file
@@ -17,12 +18,16 @@ from airrace.logs.reading import is_log
 from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.runs.log_view import LogView, fly_log_through, open_log
-from airrace.runs.output import FlightName, default_output_path
+from airrace.runs.output import FlightName, write_text
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.standard_streams import stem_of
 from airrace.track.course import Origin
+from airrace.views.drawing import FORMATS, ensure_drawable, save_figure
 from airrace.views.stage_tables import claim
+
+if TYPE_CHECKING:
+    from airrace.safety.footprint import Footprint
 
 
 def open_flights(texts: Sequence[str], *, stage: str | None = None, verify: bool | None = None) -> list[Flight]:
@@ -166,11 +171,6 @@ def write_flights(
     replace_file(path, chosen.write(flights, begin, model))
 
 
-def output_of(format_name: str, names: Sequence[str]) -> Path:
-    """Return the file into which flights are written unless another one is named."""
-    return default_output_path(names[0], formats()[format_name].suffix or format_name)
-
-
 def origin_of(text: str) -> Origin:
     """Return the place that `LAT,LON,ELEV` names; without an elevation at the level of the sea.
 
@@ -201,6 +201,57 @@ def begin_of(text: str) -> datetime:
     if not 1 < when.year < 9999:
         raise UsageError(f"--start {text}: expected a time such as 2014-04-13T12:00:00Z")
     return when if when.tzinfo is not None else when.replace(tzinfo=UTC)
+
+
+def ensure_footprint_file(path: Path) -> None:
+    """Find out now whether a footprint can be written into a file of this name.
+
+    Raises:
+        UsageError: the name says no known format, or a drawing needs matplotlib.
+    """
+    suffix, suffixes = path.suffix.lower(), (".geojson", ".kml", ".csv", *FORMATS)
+    if suffix not in suffixes:
+        raise UsageError(f"cannot write a footprint into {path}; its name must end in one of {', '.join(suffixes)}")
+    if suffix in FORMATS:
+        ensure_drawable(path)
+
+
+def flight_footprint(
+    flight: Flight, drag_area: float | None, glide_ratio: float | None, output: Path | None, origin: str | None = None
+) -> "Footprint":
+    """Return what falls where from a flight.
+
+    Args:
+        flight: from which it falls.
+        drag_area, glide_ratio: see `footprint_of`.
+        output: the file into which it is written, in the format that its name says; None for none.
+        origin: where the course lies, see `origin_of`; None for what it says.
+
+    Raises:
+        UsageError: an argument says nothing sensible, there is no such format, or the course has no origin where the
+            format needs one.
+        StorageError: the system refused.
+    """
+    from airrace.safety.footprint import Track, footprint_of  # takes scipy, which no reader of runs needs
+
+    place = None if origin is None else origin_of(origin)
+    found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+    if output is None:
+        return found
+    from airrace.export.footprint import footprint_csv, footprint_geojson, footprint_kml
+
+    ensure_footprint_file(output)
+    suffix = output.suffix.lower()
+    if suffix in FORMATS:
+        from airrace.views.footprint_figure import footprint_figure
+
+        save_figure(footprint_figure(found, flight), output)
+    elif suffix == ".csv":
+        write_text(output, footprint_csv(found))
+    else:
+        write = footprint_geojson if suffix == ".geojson" else footprint_kml
+        write_text(output, write(found, on_globe(flight, place).at_rate(10.0), BEGIN).decode())
+    return found
 
 
 def report_of_flights(
@@ -284,9 +335,8 @@ def _stage_page(
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
     badge = f"{claimed or flights[0].source.verdict}; {found.outcome}"
-    return flight_page(
-        flights, [claim_section(claimed, found), *sections], footer_of(view), claim=badge, envelope=scatter
-    )
+    footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
+    return flight_page(flights, [claim_section(claimed, found), *sections], footer, claim=badge, envelope=scatter)
 
 
 def claim_of(run: RunState, view: StageView) -> str:
@@ -327,8 +377,3 @@ def stage_sections(view: StageView, explored: StageView | None = None, *, sensit
         certificate_section(view.certificate),
         inputs_section(view.inputs, [("stage", solved)], view.versions),
     ]
-
-
-def footer_of(view: StageView) -> str:
-    """Return a line that says which airrace has computed a stage, and what users should know of it."""
-    return "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
