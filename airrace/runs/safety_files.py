@@ -1,22 +1,301 @@
-"""Files of closed-loop flights: numbers, the envelope as a picture, and the document for an authority."""
+"""Files of closed-loop flights: numbers, the envelope as a picture, and the safety document for an authority."""
 
+import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from airrace.checkpoint import StoredDocument, inputs_hash
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
+from airrace.inputs.inputs import sources_of
+from airrace.inputs.variation import Variation
+from airrace.quantities import KNOT
+from airrace.report.browser import browser_path
+from airrace.report.document import (
+    chapter,
+    document_page,
+    facts_block,
+    figure_block,
+    known_block,
+    list_block,
+    signature_block,
+    table_block,
+)
+from airrace.report.printing import print_pdf
+from airrace.results import Flight
+from airrace.results.clearances import least_distances, near_misses
+from airrace.results.sustained_load import SOURCE, TOLERATED, longest_stretch, sustained_loads
+from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
-from airrace.runs.run import RunState
-from airrace.runs.safety_case import SafetyCase
+from airrace.runs.run import RunState, current_versions
+from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
+from airrace.runs.signing import signed_by
 from airrace.runs.stage_view import StageView
-from airrace.safety.result import ENVELOPE, fewest
+from airrace.safety.closed_loop import SETTINGS
+from airrace.safety.evaluation import ALLOWED
+from airrace.safety.footprint import Footprint, Track, footprint_of
+from airrace.safety.result import ENVELOPE, LOAD, Count, SafetyResult, fewest
+from airrace.standard_streams import STANDARD
+from airrace.views.drawing import Figure, ensure_drawable, figure_address, save_figure
+from airrace.views.envelope_figure import envelope_figure
+from airrace.views.footprint_figure import footprint_figure
+from airrace.views.footprint_tables import facts, falls_table, people_table, wind_text
+from airrace.views.plain_text import escape_html
+from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
+from airrace.views.tables import Column, Table, Value
 
 NUMBERS = (".csv", ".json")
 DOCUMENTS = (".html", ".pdf")
 PICTURES = (".png", ".svg")
+NOT_CONSIDERED = (
+    "The pilot is a model and no measurement of one: counts compare lines, aircraft and weather; they are no accident "
+    "statistics.",
+    "Flights begin on the line, at the first gate, with the gusts of that moment. Neither take-off, ferry flight and "
+    "landing nor what a pilot does after a mistake are in them.",
+    "Errors of the wind last for the whole flight, and the pilot does not learn from them.",
+    "Another mass leaves the moments of inertia as they are. Gusts do not roll the aircraft; the air is as coarse as "
+    "its centre of mass sees it.",
+    "A pylon is a vertical line up to its height.",
+    "What falls where is that of the optimum; other flights fall as much farther as they stray.",
+    "Failures of structure, engine and controls, birds, other traffic, visibility and the pilot's health are in no "
+    "flight.",
+    "The ground is flat, at the height of the course's origin. Terrain, and people, buildings and obstacles that the "
+    "course does not name, were not looked at.",
+    *LIMITS_OF_CLAIM[:-1],
+)
+"""What no number of the document contains, a sentence each."""
+NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
+IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
+_NUMBERS = (Column("number"), Column("value", form=".6g"), Column("unit"))
+
+
+def safety_document(
+    run: RunState, view: StageView, case: SafetyCase, rose: SafetyRose | None = None, sign_for: Sequence[str] = ()
+) -> str:
+    """Return the document as HTML, one file that loads nothing.
+
+    Args:
+        run: whose stage was simulated.
+        view: the stage.
+        case: its closed-loop flights, enough of them for an envelope.
+        rose: the same in many winds; None without.
+        sign_for: who is to sign.
+
+    Raises:
+        UsageError: matplotlib is not installed, or the run is signed and `cryptography` is not.
+        CheckpointError: the run's signature does not belong to it.
+    """
+    flight = view.flight(case.label)
+    footprint = footprint_of(flight.race, [Track.of(flight)])
+    certificate, notes = view.certificate, [view.message] if view.message else []
+    unseen, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
+    content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
+    digest = hashlib.sha256(content).hexdigest() if content else inputs_hash(run.checkpoint.inputs.resolved)
+    return document_page(
+        f"Safety case: {flight.course.name}",
+        [
+            *_first_page(run, view, case, flight, footprint, unseen),
+            signature_block(sign_for),
+            _map("Envelope", envelope_figure(case.result, flight)),
+            _map("What falls where", footprint_figure(footprint, flight)),
+            chapter("Closed-loop flights", *_closed_loop(case)),
+            chapter("In many winds", table_block(replace(rose.table(), title="", notes=[IN_WINDS]))) if rose else "",
+            chapter("Distances of the optimum", *_distances(flight)),
+            chapter("Loads of the optimum", *_loads(flight)),
+            chapter("Falls and glides", *_falls(footprint, flight)),
+            chapter("The optimum", table_block(certificate_table(certificate, "Certificate", notes)))
+            if certificate
+            else "",
+            chapter("Pilot and disturbances", table_block(_assumptions(case.result))),
+            chapter("What was not considered", list_block([*unseen, *NOT_CONSIDERED])),
+            chapter("Inputs", *_inputs(run, digest if content else "")),
+            chapter(
+                "Files as they were read",
+                *(f"<h3>{what}</h3><pre>{escape_html(one.text)}</pre>" for what, one in documents),
+            ),
+        ],
+        mark=f"run {digest[:16]}",
+    )
+
+
+def _first_page(
+    run: RunState, view: StageView, case: SafetyCase, flight: Flight, footprint: Footprint, unseen: Sequence[str]
+) -> Iterator[str]:
+    """Yield what is on the first page: what it is about, what has to be known first, and the results in short."""
+    yield f'<p class="kicker">Safety case</p><h1>{escape_html(flight.course.name)}</h1>'
+    yield facts_block(
+        [
+            ("aircraft", flight.aircraft.name),
+            ("race time", f"{flight.race_time:.3f} s, {view.name}"),
+            ("the optimum is", claim_of(run, view) or view.status),
+            ("reserve", _reserve(run)),
+            ("air", wind_text(flight.air.wind)),
+            ("simulated", f"{case.result.flights} closed-loop flights, gusts: {case.result.scatter.gusts.value}"),
+            ("run", run.label),
+            ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
+        ]
+    )
+    first = [*filter(None, (case.uncertified, case.result.note)), *unseen]
+    first += [
+        f"The optimum itself passes {one.clearance.name} at {one.clearance.distance:.2f} m, {one.where}"
+        for one in near_misses(flight)
+    ]
+    first += [f"Sustained load: {one.text}" for one in sustained_loads(flight)]
+    yield known_block("To be known first", first)
+    yield table_block(replace(_in_short(case, flight, footprint), title="In short"))
+    yield (
+        '<p class="note">All of this is computed, by models whose numbers, sources and limits stand below. It is no '
+        "permission, and no formula of an authority.</p>"
+    )
+
+
+def _reserve(run: RunState) -> str:
+    """Return what the line keeps beyond the rules, in words; empty where that is nothing."""
+    margins, reserve = run.inputs.margins, run.inputs.reserve
+    asked = f", for a probability of {reserve.probability:g} to break none" if reserve else ""
+    return f"margins from {len(margins)} of its limits{asked}" if margins else ""
+
+
+def _in_short(case: SafetyCase, flight: Flight, footprint: Footprint) -> Table:
+    """Return the results that matter most, in words."""
+    result = case.result
+
+    def share(count: Count) -> str:
+        interval = f"{100.0 * count.lower:.2f} to {100.0 * count.upper:.2f} %"
+        return f"{count.flights} of {count.of} flights; {interval} (confidence 95 %)"
+
+    rows: list[tuple[str, str]] = [
+        ("touch a pylon or the ground, miss a gate or lose the line", share(result.contact)),
+        ("break any rule but the load factor", share(result.outside)),
+        ("below the floor", share(result.counts["floor"])),
+        ("load factor beyond its limit", share(result.counts[LOAD])),
+    ]
+    if flight.course.crowd:
+        rows.insert(2, ("too near to the crowd", share(result.counts["crowd"])))
+        least = min((one for one in least_distances(flight) if one.kind == "crowd"), key=lambda one: one.margin)
+        text = f"{least.distance:.1f} m from {least.name}, required {least.required:g} m"
+        rows.append(("least distance of the optimum from people", text))
+        worst = min(footprint.crowds, key=lambda one: (one.distance, -one.overlap))
+        hit = f"{worst.distance:.0f} m" if worst.distance else f"onto them, {worst.overlap:.0f} m2"
+        rows.append(("nearest impact of a fall to people", f"{hit}, {worst.crowd.name}"))
+    return Table("", (Column("what"), Column("how many, how near")), rows)
+
+
+def _map(title: str, figure: Figure) -> str:
+    """Return a map on a page of its own."""
+    return chapter(title, figure_block(figure_address(figure), f"{title}, on the map"), new_page=True)
+
+
+def _closed_loop(case: SafetyCase) -> Iterator[str]:
+    counts = case.counts_table()
+    yield table_block(replace(counts, title="What the flights break", notes=counts.notes[:1]))
+    columns = (replace(COUNTS[0], name="pylon or obstacle"), *COUNTS[1:], Column("nearest", "m", "z.2f"))
+    rows = [[*count_row(name, count), least] for name, (count, least) in case.result.pylons.items()]
+    yield table_block(Table("Flights that touch each pylon, and the least distance of any wing", columns, rows))
+    yield table_block(case.gates_table())
+    yield table_block(case.legs_table())
+
+
+def _distances(flight: Flight) -> Iterator[str]:
+    note = "Pylons and obstacles are measured from the wing, all else from the aircraft's centre."
+    table = distance_table(flight, "", notes=[note])
+    yield table_block(table) if table.rows else ""
+    course = flight.course
+    kinds = (course.crowd, course.safety_lines, course.obstacles, course.airspace)
+    missing = [
+        name for name, one in zip(("crowd", "safety line", "obstacle", "airspace"), kinds, strict=True) if not one
+    ]
+    yield f'<p class="note">The course names no {", no ".join(missing)}.</p>' if missing else ""
+
+
+def _loads(flight: Flight) -> Iterator[str]:
+    rows: list[list[Value]] = []
+    for level, tolerated in TOLERATED:
+        begin, duration = longest_stretch(flight.time, math.copysign(1.0, level) * flight["n_z"], abs(level))
+        text = f"{level:g} g or {'more' if level > 0.0 else 'less'}"
+        rows.append([text, duration, begin if duration else math.nan, tolerated])
+    heads = (("longest", ".2f"), ("from", ".2f"), ("tolerated", "g"))
+    columns = (Column("load factor"), *(Column(name, "s", form) for name, form in heads))
+    n_z, allowed = flight["n_z"], flight.limit("n_z")
+    note = (
+        f"The load factor is {n_z.min():.2f} to {n_z.max():.2f} g; the limits are {allowed.lower:g} to "
+        f"{allowed.upper:g} g. Durations that experienced persons tolerate: S. R. Mohler, G effects on the pilot "
+        f"during aerobatics, {SOURCE}, July 1972."
+    )
+    yield table_block(Table("How long load factors are sustained", columns, rows, [note]))
+
+
+def _falls(footprint: Footprint, flight: Flight) -> Iterator[str]:
+    yield table_block(replace(falls_table(footprint, flight), title="The longest ways over ground"))
+    yield table_block(people_table(footprint, flight))
+    yield list_block(facts(footprint, flight))
+
+
+def _assumptions(result: SafetyResult) -> Table:
+    """Return who flew in what, and where that comes from."""
+    scatter, pilot, chosen = result.scatter, result.pilot, "standard deviation, chosen for this case"
+    gusts = f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft"
+    beyond = f"{ALLOWED.length:g} m, {math.degrees(ALLOWED.angle):.1f} deg, {ALLOWED.speed / KNOT:.0f} kt"
+    model = "model of Kleinman, Baron and Levison (1970), Automatica 6, 357-369; weights are a judgement"
+    rows: list[tuple[str, str, str]] = [
+        ("pilot", "optimal regulator behind a delay, with prediction", model),
+        ("delay of the pilot", f"{pilot.delay:g} s", "McRuer and Jex (1967), IEEE HFE-8, 231-249: 0.1 to 0.2 s"),
+        ("deviation corrected hardest", f"{pilot.urgent:g} m", "judgement"),
+        ("lost", f"{SETTINGS.lost:g} m off the line", "judgement"),
+        ("gusts", gusts, "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3"),
+        ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", chosen),
+        ("mass", f"{100.0 * scatter.mass:.3g} %", chosen),
+        ("power", f"{100.0 * scatter.power:.3g} %", chosen),
+        ("density of the air", f"{100.0 * scatter.density:.3g} %", chosen),
+        ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", chosen),
+        ("not counted beyond a limit", f"{beyond}, {ALLOWED.load:g} g", "judgement: an optimum lies on its limits"),
+        ("a touch", f"within {ALLOWED.touch:g} m of a pylon's line", "judgement"),
+        ("flights, seed", f"{result.flights}, {result.seed}", "the same seed gives the same flights"),
+        ("intervals", "confidence 95 %", "Clopper and Pearson (1934)"),
+    ]
+    return Table("", (Column("what"), Column("value"), Column("source")), rows)
+
+
+def _inputs(run: RunState, digest: str) -> Iterator[str]:
+    """Yield what went in: files with their hashes, versions, sources, and the numbers of rules, air and aircraft."""
+    stored = run.checkpoint.inputs
+    files = [(f"run {run.label}", digest)] if digest else []
+    for what, one in _documents(run):
+        files.append((f"{what} {Path(one.path).name}", hashlib.sha256(one.text.encode()).hexdigest()))
+    files.append(("resolved configuration", inputs_hash(stored.resolved)))
+    columns = (Column("what"), Column("SHA-256"))
+    yield table_block(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
+    signed = "" if not digest or run.path is None else signed_by(run.path)
+    versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
+    yield facts_block(
+        [
+            ("signed", f"by the key {signed}, whose signature belongs to the file" if signed else "no"),
+            ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
+            *((what, ", ".join(f"{name} {one}" for name, one in known.items())) for what, known in versions.items()),
+        ]
+    )
+    yield table_block(Table("Sources", (Column("of"), Column("schema"), Column("source")), sources_of(run.inputs)))
+    try:
+        numbers = Variation(run.inputs).parameters.values()
+    except UsageError as error:
+        yield list_block([str(error)])
+        return
+    rules = ("rules", "gate_defaults", "margins", "environment")
+    for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
+        rows = [(one.key, one.value, one.unit) for one in numbers if one.key.partition(".")[0] in groups]
+        yield table_block(Table(title, _NUMBERS, rows), columns=True)
+
+
+def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:
+    stored = run.checkpoint.inputs
+    known = {"track": stored.track, "aircraft": stored.aircraft, "settings": stored.settings}
+    return [(what, one) for what, one in known.items() if one is not None]
 
 
 def ensure_safety_file(path: Path, flights: int, runs: int) -> None:
@@ -26,9 +305,6 @@ def ensure_safety_file(path: Path, flights: int, runs: int) -> None:
         UsageError: the name says no known format, the format takes one run or more flights, or a drawing needs
             matplotlib, or a PDF a browser.
     """
-    from airrace.report.browser import browser_path
-    from airrace.views.drawing import ensure_drawable
-
     suffix = path.suffix.lower()
     if suffix not in (*NUMBERS, *DOCUMENTS, *PICTURES):
         raise UsageError(
@@ -89,14 +365,8 @@ def write_safety_file(
     elif of is not None:
         run, view, own = of
         if suffix in PICTURES:
-            from airrace.views.drawing import save_figure
-            from airrace.views.envelope_figure import envelope_figure
-
             save_figure(envelope_figure(own.result, view.flight(own.label)), path)
             return
-        from airrace.report.printing import print_pdf
-        from airrace.runs.safety_document import safety_document
-
         page = safety_document(run, view, own, case if isinstance(case, SafetyRose) else None, sign_for)
         if suffix == ".html":
             write_text(path, page)

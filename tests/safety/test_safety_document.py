@@ -24,8 +24,7 @@ from airrace.report.document import document_page
 from airrace.report.printing import browser_path, print_pdf
 from airrace.runs.run import RunState, new_run
 from airrace.runs.safety_case import SafetyCase
-from airrace.runs.safety_document import NO_CROWD, safety_document
-from airrace.runs.safety_files import ensure_safety_file
+from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
 from airrace.runs.safety_rose import SafetyRose, fly_runs
 from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
