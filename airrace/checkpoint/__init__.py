@@ -15,7 +15,6 @@ from airrace.checkpoint.store import (
     read_checkpoint,
     read_sealed,
     read_stored,
-    read_stored_sealed,
     write_checkpoint,
     write_log,
 )
@@ -36,7 +35,6 @@ __all__ = [
     "read_checkpoint",
     "read_sealed",
     "read_stored",
-    "read_stored_sealed",
     "stale_stages",
     "write_checkpoint",
     "write_log",

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, Protocol, TypeVar, get_type_hints
+from typing import Any, ClassVar, Never, Protocol, TypeVar, get_type_hints
 
 import h5py
 import h5py.h5l
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from airrace.errors import CheckpointError
 from airrace.records import record
+from airrace.trajectory import Array
 
 # h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
@@ -381,3 +382,76 @@ def _decode_text(text: bytes, path: str) -> str:
     if "\0" in decoded:
         raise CheckpointError(f"{path}: a text contains a NUL character")
     return decoded
+
+
+@record
+class GroupReader:
+    """A group of a tree and its path, which every message names."""
+
+    path: str
+    node: Group
+
+    def expecting(self, *names: str, optional: tuple[str, ...] = ()) -> "GroupReader":
+        """Return this place if its members are exactly `names`, with or without the optional ones.
+
+        Raises:
+            CheckpointError: a member is missing or unknown.
+        """
+        missing = [name for name in names if name not in self.node.members]
+        unknown = [name for name in self.node.members if name not in (*names, *optional)]
+        if missing or unknown:
+            problem = f"{missing[0]!r} is missing" if missing else f"{unknown[0]!r} is unknown"
+            raise CheckpointError(f"{self.path or '/'}: {problem}")
+        return self
+
+    def group(self, name: str) -> "GroupReader":
+        node = self.node.members[name]
+        return GroupReader(f"{self.path}/{name}", node) if isinstance(node, Group) else self._wrong(name, "a group")
+
+    def text(self, name: str) -> str:
+        node = self.node.members[name]
+        return node if isinstance(node, str) else self._wrong(name, "a text")
+
+    def table(self, name: str) -> StoredTable:
+        node = self.node.members[name]
+        return node if isinstance(node, StoredTable) else self._wrong(name, "a table")
+
+    def rows(self, name: str, record: type[R]) -> tuple[R, ...]:
+        """Return the records of a table.
+
+        Raises:
+            CheckpointError: the member is no table, or its columns are not the fields of such records.
+        """
+        return rows_of(record, self.table(name), f"{self.path}/{name}")
+
+    def row(self, name: str, record: type[R]) -> R:
+        """Return the record of a table of one row; errors as of `rows`, and if there are more."""
+        rows = self.rows(name, record)
+        if len(rows) != 1:
+            raise CheckpointError(f"{self.path}/{name}: {len(rows)} rows instead of one")
+        return rows[0]
+
+    def texts(self, name: str, column: str) -> tuple[str, ...]:
+        """Return the entries of a table that has one column of texts.
+
+        Raises:
+            CheckpointError: the member is not such a table.
+        """
+        columns: Mapping[str, Column] = self.table(name).columns
+        entries = columns.get(column)
+        return entries if isinstance(entries, tuple) and len(columns) == 1 else self._wrong(name, f"a list: {column}")
+
+    def series(self, name: str) -> Series:
+        node: Node = self.node.members[name]
+        return node if isinstance(node, Series) else self._wrong(name, "a series of numbers")
+
+    def floats(self, name: str) -> Array:
+        values: Numbers = self.series(name).values
+        return values.astype(np.float64) if values.dtype == np.float64 else self._wrong(name, "a series of floats")
+
+    def integers(self, name: str) -> NDArray[np.int64]:
+        values: Numbers = self.series(name).values
+        return values.astype(np.int64) if values.dtype == np.int64 else self._wrong(name, "a series of integers")
+
+    def _wrong(self, name: str, kind: str) -> Never:
+        raise CheckpointError(f"{self.path}/{name} is not {kind}")

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
-from airrace.checkpoint.group_reader import GroupReader, ensure_attitudes, ensure_sizes
-from airrace.checkpoint.hdf5 import Group, Node, Series, StoredTable, table_of
+from airrace.checkpoint.hdf5 import Group, GroupReader, Node, Series, StoredTable, table_of
 from airrace.checkpoint.run_layout import (
     CONTENT,
     QUANTITY_NAME,
     declaration,
-    declaration_of,
+    decode_histories,
+    ensure_attitudes,
+    ensure_sizes,
     inputs_group,
     inputs_of,
     integers,
@@ -224,21 +225,16 @@ def _log(place: GroupReader) -> RawLog:
 
 
 def _histories(place: GroupReader, length: int) -> tuple[StoredHistory, ...]:
-    rows: dict[int, StoredHistory] = {}
-    for name in place.node.members:
-        path, attributes = f"{place.path}/{name}", dict(place.series(name).attributes)
-        basis, values = attributes.pop("basis", ""), place.floats(name)
-        if len(values) != length:
-            raise CheckpointError(f"{path}: {len(values)} values instead of {length}")
+    found: list[StoredHistory] = []
+    for quantity, values in zip(*decode_histories(place, length), strict=True):
+        path, basis = f"{place.path}/{quantity.name}", place.series(quantity.name).attributes.get("basis", "")
         ensure_sizes(values, path)
         if basis not in BASES:
             raise CheckpointError(f"{path}: is neither {' nor '.join(BASES)}")
-        quantity, row = declaration_of(name, attributes, path)
-        rows[row] = StoredHistory(quantity, values, str(basis))
-    if sorted(rows) != list(range(len(place.node.members))):
-        raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
-    names = {one.quantity.name for one in rows.values()}
-    if missing := [one for one in ("x", "y", "z", "height", "V_K", "n_z", "chi", "gamma", "mu") if one not in names]:
+        found.append(StoredHistory(quantity, values, str(basis)))
+    histories = {one.quantity.name: one.values for one in found}
+    needed = ("x", "y", "z", "height", "V_K", "n_z", "chi", "gamma", "mu")
+    if missing := [one for one in needed if one not in histories]:
         raise CheckpointError(f"{place.path}: {missing[0]!r} is missing")
-    ensure_attitudes({one.quantity.name: one.values for one in rows.values()}, place.path)
-    return tuple(rows[row] for row in sorted(rows))
+    ensure_attitudes(histories, place.path)
+    return tuple(found)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.group_reader import GroupReader, ensure_possible
-from airrace.checkpoint.hdf5 import Attribute, Group, Node, Series, StoredTable, table_of
+from airrace.checkpoint.hdf5 import Attribute, Group, GroupReader, Node, Series, StoredTable, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import (
@@ -406,19 +405,23 @@ def _decode_trajectory(place: GroupReader) -> Trajectory:
     within = len(first_node) == len(phases) + 1 and first_node[0] == 0 and first_node[-1] == intervals
     if not within or bool(np.any(first_node[1:] < first_node[:-1])):
         raise CheckpointError(f"{place.path}/first_node: does not divide {intervals} intervals into the phases")
-    states, state = _decode_histories(place.group("states"), intervals + 1)
-    controls, control = _decode_histories(place.group("controls"), intervals)
+    states, state = decode_histories(place.group("states"), intervals + 1)
+    controls, control = decode_histories(place.group("controls"), intervals)
     return Trajectory(phases, first_node, durations, time, states, state, controls, control)
 
 
-def _decode_histories(place: GroupReader, length: int) -> tuple[tuple[Quantity, ...], Array]:
-    """Return declarations and values, shape (n, length), in the order of their rows."""
+def decode_histories(place: GroupReader, length: int) -> tuple[tuple[Quantity, ...], Array]:
+    """Return declarations and values, shape (n, length), in the order of their rows.
+
+    Raises:
+        CheckpointError: a member is no history of this length that is declared, or the rows have gaps.
+    """
     rows: dict[int, tuple[Quantity, Array]] = {}
     for name in place.node.members:
         values = place.floats(name)
         if len(values) != length:
             raise CheckpointError(f"{place.path}/{name}: {len(values)} values instead of {length}")
-        quantity, row = declaration_of(name, place.series(name).attributes, f"{place.path}/{name}")
+        quantity, row = _declaration_of(name, place.series(name).attributes, f"{place.path}/{name}")
         rows[row] = (quantity, values)
     if sorted(rows) != list(range(len(place.node.members))):
         raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
@@ -427,12 +430,8 @@ def _decode_histories(place: GroupReader, length: int) -> tuple[tuple[Quantity, 
     return tuple(quantity for quantity, _ in ordered), history
 
 
-def declaration_of(name: str, attributes: Mapping[str, Attribute], path: str) -> tuple[Quantity, int]:
-    """Return the quantity that attributes declare, and its row.
-
-    Raises:
-        CheckpointError: they declare none.
-    """
+def _declaration_of(name: str, attributes: Mapping[str, Attribute], path: str) -> tuple[Quantity, int]:
+    """Return the quantity that attributes declare, and its row."""
     match attributes:
         case {
             "units": str(unit),
@@ -448,3 +447,77 @@ def declaration_of(name: str, attributes: Mapping[str, Attribute], path: str) ->
             return Quantity(name, unit, scale, lower, upper, text, rate_of), row
         case _:
             raise CheckpointError(f"{path}: is not declared as a quantity (units, long_name, scale, lower, upper, row)")
+
+
+ROUNDED = 1e-9
+"""The largest difference between the durations of the phases and the times of their nodes, as a fraction of the race
+time: both are sums of the same numbers in another order."""
+
+LARGEST = 1e30
+"""The largest magnitude of a number of a flight, in SI units.
+
+No quantity of a flight comes near it, and products of a few such numbers still are finite.
+"""
+QUATERNION = ("q0", "q1", "q2", "q3")
+LENGTH_ERROR = 0.1
+"""The largest distance of the length of an attitude's quaternion from 1; a flight keeps it at 1 but for rounding."""
+
+
+def ensure_possible(result: StageResult, path: str) -> None:
+    """Refuse a stage whose flight no aircraft can fly.
+
+    Where no flight was found the numbers are those at which the solver gave up, and anything goes.
+
+    Raises:
+        CheckpointError: histories, times, multipliers or splits are not finite or larger than `LARGEST`; time runs
+            backwards, does not begin at 0, or does not pass as the durations of the phases have it; a quaternion is
+            no attitude.
+    """
+    if not result.is_flight:
+        return
+    trajectory = result.trajectory
+    for name, values in (
+        ("durations", trajectory.durations),
+        ("time", trajectory.time),
+        ("states", trajectory.state),
+        ("controls", trajectory.control),
+        ("constraint_multipliers", result.constraint_multipliers),
+        ("bound_multipliers", result.bound_multipliers),
+    ):
+        ensure_sizes(values, f"{path}/{name}")
+    numbers = [[value for value in vars(split).values() if isinstance(value, float)] for split in result.splits]
+    ensure_sizes(np.array(numbers), f"{path}/splits")
+    if not (trajectory.durations > 0.0).all():
+        raise CheckpointError(f"{path}/durations: a phase takes no time")
+    if trajectory.time[0] != 0.0 or not (np.diff(trajectory.time) > 0.0).all():
+        raise CheckpointError(f"{path}/time: does not run forwards from 0")
+    passed: Array = np.diff(trajectory.time[trajectory.first_node])
+    if not (np.abs(passed - trajectory.durations) <= ROUNDED * trajectory.race_time).all():
+        raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")
+    rows = {one.name: values for one, values in zip(trajectory.states, trajectory.state, strict=True)}
+    ensure_attitudes(rows, f"{path}/states")
+
+
+def ensure_sizes(values: Array, path: str) -> None:
+    """Refuse numbers that nothing can be calculated with.
+
+    Raises:
+        CheckpointError: one of them is not finite, or larger than `LARGEST`.
+    """
+    if not np.isfinite(values).all():
+        raise CheckpointError(f"{path}: holds numbers that are not finite")
+    if (np.abs(values) > LARGEST).any():
+        raise CheckpointError(f"{path}: holds numbers larger than {LARGEST:g}")
+
+
+def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
+    """Refuse quaternions that are no attitudes; nothing is asked where there are none.
+
+    Raises:
+        CheckpointError: the length of a quaternion is not within `LENGTH_ERROR` of 1.
+    """
+    if not all(name in histories for name in QUATERNION):
+        return
+    length: Array = np.sqrt(sum(histories[name] ** 2 for name in QUATERNION))
+    if not (np.abs(length - 1.0) <= LENGTH_ERROR).all():
+        raise CheckpointError(f"{path}: the quaternion {', '.join(QUATERNION)} is not of length 1")

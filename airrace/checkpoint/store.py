@@ -74,12 +74,7 @@ def seal(image: bytes, sign: Sign | None = None) -> bytes:
     return (header + signed).ljust(BLOCK_SIZE, b"\0") + image
 
 
-def unseal(content: bytes) -> bytes:
-    """Return the image of a sealed file; errors as of `unseal`."""
-    return unseal_signed(content)[0]
-
-
-def unseal_signed(content: bytes) -> tuple[bytes, Signature | None]:
+def unseal(content: bytes) -> tuple[bytes, Signature | None]:
     """Return the image of a sealed file, and the signature that it carries, which is not examined.
 
     Raises:
@@ -152,13 +147,8 @@ def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
     return _read(path, decode)
 
 
-def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
-    """Return the run or the flight log at `path`, verified; errors as of `read_checkpoint`."""
-    return read_stored_sealed(path)[0]
-
-
-def read_stored_sealed(path: Path) -> tuple[Checkpoint | LogCheckpoint, Signature | None]:
-    """Return what `read_stored` does, and the signature that the file carries, which is not examined."""
+def read_stored(path: Path) -> tuple[Checkpoint | LogCheckpoint, Signature | None]:
+    """Return the run or the flight log at `path`, and its signature; see `read_sealed`."""
     return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))
 
 
@@ -178,7 +168,7 @@ def _write(
 
 def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | None]:
     try:
-        image, signature = unseal_signed(_content(path))
+        image, signature = unseal(_content(path))
         logger.info("%s is read", name_of(path))
         return understood(tree_of(image)), signature
     except FileNotFoundError as error:

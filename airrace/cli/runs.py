@@ -23,12 +23,12 @@ def show(
 ) -> None:
     """Show stages, times, legs and certificates."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.checkpoint import LogCheckpoint, read_sealed, read_stored
+        from airrace.checkpoint import LogCheckpoint, read_stored
         from airrace.cli.run_tables import run_texts, stored_stages
         from airrace.runs.signing import ensure_signed
 
-        stored = read_stored(run_file)
-        signature = None if isinstance(stored, LogCheckpoint) or trust is None else read_sealed(run_file)[1]
+        stored, signature = read_stored(run_file)
+        signature = None if isinstance(stored, LogCheckpoint) else signature
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
         if isinstance(stored, LogCheckpoint):
             from airrace.cli.flight_tables import log_texts
@@ -74,7 +74,7 @@ def verify(
     claim. Of an imported log passings, histories and violations are made once more of the log that is stored.
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.checkpoint import LogCheckpoint, read_stored_sealed
+        from airrace.checkpoint import LogCheckpoint, read_stored
         from airrace.cli.run_tables import items_table
         from airrace.cli.tables import render
         from airrace.errors import UsageError
@@ -88,7 +88,7 @@ def verify(
         if sign is not None and run_file == STANDARD:
             raise UsageError("what is piped in cannot be signed: name a file")
         signer = None if sign is None else signer_of(sign)
-        checkpoint, signature = read_stored_sealed(run_file)
+        checkpoint, signature = read_stored(run_file)
         if isinstance(checkpoint, LogCheckpoint):
             from airrace.runs.log_view import open_log
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
-from airrace.checkpoint.group_reader import LARGEST
+from airrace.checkpoint.run_layout import LARGEST
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, StageResult, Status, Timings
 from airrace.procedure.stage import STAGES, Stage

@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(folder: Path) -> LogCheckpoint:
-    found = read_stored(folder / "log.h5")
+    found, _ = read_stored(folder / "log.h5")
     assert isinstance(found, LogCheckpoint)
     return found
 

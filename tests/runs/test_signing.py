@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 from typer.testing import CliRunner
 
 from airrace.checkpoint import read_sealed
-from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal_signed
+from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, UsageError
 from airrace.runs import signing
@@ -85,8 +85,8 @@ def test_signature_of_another_file_is_refused(signed: Path, folder: Path) -> Non
     """Put before another image, with the checksum as it should be."""
     other = open_run(signed).signing(signer_of(Path("theirs")))
     other.save(folder / "other.h5")
-    image, _ = unseal_signed((folder / "other.h5").read_bytes())
-    _, signature = unseal_signed(signed.read_bytes())
+    image, _ = unseal((folder / "other.h5").read_bytes())
+    _, signature = unseal(signed.read_bytes())
     assert signature is not None
     changed = image.replace(b"rovinj_2014", b"rovinj_2015")
     (folder / "other.h5").write_bytes(seal(changed, lambda text: signature))
@@ -101,7 +101,7 @@ def test_any_flipped_bit_of_a_signed_file_is_refused(signed: Path) -> None:
         flipped = bytearray(content)
         flipped[position] ^= 1 << position % 8
         with pytest.raises(CheckpointError):
-            unseal_signed(bytes(flipped))
+            unseal(bytes(flipped))
 
 
 def test_run_that_is_verified_can_be_signed_later(folder: Path) -> None:
