@@ -248,7 +248,7 @@ class Interpreter:
 
     def step(
         self, tables: Sequence[Table], constants: Sequence[float], functions: Sequence[ca.Function]
-    ) -> list[BatchFunction]:
+    ) -> tuple[BatchFunction, BatchFunction, BatchFunction]:
         """Return a step's values, Jacobian and Hessian.
 
         Args:
@@ -266,7 +266,7 @@ class Interpreter:
                 lambda kernel, batches, first, end: evaluate(kernel, order, batches, first, end),
             )
 
-        return [step(order) for order in range(3)]
+        return step(0), step(1), step(2)
 
     def function(self, function: ca.Function) -> BatchFunction:
         """Return the evaluation of a function of up to four arguments, the third of which all intervals share."""

@@ -197,7 +197,8 @@ class _KernelEvaluation:
             self._y -= self._offsets
         if part not in self._functions:
             arguments = (*self._arguments, self._multipliers) if part is Part.HESSIAN else self._arguments
-            self._functions[part] = self._calls.kernel.bind(part, self._calls.batches, self._threads, arguments)
+            kernel, counting = self._calls.kernel, len(self._calls.inputs)
+            self._functions[part] = kernel.bind(part, self._calls.batches, self._threads, arguments, counting)
         call, results = self._functions[part]
         call()
         return results

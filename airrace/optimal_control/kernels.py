@@ -7,12 +7,12 @@ what does not:
     path: y = (x, u), own empty, shared = p                                          -> path quantities
     observe: y = x, own = the parameters of the place, shared empty                  -> what is observed there
 
-The native interpreter evaluates them, the step composed of the derivatives of its stages (`step.c`). Without the native
-library, or for an operation that it does not know, casadi evaluates the graphs of the whole functions.
+The native interpreter evaluates them, the step composed of the derivatives of its stages (`step.c`), the Hessian of an
+observation direction by direction. Without the native library, or for an operation that it does not know, casadi
+evaluates the graphs of the whole functions.
 """
 
 import logging
-from collections import Counter
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 
@@ -35,12 +35,6 @@ MAP_IN_THREADS = 64
 Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop, a
 fifth of what 128 intervals of the cheapest derivative take in lanes, the Jacobian of a point mass's step. For fewer
 calls little of the gain would be left.
-"""
-
-INTERPRETED_AFTER = 2
-"""The number of problems with an observation for which casadi evaluates it.
-
-To translate the room beside a pylon takes the interpreter 0.2 to 0.3 s, more than it gains on two meshes of a stage.
 """
 
 
@@ -86,7 +80,9 @@ class Kernel:
         """The pattern of the Hessian's upper triangle."""
         return self.hessian.sparsity_out(1)
 
-    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
+    def bind(
+        self, part: Part, calls: int, threads: int, arguments: Sequence[Array], counting: int | None = None
+    ) -> BoundCall:
         """Return all calls of a function at once.
 
         Where threads do not have equally many calls each, casadi copies everything, which takes as much memory again.
@@ -97,6 +93,7 @@ class Kernel:
             calls: number of calls, each with as many intervals as there are lanes.
             threads: number of threads that the calls are spread over.
             arguments: (y, own, shared[, lam]) of all intervals; `shared` once per call.
+            counting: how many of the intervals count; what is left of the lanes of the last call may stay zero.
 
         Raises:
             SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
@@ -127,6 +124,57 @@ class Kernel:
 
 
 @record
+class DirectionalHessian:
+    """The Hessian of lam . c from the derivative of its gradient along one unknown at a time, all calls at once.
+
+    Of the room beside a pylon the graph of the whole Hessian has 31,000 to 54,000 operations, this one 5,400 to 7,300,
+    which the interpreter translates in an eighth of the time; and the lanes are full for a single pylon, too.
+
+    Attributes:
+        along: (y, own, shared, (lam, direction)) -> gradient, its derivative along the direction.
+        sizes: of one interval's y, own, shared and lam.
+        pattern: of the Hessian's upper triangle.
+        lanes: number of intervals in a call.
+    """
+
+    along: BatchFunction
+    sizes: tuple[int, int, int, int]
+    pattern: ca.Sparsity
+    lanes: int
+
+    def bind(self, given: Sequence[Array], found: Sequence[Array], threads: int, intervals: int) -> Callable[[], None]:
+        """Return the evaluation of so many intervals, as `BatchFunction.bind` does."""
+        n_y, n_own, _, n_lam = self.sizes
+        rows, columns = (np.array(places, dtype=np.intp) for places in self.pattern.get_triplet())
+        unknowns, direction = np.unique(columns, return_inverse=True)
+        count = max(len(unknowns), 1)
+        batches = -(-count * intervals // self.lanes)
+
+        def every(size: int) -> tuple[Array, Array]:
+            """Return numbers of all intervals in all directions, as they are evaluated and by direction."""
+            flat = np.zeros((batches * self.lanes, size))
+            return flat, flat[: count * intervals].reshape(count, intervals, size)
+
+        (all_y, y), (all_own, own), (all_weights, weights) = every(n_y), every(n_own), every(n_lam + n_y)
+        (all_gradients, gradients), (all_changes, changes) = every(n_y), every(n_y)
+        for number, unknown in enumerate(unknowns):
+            weights[number, :, n_lam + unknown] = 1.0
+        arguments, results = (all_y, all_own, np.zeros(0), all_weights), (all_gradients, all_changes)
+        evaluate = self.along.bind(arguments, results, _threads_for(batches, self.lanes, threads), batches)
+        total = given[0].size // n_y
+        given_y, given_own, given_lam = (given[at].reshape(total, self.sizes[at])[:intervals] for at in (0, 1, 3))
+        gradient, hessian = found[0].reshape(total, n_y)[:intervals], found[1].reshape(total, len(rows))[:intervals]
+
+        def call() -> None:
+            y[:], own[:], weights[:, :, :n_lam] = given_y, given_own, given_lam
+            evaluate()
+            gradient[:] = gradients[0]
+            hessian.T[:] = changes[direction, :, rows]
+
+        return call
+
+
+@record
 class NativeKernel:
     """A kernel that the native interpreter evaluates.
 
@@ -143,14 +191,16 @@ class NativeKernel:
     sizes: tuple[int, int, int, int]
     jacobian_pattern: ca.Sparsity
     hessian_pattern: ca.Sparsity
-    entries: Sequence[BatchFunction]
+    entries: tuple[BatchFunction, BatchFunction, BatchFunction | DirectionalHessian]
 
     @property
     def values(self) -> int:
         """The number of values."""
         return self.jacobian_pattern.size1()
 
-    def bind(self, part: Part, calls: int, threads: int, arguments: Sequence[Array]) -> BoundCall:
+    def bind(
+        self, part: Part, calls: int, threads: int, arguments: Sequence[Array], counting: int | None = None
+    ) -> BoundCall:
         """Return all calls of a function at once, as `Kernel.bind` does."""
         intervals = calls * self.lanes
         for place, (array, size) in enumerate(zip(arguments, self.sizes, strict=False)):
@@ -161,8 +211,10 @@ class NativeKernel:
             Part.JACOBIAN: [self.values, self.jacobian_pattern.nnz()],
             Part.HESSIAN: [self.sizes[0], self.hessian_pattern.nnz()],
         }
-        results = [np.zeros(intervals * size) for size in sizes[part]]
-        return self.entries[part].bind(arguments, results, _threads_for(calls, self.lanes, threads), calls), results
+        results, entry = [np.zeros(intervals * size) for size in sizes[part]], self.entries[part]
+        if isinstance(entry, DirectionalHessian):
+            return entry.bind(arguments, results, threads, counting or intervals), results
+        return entry.bind(arguments, results, _threads_for(calls, self.lanes, threads), calls), results
 
 
 Callee = Kernel | NativeKernel
@@ -212,9 +264,7 @@ class Observations:
     """The kernels of what is observed of a system, each made once and kept.
 
     The pieces and windows of a race are problems of their own that share a few observations; to differentiate them for
-    each took a fifth of a homotopy. For the first problems casadi evaluates them, then the interpreter, if there is
-    one, with the same bits. Rooms beside pylons are observed at many nodes: of the solver's time in the search on
-    Rovinj 2014 casadi took a quarter for them.
+    each took a fifth of a homotopy.
 
     Args:
         native: the interpreter, or None.
@@ -223,19 +273,40 @@ class Observations:
     def __init__(self, native: Interpreter | None = None) -> None:
         self._native = native
         self._kernels: dict[ca.Function, Callee] = {}
-        self._problems = Counter[ca.Function]()
 
     def kernel(self, values: ca.Function) -> Callee:
         """Return the kernel of the values (x, b) that a problem observes."""
-        kernel = self._kernels.get(values) or casadi_observation(values)
-        self._problems[values] += 1
-        if isinstance(kernel, Kernel) and self._native is not None and self._problems[values] == INTERPRETED_AFTER + 1:
+        if values not in self._kernels:
+            self._kernels[values] = self._made(values)
+        return self._kernels[values]
+
+    def _made(self, values: ca.Function) -> Callee:
+        if self._native is not None:
             try:
-                kernel = _native_kernel(self._native, (kernel.value, kernel.jacobian, kernel.hessian))
+                return native_observation(self._native, values)
             except KernelError as error:
                 logger.warning("casadi evaluates an observation, slower: %s", error)
-        self._kernels[values] = kernel
-        return kernel
+        return casadi_observation(values)
+
+
+def native_observation(native: Interpreter, values: ca.Function) -> NativeKernel:
+    """Return the kernel of an observation's values (x, b) for the native interpreter.
+
+    Raises:
+        KernelError: the values have an operation that the interpreter does not know.
+    """
+    y, own = (ca.SX.sym(name, values.size1_in(place)) for place, name in enumerate("xb"))
+    c, none = values(y, own), ca.SX.sym("none", 0)
+    lam, direction = ca.SX.sym("lam", c.numel()), ca.SX.sym("direction", y.numel())
+    gradient = ca.gradient(ca.dot(lam, c), y)
+    pattern = ca.triu(ca.jacobian_sparsity(gradient, y))
+    value, jacobian = _value_and_jacobian("observe", y, own, none, c)
+    derivatives = [ca.densify(gradient), ca.densify(ca.jtimes(gradient, y, direction))]
+    along = ca.Function("observe_along", [y, own, none, ca.vertcat(lam, direction)], derivatives)
+    sizes = y.numel(), own.numel(), 0, lam.numel()
+    hessian = DirectionalHessian(native.function(along), sizes, pattern, native.lanes)
+    entries = native.function(value), native.function(jacobian), hessian
+    return NativeKernel("observe", native.lanes, sizes, jacobian.sparsity_out(1), pattern, entries)
 
 
 def casadi_observation(values: ca.Function) -> Kernel:
@@ -299,7 +370,7 @@ def _native_kernel(native: Interpreter, functions: Sequence[ca.Function]) -> Nat
     value, jacobian, hessian = functions
     y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
     patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
-    entries = [native.function(function) for function in functions]
+    entries = native.function(value), native.function(jacobian), native.function(hessian)
     return NativeKernel(value.name(), native.lanes, (y, own, shared, lam), *patterns, entries)
 
 
@@ -329,9 +400,17 @@ def _differentiate(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> 
     """Return the functions of a kernel, `name`, `name_jacobian` and `name_hessian`."""
     lam = ca.SX.sym("lam", c.numel())
     hessian, gradient = ca.hessian(ca.dot(lam, c), y)
+    curved = [ca.densify(gradient), ca.triu(hessian)]
+    return [
+        *_value_and_jacobian(name, y, own, shared, c),
+        ca.Function(f"{name}_hessian", [y, own, shared, lam], curved),
+    ]
+
+
+def _value_and_jacobian(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> list[ca.Function]:
+    """Return the functions of a kernel without second derivatives, `name` and `name_jacobian`."""
     arguments = [y, own, shared]
     return [
         ca.Function(name, arguments, [ca.densify(c)]),
         ca.Function(f"{name}_jacobian", arguments, [ca.densify(c), ca.jacobian(c, y)]),
-        ca.Function(f"{name}_hessian", [*arguments, lam], [ca.densify(gradient), ca.triu(hessian)]),
     ]

@@ -20,7 +20,6 @@ from airrace.optimal_control import sparse_assembly as module
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import (
-    INTERPRETED_AFTER,
     Kernel,
     NativeKernel,
     Observations,
@@ -28,7 +27,9 @@ from airrace.optimal_control.kernels import (
     bind,
     build_kernels,
     casadi_kernels,
+    casadi_observation,
     native_kernels,
+    native_observation,
     path_functions,
 )
 from airrace.optimal_control.layout import Layout
@@ -166,29 +167,59 @@ def test_a_program_has_the_same_bits_in_all_variants(name: str) -> None:
         assert_bitwise_equal(one, found[0])
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_what_many_problems_observe_is_interpreted_with_the_bits_of_casadi(variant: str) -> None:
-    x, b = ca.SX.sym("x", 3), ca.SX.sym("b", 2)
+def seen_from_a_place() -> ca.Function:
+    """What does not depend on the third state beside what does, so that the pattern of the Hessian has gaps."""
+    x, b = ca.SX.sym("x", 4), ca.SX.sym("b", 2)
     distance = ca.sqrt((x[0] - b[0]) ** 2 + (x[1] - b[1]) ** 2 + 1.0)
-    values = ca.Function("seen", [x, b], [ca.vertcat(distance, ca.sin(x[2]) / distance)])
-    observations = Observations(VARIANTS[variant])
-    asked = [observations.kernel(values) for _ in range(INTERPRETED_AFTER + 2)]
-    first, *others, mine, again = asked
-    assert isinstance(first, Kernel)
-    assert all(one is first for one in others)
+    return ca.Function("seen", [x, b], [ca.vertcat(distance, ca.sin(x[3]) / distance)])
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_an_observation_is_interpreted_with_the_bits_of_casadi(variant: str) -> None:
+    observations, values = Observations(VARIANTS[variant]), seen_from_a_place()
+    mine, again, others = observations.kernel(values), observations.kernel(values), casadi_observation(values)
     assert isinstance(mine, NativeKernel)
     assert again is mine
+    assert mine.hessian_pattern == others.hessian_pattern
     given = random_intervals(mine, 2, 0, COUNT)
-    assert_as_casadi(all_results(mine, given), all_results(first, given))
+    assert_as_casadi(all_results(mine, given), all_results(others, given))
+
+
+@pytest.mark.parametrize("counting", [1, 3, 8, 9])
+def test_the_hessian_of_an_observation_is_evaluated_where_it_counts(counting: int) -> None:
+    native = list(VARIANTS.values())[-1]
+    values = seen_from_a_place()
+    mine, others = native_observation(native, values), casadi_observation(values)
+    calls = -(-counting // native.lanes)
+    y, own, _, lam = random_intervals(mine, 2, 0, calls * native.lanes)
+    call, (gradient, hessian) = mine.bind(Part.HESSIAN, calls, 1, (y, own, np.zeros((calls, 0)), lam), counting)
+    for _ in range(2):  # arguments are read anew by every call
+        y += 0.25
+        call()
+        for number in range(counting):
+            expected = others.hessian(y[number], own[number], [], lam[number])
+            assert np.array_equal(gradient.reshape(-1, 4)[number], np.asarray(expected[0]).ravel())
+            assert np.array_equal(hessian.reshape(-1, 6)[number], np.asarray(expected[1].nonzeros()))
+
+
+def test_an_observation_that_depends_linearly_on_the_state_has_no_curvature() -> None:
+    native = list(VARIANTS.values())[-1]
+    x = ca.SX.sym("x", 2)
+    mine = native_observation(native, ca.Function("seen", [x, ca.SX.sym("b", 0)], [x[0] - 2.0 * x[1]]))
+    y, own, shared, lam = random_intervals(mine, 0, 0, native.lanes)
+    call, (gradient, hessian) = mine.bind(Part.HESSIAN, 1, 1, (y, own, shared, lam), 1)
+    call()
+    assert hessian.size == 0
+    assert np.array_equal(gradient.reshape(-1, 2)[0], [lam[0, 0], -2.0 * lam[0, 0]])
 
 
 def test_an_observation_that_the_interpreter_does_not_know_stays_with_casadi(caplog: pytest.LogCaptureFixture) -> None:
     x = ca.SX.sym("x")
     values = ca.Function("seen", [x, ca.SX.sym("b", 0)], [ca.erf(x)])
     observations = Observations(list(VARIANTS.values())[-1])
-    assert all(isinstance(observations.kernel(values), Kernel) for _ in range(INTERPRETED_AFTER + 3))
+    assert all(isinstance(observations.kernel(values), Kernel) for _ in range(3))
     assert caplog.text.count("casadi evaluates an observation, slower") == 1
-    assert all(isinstance(Observations().kernel(values), Kernel) for _ in range(INTERPRETED_AFTER + 3))
+    assert isinstance(Observations().kernel(values), Kernel)
 
 
 def test_arguments_of_another_size_are_refused() -> None:
