@@ -146,7 +146,9 @@ class FidelityContinuation:
 
     def preload(self, stage: Stage, service: SolverService) -> None:
         """Let a solver process load the equations of a stage, and the scheme that integrates them."""
-        service.preload(self.flight(stage).model.system, fidelity_of(stage).scheme)
+        flight = self.flight(stage)
+        observed = [] if flight.rooms is None else [flight.rooms.room]
+        service.preload(flight.model.system, flight.fidelity.scheme, observed)
 
     def prepare(self, stage: Stage) -> None:
         """Make what a stage needs that does not depend on the stage below it."""
@@ -227,6 +229,7 @@ class FidelityContinuation:
 
     def _optimum_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult:
         """Return the optimum of a stage from that of the stage below."""
+        self.preload(stage, session.service)
         return self._optimum(stage, list(self._warm_starts(stage, below, session)), session)
 
     def _alternative_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult | Failure:
@@ -235,6 +238,7 @@ class FidelityContinuation:
         There is that route as well, so nothing else is tried where this optimum does not hold.
         """
         found, refine = None, self._refinement(stage)
+        self.preload(stage, session.service)
         for make in self._warm_starts(stage, below, session):
             found = refine(session, make(), session.solvers[0])
             if isinstance(found, StageResult):

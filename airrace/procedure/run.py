@@ -124,7 +124,7 @@ def _solve_stages(
         if not remark:
             session.reset_log()  # what led nowhere before stays on the record of the stage that was run instead
         for following in wanted[:1]:
-            prepare = partial(_prepare, continuation, following, session.service)
+            prepare = partial(continuation.prepare, following)
             if continuation.searches(stage):  # on every core: nothing would only wait meanwhile
                 prepare()
             else:
@@ -134,12 +134,6 @@ def _solve_stages(
         yield result
         if result.outcome is not Status.SOLVED:
             return
-
-
-def _prepare(continuation: FidelityContinuation, stage: Stage, service: SolverService) -> None:
-    """Get the next stage ready."""
-    continuation.preload(stage, service)
-    continuation.prepare(stage)
 
 
 def _with_note(result: StageResult, remark: str) -> StageResult:

@@ -334,7 +334,7 @@ class Replies:
 
 def read(text: str, *, piece: int = 1000) -> list[Any]:
     replies = Replies()
-    reader = ProgressReader(replies)  # type: ignore[arg-type]  (only its `send` is used)
+    reader = ProgressReader(replies, 0.0)  # type: ignore[arg-type]  (only its `send` is used)
     for place in range(0, len(text), piece):
         reader.write(text[place : place + piece])
     return replies.sent

@@ -41,6 +41,7 @@ class Canned(SolverService):
         self.asked: list[tuple[str, SolverOptions, Problem]] = []
         self.known: list[Multipliers | None] = []
         self.threads: list[int | None] = []
+        self._process = None
 
     def stop_unless_started_here(self) -> None:
         """There is no process."""

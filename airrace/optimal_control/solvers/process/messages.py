@@ -44,10 +44,11 @@ class SolveRequest:
 
 @record
 class PreloadRequest:
-    """A system of a coming problem, whose kernels can be made ready. It has no answer."""
+    """A system of a coming problem and what is observed of it, whose kernels can be made ready. It has no answer."""
 
     system: System
     scheme: RungeKutta
+    observed: tuple[ca.Function, ...] = ()
 
 
 @record

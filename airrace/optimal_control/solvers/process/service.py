@@ -26,7 +26,7 @@ from airrace.optimal_control.solvers.process.idle_processes import acquire
 from airrace.optimal_control.solvers.process.messages import IterationReport, Reply
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.process import SYSTEM_ERROR
-from airrace.system import System
+from airrace.system import Observation, System
 
 STALL_SECONDS = 120.0
 """The longest time that a solver may spend on one iteration before it is considered to hang, s.
@@ -89,13 +89,15 @@ class SolverService:
     ) -> None:
         self.stop()
 
-    def preload(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process make the kernels of the system of a coming problem ready.
+    def preload(
+        self, system: System, scheme: RungeKutta = Problem.scheme, observed: Sequence[Observation] = ()
+    ) -> None:
+        """Let the process make the kernels of the system of a coming problem ready, and of what is observed of it.
 
         Queued while a solve is running: the worker does not read its input then, and a full pipe would deadlock.
         """
         if self._process is not None:
-            self._sender.pack(messages.PreloadRequest(system, scheme))
+            self._sender.pack(messages.PreloadRequest(system, scheme, tuple(one.values for one in observed)))
             if not self._solving:
                 self._deliver()
 

@@ -7,9 +7,11 @@ progress to Python's `sys.stdout` only; here it is read line by line and turned 
 import contextlib
 import io
 import logging
+import math
 import os
 import re
 import sys
+import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import replace
@@ -44,6 +46,9 @@ LARGE = 4000
 Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has for what is to come.
 """
 
+REPORT_SECONDS = 0.05
+"""The least time between two reports, s: people read no faster, and of the search's time reports of all took 5 %."""
+
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 
@@ -54,18 +59,33 @@ Structure = tuple[str, bytes]
 
 
 class ProgressReader(io.TextIOBase):
-    """A stand-in for standard output that turns iteration lines into reports and drops all else."""
+    """A stand-in for standard output that turns iteration lines into reports and drops all else.
 
-    def __init__(self, replies: Outbox) -> None:
-        self._replies = replies
-        self._line = ""
+    Args:
+        replies: where reports go.
+        least_seconds: the time after a report within which no other follows, s.
+    """
+
+    def __init__(self, replies: Outbox, least_seconds: float = REPORT_SECONDS) -> None:
+        self._replies, self._least_seconds = replies, least_seconds
+        self._line, self._reported = "", -math.inf
+        self._waiting: IterationReport | None = None
 
     def write(self, text: str) -> int:
         *lines, self._line = (self._line + text).split("\n")
         for line in lines:
             if match := _ITERATION.match(line):
-                self._replies.send(IterationReport(int(match[1]), float(match[2]), float(match[3])))
+                self._waiting = IterationReport(int(match[1]), float(match[2]), float(match[3]))
+                if time.monotonic() >= self._reported + self._least_seconds:
+                    self.report()
         return len(text)
+
+    def report(self) -> None:
+        """Report the last iteration, unless that was done."""
+        if self._waiting is not None:
+            self._reported = time.monotonic()
+            self._replies.send(self._waiting)
+            self._waiting = None
 
 
 class NoticeHandler(logging.Handler):
@@ -100,8 +120,10 @@ class SolveServer:
         return prepared.solve(layout, request.guess, request.multipliers)
 
     def preload(self, request: PreloadRequest) -> None:
-        """Make the kernels of a system ready."""
-        self._kernels_of(request.system, request.scheme)
+        """Make the kernels of a system and of observations ready."""
+        kernels = self._kernels_of(request.system, request.scheme)
+        for values in request.observed:
+            kernels.observations.kernel(values)
 
     def _make_room(self, intervals: int, most: int) -> None:
         """Forget the problems that were not asked for longest, so that there are at most so many intervals."""
@@ -163,7 +185,7 @@ def main() -> None:
     asked, answers = process.take_streams()
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
-    sys.stdout = ProgressReader(replies)
+    sys.stdout = progress = ProgressReader(replies)
     interposition.install()  # before fatrop is loaded
     receiver = Receiver(asked)
     requests = Inbox(asked, partial(_read, receiver)).start()
@@ -177,7 +199,9 @@ def main() -> None:
             if isinstance(request, PreloadRequest):
                 server.preload(request)
             else:
-                replies.send(server.solve(request))
+                solution = server.solve(request)
+                progress.report()
+                replies.send(solution)
         except BrokenPipeError:
             return
         except Exception as error:  # whatever it is, the other side must hear of it
