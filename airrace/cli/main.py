@@ -9,20 +9,14 @@ from typing import Annotated, cast
 
 import typer
 
-from airrace.cli.aircraft import aircraft
-from airrace.cli.batch import batch
-from airrace.cli.courses import check, doctor, init, schema, tracks
-from airrace.cli.design import design
-from airrace.cli.fairness import fairness
-from airrace.cli.films import card, film
-from airrace.cli.fit import fit
-from airrace.cli.flights import brief, compare, export, import_log, plot, report
-from airrace.cli.footprint import footprint
+from airrace.cli.aircraft import aircraft, fit
+from airrace.cli.batch import batch, fairness, sweep
+from airrace.cli.courses import check, design, doctor, init, schema, tracks
+from airrace.cli.flights import brief, card, compare, export, film, import_log, plot, report
 from airrace.cli.optimize import optimize, resume
 from airrace.cli.options import Command
 from airrace.cli.runs import sensitivity, show, verify
-from airrace.cli.safety import safety
-from airrace.cli.sweep import sweep
+from airrace.cli.safety import footprint, safety
 from airrace.runs.command_result import ExitCode
 
 app = typer.Typer(

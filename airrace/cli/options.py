@@ -95,6 +95,9 @@ TrackFile = Annotated[
     ),
 ]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint of a run.")]
+AnyFlight = Annotated[
+    str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.")
+]
 FlightNames = Annotated[
     list[str],
     typer.Argument(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass."),
@@ -129,6 +132,12 @@ Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; 
 Timeout = Annotated[
     float | None,
     typer.Option(metavar="SECONDS", help="Stop after this time, with what is finished; `resume` goes on from there."),
+]
+
+# Flight logs.
+CsvColumns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=HEADER", help="One column, e.g. 'altitude=GPS alt [ft]'; as often as you like."),
 ]
 
 # What is written, and how.
