@@ -40,10 +40,10 @@ from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
 from airrace.standard_streams import STANDARD
-from airrace.views.plain_console import PlainConsole
 from airrace.views.plain_text import SafeStream
 from airrace.views.progress_view import commands_cursor
 from airrace.views.tables import Column, Table
+from airrace.views.terminal import PlainConsole
 
 
 @record

@@ -212,7 +212,7 @@ def footprint(
 def _texts(found: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
     from airrace.cli.tables import PAGE, render
-    from airrace.views.footprint_tables import facts, falls_table, people_table
+    from airrace.views.safety_views import facts, falls_table, people_table
 
     yield render(falls_table(found, flight), columns=PAGE)
     people = people_table(found, flight)

@@ -7,8 +7,8 @@ import sys
 
 from rich.console import Console, RenderableType
 
-from airrace.views.plain_console import PlainConsole
 from airrace.views.tables import Table
+from airrace.views.terminal import PlainConsole
 
 UNLIMITED_WIDTH = 200
 """Columns that are enough for every table where no terminal sets a limit."""

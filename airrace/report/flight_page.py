@@ -27,8 +27,7 @@ from airrace.results.cues import cues_of
 from airrace.results.leg_facts import Range, leg_facts
 from airrace.results.sustained_load import sustained_loads
 from airrace.results.time_loss import time_loss
-from airrace.views.coloured_track import by_loss, by_speed
-from airrace.views.map_model import MapModel, map_model
+from airrace.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
 from airrace.views.stage_tables import NOTE, cue_table, distance_table

@@ -243,7 +243,7 @@ def flight_footprint(
     ensure_footprint_file(output)
     suffix = output.suffix.lower()
     if suffix in FORMATS:
-        from airrace.views.footprint_figure import footprint_figure
+        from airrace.views.safety_views import footprint_figure
 
         save_figure(footprint_figure(found, flight), output)
     elif suffix == ".csv":

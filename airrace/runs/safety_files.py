@@ -43,10 +43,8 @@ from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.result import ENVELOPE, LOAD, Count, SafetyResult, fewest
 from airrace.standard_streams import STANDARD
 from airrace.views.drawing import Figure, ensure_drawable, figure_address, save_figure
-from airrace.views.envelope_figure import envelope_figure
-from airrace.views.footprint_figure import footprint_figure
-from airrace.views.footprint_tables import facts, falls_table, people_table, wind_text
 from airrace.views.plain_text import escape_html
+from airrace.views.safety_views import envelope_figure, facts, falls_table, footprint_figure, people_table, wind_text
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.views.tables import Column, Table, Value
 

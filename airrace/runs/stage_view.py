@@ -29,8 +29,7 @@ from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
 from airrace.sensitivity.sensitivity import Sensitivity
 from airrace.trajectory import Trajectory
-from airrace.views.coloured_track import by_speed
-from airrace.views.map_model import map_model
+from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
 from airrace.views.stage_tables import certificate_table, splits_table

@@ -13,8 +13,20 @@ from airrace.records import record
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import Drawing
 from airrace.trajectory import Array
-from airrace.views.drawing import AMBER, BLACK, BLUE, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas
-from airrace.views.labels import Box, place_labels
+from airrace.views.drawing import (
+    AMBER,
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREY,
+    RED,
+    Axes,
+    Box,
+    Figure,
+    new_figure,
+    place_labels,
+    without_formulas,
+)
 from airrace.views.map_model import MapLine, MapModel, Mark, coordinates
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}

@@ -14,10 +14,9 @@ from airrace.results import Flight
 from airrace.results.comparison import Comparison
 from airrace.results.flight import legs_of, way
 from airrace.trajectory import Array
-from airrace.views.coloured_track import LOSS_COLOURS, by_loss
 from airrace.views.course_figure import draw_map, frame_of, write_labels
 from airrace.views.drawing import BLACK, COLOURS, GREY, RED, Axes, Figure, new_figure, without_formulas
-from airrace.views.map_model import MapModel, map_model
+from airrace.views.map_model import LOSS_COLOURS, MapModel, by_loss, map_model
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
 

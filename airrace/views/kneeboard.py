@@ -18,9 +18,8 @@ from airrace.results.cues import Cue, cues_of
 from airrace.results.leg_facts import leg_facts
 from airrace.trajectory import Array
 from airrace.views.course_figure import draw_map
-from airrace.views.drawing import BLACK, BLUE, GREY, Axes, Figure, new_figure, without_formulas
+from airrace.views.drawing import BLACK, BLUE, GREY, Axes, Box, Figure, new_figure, place_labels, without_formulas
 from airrace.views.flight_figures import draw_coloured, race_time_text
-from airrace.views.labels import Box, place_labels
 from airrace.views.map_model import MapModel, map_model, round_length
 from airrace.views.stage_tables import cue_text, place_text
 from airrace.views.tables import RACE, Column, Table, Units

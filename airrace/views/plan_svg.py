@@ -8,9 +8,8 @@ import numpy as np
 from airrace.records import record
 from airrace.track.course import CrowdShape
 from airrace.trajectory import Array
-from airrace.views.coloured_track import ColouredTrack
-from airrace.views.labels import Box, place_labels
-from airrace.views.map_model import MapModel, coordinates, round_length
+from airrace.views.drawing import AMBER, BLACK, BLUE, RED, Box, place_labels
+from airrace.views.map_model import ColouredTrack, MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
 
 
@@ -38,7 +37,7 @@ class SvgStyle:
 
 
 STYLE = SvgStyle()
-BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34568b"
+GREY = "#9a9a9a"  # lighter than on paper
 
 
 @record

@@ -28,8 +28,7 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
             yield Silent()
     elif commands_cursor(sys.stderr):
         # Imported here: what draws takes a twentieth of a second to load, and most runs have no terminal.
-        from airrace.views.live import LiveView
-        from airrace.views.plain_console import PlainConsole
+        from airrace.views.terminal import LiveView, PlainConsole
 
         view = LiveView(title, PlainConsole(file=cast(TextIO, SafeStream(sys.stderr, commanded=True))), stages)
         with view.live, _logged_by(_Lines(view.live.console.print)):

@@ -15,8 +15,7 @@ from airrace.results import Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.results.time_loss import Cause, loss_along, loss_parts, time_loss
 from airrace.runs.json_objects import comparison_object
-from airrace.views.coloured_track import LOSS_COLOURS, by_loss
-from airrace.views.map_model import map_model
+from airrace.views.map_model import LOSS_COLOURS, by_loss, map_model
 from airrace.views.plan_svg import plan_svg
 
 RADIUS = 400.0

@@ -29,7 +29,7 @@ from airrace.runs.safety_rose import SafetyRose, fly_runs
 from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.drawing import figure_address
-from airrace.views.envelope_figure import BANDS, envelope_figure
+from airrace.views.safety_views import BANDS, envelope_figure
 
 CROWD = "crowd: {stands: {polygon: [{north_m: 500, east_m: 400}, {north_m: 600, east_m: 400}, \
 {north_m: 600, east_m: 450}], distance_m: 100}}\n"

@@ -24,15 +24,13 @@ from airrace.inputs.document import TRACKS
 from airrace.planning.plan import Race
 from airrace.track.gates import Gate
 from airrace.trajectory import Array
-from airrace.views.coloured_track import SPEED_COLOURS, by_speed
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_page
-from airrace.views.drawing import Figure
-from airrace.views.labels import Box, place_labels
-from airrace.views.map_model import map_model
-from airrace.views.plain_console import PlainConsole
+from airrace.views.drawing import Box, Figure, place_labels
+from airrace.views.map_model import SPEED_COLOURS, by_speed, map_model
 from airrace.views.plain_text import SafeStream, escape_html, keep_colours, plain
 from airrace.views.plan_svg import plan_svg
+from airrace.views.terminal import PlainConsole
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

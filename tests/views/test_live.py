@@ -10,8 +10,8 @@ from rich.console import Console
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import OUTCOMES, Status
 from airrace.procedure.stage import Stage
-from airrace.views.live import LiveView
 from airrace.views.progress_view import LINE_INTERVAL, PlainLines, outcome_line, watching
+from airrace.views.terminal import LiveView
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 

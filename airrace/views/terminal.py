@@ -1,13 +1,14 @@
-"""A live view of a run on a terminal: a panel that is drawn anew, finished stages above it."""
+"""What is drawn on a terminal: a console that texts cannot command, and on it the live view of a run, a panel."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -15,7 +16,18 @@ from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.records import record
+from airrace.views.plain_text import plain
 from airrace.views.progress_view import outcome_line, stage_number
+
+
+class PlainConsole(Console):
+    """A console whose contents cannot command the terminal; what it draws around them still does."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Render as the base class does, with plain texts."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=plain(segment.text))
+
 
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 
