@@ -20,8 +20,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from airrace.design.designer import Designer
-from airrace.design.track_file import ChangedOnDisk, StaleRevision
+from airrace.design.designer import ChangedOnDisk, Designer, StaleRevision
 from airrace.errors import AirraceError, InputError
 from airrace.records import record
 

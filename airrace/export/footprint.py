@@ -5,9 +5,8 @@ from datetime import datetime
 
 import numpy as np
 
-from airrace.export.antimeridian import Corner, cut_area
 from airrace.export.geojson import collection, feature, flight_entries
-from airrace.export.globe import add_element
+from airrace.export.globe import Corner, add_element, cut_area
 from airrace.export.kml import content_of, kml_document
 from airrace.results import Flight
 from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint

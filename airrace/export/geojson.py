@@ -7,8 +7,19 @@ from itertools import pairwise
 
 import numpy as np
 
-from airrace.export.antimeridian import Corner, cut_area, cut_line, unwrapped
-from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
+from airrace.export.globe import (
+    Corner,
+    Feature,
+    Shape,
+    courses,
+    cut_area,
+    cut_line,
+    features,
+    places,
+    printable,
+    stamp,
+    unwrapped,
+)
 from airrace.results import Flight, TimedCrossing
 
 

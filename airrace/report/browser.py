@@ -1,4 +1,4 @@
-"""A page in a Chromium that is installed, asked by the DevTools protocol over two pipes.
+"""A Chromium that is installed: pages printed to PDF, and a page asked by the DevTools protocol over two pipes.
 
 https://chromedevtools.github.io/devtools-protocol: messages are JSON, each ended by a null byte; the browser reads them
 from descriptor 3 and answers on descriptor 4.
@@ -9,6 +9,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import tempfile
 import time
 from collections.abc import Generator
@@ -24,6 +25,8 @@ BROWSERS = (
 """The names under which Chromium and its relatives lie on the path."""
 PATIENCE = 120.0
 """The time that a browser has for one answer, s: the first picture takes seconds where the processor draws it."""
+PRINTING = 180.0
+"""The time that it has to print, s."""
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """Pictures are drawn by the processor: their bits are then the same on every machine with this browser."""
 HARDWARE = ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
@@ -174,3 +177,27 @@ def _pipe() -> tuple[int, int]:
     for end in ends:
         os.close(end)
     return moved[0], moved[1]
+
+
+def print_pdf(page: str) -> bytes:
+    """Return a page of HTML as PDF.
+
+    Raises:
+        UsageError: there is no browser.
+        StorageError: it did not print.
+    """
+    browser = browser_path()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        html, pdf = folder / "page.html", folder / "page.pdf"
+        html.write_text(page, encoding="utf-8", errors="replace")
+        command = [browser, *switches(folder), "--disable-gpu"]
+        command += ["--no-pdf-header-footer", f"--print-to-pdf={pdf}", html.as_uri()]
+        try:
+            ran = subprocess.run(command, capture_output=True, timeout=PRINTING, check=False)
+            said = ran.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        except (OSError, subprocess.TimeoutExpired) as error:
+            said = [str(error)]
+        if not pdf.exists():
+            raise StorageError(f"{browser} did not print ({' '.join(said)}); write .html and print that from a browser")
+        return pdf.read_bytes()

@@ -15,7 +15,7 @@ from airrace.errors import UsageError
 from airrace.inputs.inputs import sources_of
 from airrace.inputs.variation import Variation
 from airrace.quantities import KNOT
-from airrace.report.browser import browser_path
+from airrace.report.browser import browser_path, print_pdf
 from airrace.report.document import (
     chapter,
     document_page,
@@ -26,7 +26,6 @@ from airrace.report.document import (
     signature_block,
     table_block,
 )
-from airrace.report.printing import print_pdf
 from airrace.results import Flight
 from airrace.results.clearances import least_distances, near_misses
 from airrace.results.sustained_load import SOURCE, TOLERATED, longest_stretch, sustained_loads

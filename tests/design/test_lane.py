@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from airrace.design import solving
+from airrace.design.designer import TrackFile
 from airrace.design.solving import Lane, Question
-from airrace.design.track_file import TrackFile
 from airrace.procedure.progress import Progress
 from airrace.procedure.stage import Stage
 

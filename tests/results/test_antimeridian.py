@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from airrace.export.antimeridian import cut_area, cut_line
+from airrace.export.globe import cut_area, cut_line
 
 
 def area(ring: list[list[float]]) -> float:

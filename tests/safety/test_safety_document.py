@@ -19,9 +19,9 @@ from airrace.errors import StorageError, UsageError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.inputs.air import Wind
 from airrace.inputs.inputs import sources_of
-from airrace.report import printing
+from airrace.report import browser
+from airrace.report.browser import browser_path, print_pdf
 from airrace.report.document import document_page
-from airrace.report.printing import browser_path, print_pdf
 from airrace.runs.run import RunState, new_run
 from airrace.runs.safety_case import SafetyCase
 from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
@@ -290,7 +290,7 @@ def test_a_browser_that_does_not_print_is_told(tmp_path: Path, monkeypatch: pyte
     broken = tmp_path / "chromium"
     broken.write_text("#!/bin/sh\necho no display >&2\n", encoding="utf-8")
     broken.chmod(0o755)
-    monkeypatch.setattr(printing, "browser_path", lambda: str(broken))
+    monkeypatch.setattr(browser, "browser_path", lambda: str(broken))
     with pytest.raises(StorageError, match="did not print"):
         print_pdf("<p>words</p>")
 
