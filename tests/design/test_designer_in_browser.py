@@ -106,7 +106,7 @@ def test_the_scene_stands_beside_the_plan_and_follows_it(desk: Desk) -> None:
 def test_gates_of_two_names_that_are_one_pylon_move_together(desk: Desk) -> None:
     desk.settle()
     found = desk.page.evaluate("""async () => {
-      const { together } = await import("./script/hand.js");
+      const { together } = await import("./script/plan.js");
       const piece = (name, north, group = "gates") => (
         { path: [group, name], spots: [{ path: [group, name], north, east: 2 }] });
       const all = [piece("a", 1), piece("b", 1.001), piece("c", 1.1), piece("d", 1, "obstacles")];

@@ -1,6 +1,6 @@
 // The side of the page: race times, sliders, passings, distances, warnings, and the numbers of the chosen piece.
 
-import { predicted } from "./hand.js";
+import { predicted } from "./plan.js";
 
 const SLIDERS = [
   ["Wind, kt", ["environment.wind.speed_kt"], 0, 30, 0.5],
