@@ -10,7 +10,7 @@ from playwright.sync_api import Browser
 
 pytestmark = pytest.mark.slow
 CLEAR = 13.0
-"""What a camera keeps from every way, m; as in television.js."""
+"""What a camera keeps from every way, m; as in cameras.js."""
 
 
 def test_the_shots_follow_one_another_from_the_start_to_the_finish(laptop: Opened) -> None:

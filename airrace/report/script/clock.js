@@ -1,6 +1,6 @@
 // The one clock of the page, and what leads and follows it: buttons, a slider, keys, and the tables.
 
-import { written } from "./numbers.js";
+import { written } from "./values.js";
 
 export class Clock {
   constructor(duration) {

@@ -1,8 +1,7 @@
 // What is chosen over the scene by buttons, and by fingers, mouse and wheel: view, colour, size, turn, move, zoom.
 
 import { Vector3 } from "three";
-import { extent, written } from "./numbers.js";
-import { rangeOf, stops } from "./palette.js";
+import { extent, rangeOf, stops, written } from "./values.js";
 
 const BAR = 110; // pixels, about, of the bar of the scale
 

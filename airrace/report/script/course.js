@@ -19,8 +19,8 @@ import {
   Vector3,
 } from "three";
 import { placed } from "./flight.js";
-import { themed } from "./palette.js";
-import { once } from "./shadow.js";
+import { once } from "./ground.js";
+import { themed } from "./values.js";
 
 const FOOT = 2.5; // m, radius of an inflated pylon at the ground
 const TOP = 0.4; // m, at its top

@@ -1,4 +1,5 @@
-// Sky, sun, water and land around the course: shaders that read one texture of noise, whose mipmaps leave no moiré.
+// Sky, sun, water and land around the course, and shadows on it: shaders that read one texture of noise, whose mipmaps
+// leave no moiré; shapes laid flat along the sun's rays, each spot darkened once.
 
 import {
   BackSide,
@@ -8,9 +9,12 @@ import {
   Group,
   LinearFilter,
   LinearMipmapNearestFilter,
+  Matrix4,
   Mesh,
   MeshBasicMaterial,
+  NotEqualStencilFunc,
   RepeatWrapping,
+  ReplaceStencilOp,
   ShaderMaterial,
   Shape,
   ShapeGeometry,
@@ -18,8 +22,7 @@ import {
   Vector3,
 } from "three";
 import { placed } from "./flight.js";
-import { roundStep } from "./numbers.js";
-import { themed } from "./palette.js";
+import { roundStep, themed } from "./values.js";
 
 const FAR = 55000; // m, the radius of the ground
 const LINES = 14; // of the grid, about, along the longer side of the course
@@ -29,7 +32,7 @@ const TEXELS = 256;
 const OCTAVES = 5;
 
 /** The direction to the sun; south of the equator it stands in the north. */
-export function sunOf(latitude) {
+function sunOf(latitude) {
   return new Vector3(SUN[0], SUN[1], latitude < 0 ? -SUN[2] : SUN[2]).normalize();
 }
 
@@ -269,3 +272,34 @@ void main() {
   gl_FragColor = vec4(mix(colour, mix(horizon, zenith, 0.25), air), 1.0);
   #include <colorspace_fragment>
 }`;
+
+const DARK = 0.34;
+const NUMBER = 254; // in the stencil, of all shadows
+
+/** A material that paints no spot twice, however its triangles overlap. */
+export function once(material, number) {
+  const stencil = { stencilWrite: true, stencilRef: number, stencilFunc: NotEqualStencilFunc };
+  return Object.assign(material, stencil, { stencilZPass: ReplaceStencilOp });
+}
+
+/** The shadow of an object with all its parts; `follow()` moves it after the object has been moved. */
+export function shadowOf(object, sun) {
+  const look = { color: "#04121c", transparent: true, opacity: DARK, depthWrite: false };
+  const material = once(new MeshBasicMaterial(look), NUMBER);
+  const group = new Group();
+  const flat = new Matrix4().set(1, -sun.x / sun.y, 0, 0, 0, 0, 0, 0, 0, -sun.z / sun.y, 1, 0, 0, 0, 0, 1);
+  const pairs = [];
+  object.traverse((part) => {
+    if (!part.isMesh || part.material.opacity < 0.3) return;
+    const mesh = new Mesh(part.geometry, material);
+    Object.assign(mesh, { matrixAutoUpdate: false, frustumCulled: false, renderOrder: -6 });
+    pairs.push([mesh, part]);
+    group.add(mesh);
+  });
+  group.follow = () => {
+    object.updateMatrixWorld(true);
+    for (const [mesh, part] of pairs) mesh.matrix.multiplyMatrices(flat, part.matrixWorld);
+  };
+  group.follow();
+  return group;
+}

@@ -2,13 +2,11 @@
 
 import { Clock, Transport, linkFlights, linkTables, showReadings, watchKeys } from "./clock.js";
 import { Controls } from "./controls.js";
-import { Film } from "./film.js";
 import { Flight } from "./flight.js";
-import { Graphics } from "./graphics.js";
-import { differencesOf, written } from "./numbers.js";
-import { watchTheme } from "./palette.js";
+import { Film, Graphics } from "./graphics.js";
 import { RaceScene } from "./scene.js";
 import { Strips } from "./strips.js";
+import { differencesOf, watchTheme, written } from "./values.js";
 
 const PICTURES = [
   ["above", 540, 390],
@@ -18,7 +16,7 @@ const PICTURES = [
 const WIDTH = 700; // pixels: what a page takes between its margins
 
 /** Make the page ready before it is printed, and put it back afterwards. */
-export function watchPrinting(element, scene, controls, strips, clock, forceTheme) {
+function watchPrinting(element, scene, controls, strips, clock, forceTheme) {
   window.addEventListener("beforeprint", () => {
     clock.stop();
     forceTheme("light");

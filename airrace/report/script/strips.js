@@ -1,8 +1,7 @@
 // Histories over time, one strip per kind of quantity, with limits and gates drawn and the clock's time marked in all.
 
 import { uPlot } from "uplot";
-import { ghostColour, ghostName, themed } from "./palette.js";
-import { extent, indexBefore, signed, written } from "./numbers.js";
+import { extent, ghostColour, ghostName, indexBefore, signed, themed, written } from "./values.js";
 
 const HEIGHT = 118; // pixels of a strip
 const NEAR = 0.6; // of its own extent, within which a limit beyond the data is still shown
