@@ -11,7 +11,6 @@ import html
 import math
 import string
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,10 +35,13 @@ from airrace.views.tables import Cell, Column, Table
 if TYPE_CHECKING:
     from airrace.safety.result import SafetyResult
 
-STYLES = (
-    LIBRARIES / "uplot" / "uPlot.min.css",
-    FOLDER / "style" / "page.css",
-)
+STYLES = (LIBRARIES / "uplot" / "uPlot.min.css", FOLDER / "style" / "page.css")
+SCENE_ALONE = """/* Nothing but the scene and its transport, in the whole window. */
+.mast, .tables, .strips-head, .strips, .plan, footer, .transport .full { display: none !important; }
+body, main, .stage { margin: 0; padding: 0; max-width: none; }
+.watch { display: grid; grid-template-rows: minmax(0, 1fr) auto; height: 100vh; gap: 0; }
+.watch .scene { height: 100%; border: 0; border-radius: 0; }
+"""
 READINGS = (
     ("Indicated", "V_I", "kt", 0, 0),
     ("Height", "height", "m", 0, 0),
@@ -53,7 +55,7 @@ READINGS = (
 
 def scene_page(flight: Flight) -> str:
     """Return the page about a flight with nothing but its scene, which fills the window."""
-    return flight_page([flight], styles=[*STYLES, FOLDER / "style" / "scene_alone.css"])
+    return flight_page([flight], style=SCENE_ALONE)
 
 
 def flight_page(
@@ -63,7 +65,7 @@ def flight_page(
     *,
     claim: str = "",
     envelope: "SafetyResult | None" = None,
-    styles: Sequence[Path] = STYLES,
+    style: str = "",
 ) -> str:
     """Return the page about some flights as HTML.
 
@@ -73,7 +75,7 @@ def flight_page(
         footer: plain text.
         claim: what is claimed of the first flight; the badge tells it and leads to the section `claim` among
             `sections`. Empty for its verdict alone.
-        styles: files of CSS, in this order.
+        style: CSS that comes after the page's own.
 
     Raises:
         UsageError: a flight is of a course with other passings.
@@ -86,7 +88,8 @@ def flight_page(
     lost = [loss_section(one, map_) for one in comparisons]
     sections = [*lost, *facts, *losses, *sections]
     track = np.stack([first["x"], first["y"]], axis=1)
-    style, script = "\n".join(path.read_text(encoding="utf-8") for path in styles), page_script()
+    style = "\n".join([*(path.read_text(encoding="utf-8") for path in STYLES), *[style] * bool(style)])
+    script = page_script()
     misses = len(near_misses(first))
     near = f", {misses} pylons too near" if misses else ""
     confirmation = first.source.confirmation
