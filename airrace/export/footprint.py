@@ -1,5 +1,7 @@
 """Footprints in files: outlines on the globe beside course and flight, all impacts as comma-separated values."""
 
+import csv
+import io
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -68,12 +70,14 @@ def footprint_csv(footprint: Footprint) -> str:
     glide[footprint.glide_rows] = footprint.reach.straight
     columns |= {"glide_north_m": glide[:, 0], "glide_east_m": glide[:, 1]}
     columns |= {f"{one.name}_distance_m": footprint.distances(one) for one in footprint.race.course.crowd}
-    labels = footprint.labels
-    lines = [f"# {NOT_AN_AUTHORITYS}", f"# glides: one for every {every} instants"]
-    lines.append(",".join(["flight", *map(_quote, columns)]))
+    text = io.StringIO(newline="")
+    text.write(f"# {NOT_AN_AUTHORITYS}\n# glides: one for every {every} instants\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["flight", *columns])
     rows = np.stack(list(columns.values()), axis=1).tolist()
-    texts = (",".join("" if value != value else f"{value + 0.0:.10g}" for value in row) for row in rows)
-    return "\n".join([*lines, *(f"{_quote(label)},{text}" for label, text in zip(labels, texts, strict=True)), ""])
+    for label, row in zip(footprint.labels, rows, strict=True):
+        writer.writerow([label, *("" if value != value else f"{value + 0.0:.10g}" for value in row)])
+    return text.getvalue()
 
 
 def _layers(footprint: Footprint) -> list[tuple[str, Sequence[Outline]]]:
@@ -94,7 +98,3 @@ def _close(ring: Array, origin: Origin) -> list[list[float]]:
     latitude, longitude = geodetic(ring[:, 0], ring[:, 1], origin)
     places = np.round(np.degrees(np.stack([longitude, latitude], axis=1)), 7)
     return [*places.tolist(), places[0].tolist()]
-
-
-def _quote(text: str) -> str:
-    return '"' + text.replace('"', '""') + '"' if any(sign in text for sign in ',"\n') else text

@@ -113,9 +113,6 @@ class Strip:
     wraps: float | None = None
     least: float = 1.0
 
-    def has_history(self, flight: Flight) -> bool:
-        return any(name in flight for name, _ in self.lines)
-
 
 STRIPS = (
     Strip("Speed", "kt", KNOT, (("V_I", "indicated"), ("V_A", "true"), ("V_K", "over ground")), ("V_K",), least=5.0),
@@ -174,7 +171,9 @@ def contents_of(
             {**_flight(one, label), "envelope": _envelope(envelope, first) if one is first and envelope else None}
             for one, label in zip(flights, short_labels(flights), strict=True)
         ],
-        "strips": [_strip(one, first) for one in STRIPS if any(map(one.has_history, flights))],
+        "strips": [
+            _strip(one, first) for one in STRIPS if any(name in flight for flight in flights for name, _ in one.lines)
+        ],
         "colours": [one for one in COLOURS if one["history"] in first],
         "differences": [
             {"flight": number, "time": pack(time), "difference": pack(lost)}

@@ -5,7 +5,6 @@ there is no address from which anything could be fetched. Pictures exist only as
 """
 
 import base64
-import functools
 import hashlib
 import html
 import math
@@ -102,7 +101,8 @@ def flight_page(
     if claim:
         words = escape_html(claim + near)
         verdict = f'<a {look} href="#claim" title="What this does not say">{words}</a>'
-    return _template().substitute(
+    template = string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
         policy=f"default-src 'none'; script-src {_hash(script)}; style-src-elem {_hash(style)}; "
         "style-src-attr 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
@@ -124,11 +124,6 @@ def flight_page(
         contents=as_json(contents_of(flights, comparisons, map_, envelope)),
         script=script,
     )
-
-
-@functools.cache
-def _template() -> string.Template:
-    return string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
 
 
 def _hash(text: str) -> str:
