@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.answer import answer_with_files, answering, ensure_room, render
 from airrace.cli.options import (
     AsJson,
     CsvColumns,
@@ -64,7 +64,6 @@ def aircraft(
     """
     arguments = dict(locals())
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.cli.tables import render
         from airrace.runs.aircraft import MEASURES, estimate_aircraft
 
         ensure_room(output, as_json=as_json)
@@ -103,7 +102,6 @@ def fit(
     is marked so in the file. Bias and scatter are measured on the optimum of the fitted aircraft: a minute or two.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.cli.tables import render
         from airrace.procedure.stage import STAGES
         from airrace.runs.fit import fit as fit_aircraft
         from airrace.standard_streams import stem_of

@@ -1,12 +1,19 @@
-"""The end of a command: one JSON object or a few lines, and an exit code. Never a raw traceback."""
+"""What commands print: tables and pictures as text, and in the end one JSON object or a few lines, and an exit code.
 
+Never a raw traceback.
+"""
+
+import codecs
+import io
 import json
 import logging
+import math
 import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,9 +22,17 @@ from airrace.errors import UsageError
 from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
 from airrace.standard_streams import STANDARD, abandon_stdout
 from airrace.views.plain_text import keep_colours, one_line
+from airrace.views.tables import Table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 FINDINGS_SHOWN = 20
 """The largest number of findings that are printed for people."""
+UNLIMITED_WIDTH = 200
+"""Columns that are enough for every table where no terminal sets a limit."""
+PAGE = 80
+"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 
 @contextmanager
@@ -108,3 +123,64 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
         print(f"... (the first {FINDINGS_SHOWN} are shown; --json has more)", file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)
+
+
+def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH) -> str:
+    """Return a table or a picture as text for stdout.
+
+    Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
+    are of ASCII.
+
+    A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
+
+    Args:
+        content: what is shown.
+        columns: to use where there is no terminal; more where the content cannot be narrower.
+    """
+    from airrace.views.terminal import PlainConsole  # imported here, for it takes 0.05 s to load
+
+    drawing = content.rich() if isinstance(content, Table) else content
+    terminal = sys.stdout.isatty()
+    written = io.BytesIO()
+    text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
+    console = PlainConsole(
+        file=text,
+        force_terminal=terminal,
+        no_color=None if terminal else True,
+        width=None if terminal else columns,
+        highlight=False,
+    )
+    narrowest = console.measure(drawing, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
+    console.width = max(console.width, narrowest)
+    console.print(drawing)
+    text.flush()
+    return "\n".join(line.rstrip() for line in written.getvalue().decode(_encoding()).splitlines())
+
+
+def takes_unicode() -> bool:
+    """Return whether stdout can show more than ASCII."""
+    return _encoding().startswith("utf")
+
+
+def full_columns(table: Table) -> int:
+    """Return the columns that a table takes where nothing limits it."""
+    from airrace.views.terminal import PlainConsole  # as above
+
+    return PlainConsole(file=io.StringIO(), width=10_000).measure(table.rich()).maximum  # columns that limit no table
+
+
+def terminal_columns() -> int | None:
+    """Return the columns of the terminal behind stdout; None if there is none."""
+    from rich.console import Console  # as above
+
+    return Console().width if sys.stdout.isatty() else None
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number with so many decimals, a dash where it is not finite."""
+    return f"{value:z.{digits}f}" if math.isfinite(value) else "-"
+
+
+def _encoding() -> str:
+    """Return the encoding of stdout, as Python spells it."""
+    return codecs.lookup(sys.stdout.encoding or "utf-8").name

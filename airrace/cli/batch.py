@@ -13,7 +13,7 @@ import typer
 
 from airrace import interrupts
 from airrace.batch import BatchOptions
-from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.answer import answer_with_files, answering, ensure_room, render
 from airrace.cli.options import (
     AsJson,
     DryRun,
@@ -180,7 +180,6 @@ def sweep(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.batch.sweep import ensure_sweep_file
         from airrace.batch.sweep import sweep as solve_sweep
-        from airrace.cli.tables import render
         from airrace.runs.command_result import ExitCode
         from airrace.runs.output import ensure_free
         from airrace.views.tables import Table
@@ -256,7 +255,6 @@ def fairness(
             ensure_unread([csv_file], documents_of(load_inputs(track, settings=settings, overrides=overrides or ())))
         from airrace.batch.fairness import fairness as find_fairness
         from airrace.batch.planning import parse_sweeps
-        from airrace.cli.tables import render
         from airrace.runs.command_result import ExitCode
 
         found = find_fairness(

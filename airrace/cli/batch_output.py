@@ -34,7 +34,7 @@ from airrace.batch.reports import (
     wind_words,
 )
 from airrace.batch.supervision import StageFinished, Watcher
-from airrace.cli.tables import full_columns, render, terminal_columns
+from airrace.cli.answer import full_columns, render, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode, worst

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.answer import answer_with_files, answering, ensure_room, render, takes_unicode, terminal_columns
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
@@ -48,7 +48,6 @@ def check(
             ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
         from airrace.cli.plan_view import LIMITS, plan_view
-        from airrace.cli.tables import render, takes_unicode, terminal_columns
         from airrace.inputs import load_inputs
         from airrace.runs.courses import check_course
 
@@ -106,7 +105,6 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering(as_json=as_json, verbose=verbose) as answer:
         from textwrap import fill
 
-        from airrace.cli.tables import render
         from airrace.runs.courses import catalogue
         from airrace.views.tables import Column, Table
 

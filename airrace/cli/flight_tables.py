@@ -5,8 +5,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import cast
 
+from airrace.cli.answer import PAGE, render
 from airrace.cli.run_tables import distance_tables, laps_lines, leg_tables
-from airrace.cli.tables import PAGE, render
 from airrace.logs.violations import shown
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
 import typer
 from typer.core import TyperGroup
 
-from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.answer import PAGE, answer_with_files, answering, ensure_room, render, takes_unicode
 from airrace.cli.options import (
     AircraftFile,
     AnyFlight,
@@ -119,7 +119,6 @@ def brief(
 ) -> None:
     """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.cli.tables import PAGE, render, takes_unicode
         from airrace.errors import UsageError
         from airrace.runs.brief import Brief
         from airrace.runs.flight_sources import open_flight

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
-from airrace.cli.tables import PAGE, number, render
+from airrace.cli.answer import PAGE, number, render
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, RefinementReason, StageResult, Status
 from airrace.procedure.stage import Stage

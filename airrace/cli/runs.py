@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from airrace.cli.answer import answering
+from airrace.cli.answer import answering, render, terminal_columns
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
@@ -213,8 +213,6 @@ def _fly(
 
         answer.texts.extend(flight_texts(replace(plan, run=run), results))
         if reserve is not None:
-            from airrace.cli.tables import render
-
             answer.texts.append(render(reserve.table()))
 
 
@@ -285,7 +283,6 @@ def verify(
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import LogCheckpoint, read_stored
         from airrace.cli.run_tables import items_table
-        from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.command_result import ExitCode
@@ -360,7 +357,6 @@ def sensitivity(
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.cli.flight_tables import sensitivities_csv, sensitivities_text
-        from airrace.cli.tables import terminal_columns
         from airrace.errors import UsageError
         from airrace.runs.run import open_run
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from airrace.cli.answer import answer_with_files, answering, ensure_room
+from airrace.cli.answer import PAGE, answer_with_files, answering, ensure_room, render
 from airrace.cli.options import (
     AnyFlight,
     AsJson,
@@ -102,7 +102,6 @@ def safety(
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.api import Run, optimize
-        from airrace.cli.tables import render
         from airrace.errors import UsageError
         from airrace.inputs.air import winds_named
         from airrace.runs.command_result import ExitCode
@@ -211,7 +210,6 @@ def footprint(
 
 def _texts(found: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
-    from airrace.cli.tables import PAGE, render
     from airrace.views.safety_views import facts, falls_table, people_table
 
     yield render(falls_table(found, flight), columns=PAGE)

@@ -28,8 +28,8 @@ from airrace.batch.reports import (
     wind_summaries,
     wind_words,
 )
+from airrace.cli.answer import render, terminal_columns
 from airrace.cli.batch_output import LIMITS, fold_name, ranking_tables, wind_tables
-from airrace.cli.tables import render, terminal_columns
 from airrace.errors import Finding
 from airrace.procedure.stage import STAGES
 

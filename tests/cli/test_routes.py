@@ -16,8 +16,8 @@ from fake_optimizer import stage_result
 import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
+from airrace.cli.answer import render
 from airrace.cli.run_tables import TABLE, result_tables
-from airrace.cli.tables import render
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Route, SearchReport, StageResult

@@ -11,11 +11,10 @@ import pytest
 import typer
 from fake_optimizer import solve_single_mesh, stage_result
 
-from airrace.cli.answer import answering
+from airrace.cli.answer import answering, render
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
 from airrace.cli.run_tables import items_table, mesh_table, result_tables, stages_table
-from airrace.cli.tables import render
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS

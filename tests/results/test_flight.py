@@ -13,9 +13,9 @@ from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
 from airrace.cli import run_tables
+from airrace.cli.answer import render
 from airrace.cli.main import app
 from airrace.cli.run_tables import comparison_texts, near_miss_table
-from airrace.cli.tables import render
 from airrace.environment.atmosphere import StaticWind, g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
