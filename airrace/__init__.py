@@ -13,13 +13,13 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
-    from airrace.aircraft.aircraft import Aircraft
+    from airrace.aircraft import Aircraft
     from airrace.api import Run, check, import_log, open, optimize, resume, schema, tracks
     from airrace.batch import optimize_many
     from airrace.batch.fairness import fairness
     from airrace.batch.reports import BatchResult
     from airrace.batch.sweep import SweepResult, sweep
-    from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
+    from airrace.environment import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
     from airrace.optimal_control.certificate import Certificate
@@ -112,13 +112,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "airrace.aircraft.aircraft": ("Aircraft",),
+    "airrace.aircraft": ("Aircraft",),
     "airrace.inputs": ("Inputs", "load_inputs"),
     "airrace.batch": ("optimize_many",),
     "airrace.batch.fairness": ("fairness",),
     "airrace.batch.reports": ("BatchResult",),
     "airrace.batch.sweep": ("SweepResult", "sweep"),
-    "airrace.environment.atmosphere": ("Air", "Profile", "StaticWind", "Thermal"),
+    "airrace.environment": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
     "airrace.planning.plan": ("Race",),

@@ -1,17 +1,20 @@
-"""Controlled dynamical systems: named states, controls and parameters, and casadi functions of them.
+"""Controlled dynamical systems: named states, controls and parameters, and casadi functions of them at many points.
 
 Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
 """
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector, vector
 from airrace.records import record
+from airrace.trajectory import Array
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
 
@@ -144,10 +147,10 @@ def system_of(
         states=State.quantities(),
         controls=Control.quantities(),
         parameters=(),
-        rates=ca.Function("rates", [x, u, p], [_column(rates(state, control))]),
+        rates=ca.Function("rates", [x, u, p], [column(rates(state, control).join())]),
         path=Path.quantities(),
-        path_values=ca.Function("path", [x, u, p], [_column(path(state, control))]) if path else None,
-        projection=ca.Function("project", [x], [_column(projection(state))]) if projection else None,
+        path_values=ca.Function("path", [x, u, p], [column(path(state, control).join())]) if path else None,
+        projection=ca.Function("project", [x], [column(projection(state).join())]) if projection else None,
     )
 
 
@@ -163,10 +166,109 @@ def observation_of(
         observe: maps x, with SX components, to the observed quantities as a Seen.
     """
     x, b = ca.SX.sym("x", State.size()), ca.SX.sym("b", 0)
-    values = ca.Function("observe", [x, b], [_column(observe(State.split(x)))])
+    values = ca.Function("observe", [x, b], [column(observe(State.split(x)).join())])
     return Observation(name, Seen.quantities(), (), values)
 
 
-def _column(components: Vector[Any]) -> ca.SX:
-    """Stack the components as a column, shape (n,); numbers among them become constants."""
-    return _vertcat(*components.join())
+def at_points(function: ca.Function, *arguments: Array) -> Array:
+    """Return the only result of a function at n points, evaluated on numpy's arrays.
+
+    An ordinary call of casadi turns every array into a matrix of casadi's, which takes several times as long as
+    evaluating a flight model at all these points.
+
+    Args:
+        function: of columns, to a column; of SX, which cannot fail.
+        arguments: one column per point, shape (k, n), or what is the same at all points, shape (k,); the first is one
+            column per point.
+
+    Returns:
+        One column per point, shape (n_v, n).
+
+    Raises:
+        ValueError: an argument has another number of rows than the function takes.
+    """
+    count = arguments[0].shape[1]
+    buffer, evaluate = dense(function).map(count).buffer()
+    given = [_by_point(argument, count) for argument in arguments]
+    found = np.zeros((count, function.size1_out(0)))
+    for place, array in enumerate(given):
+        if array.shape != (count, function.size1_in(place)):
+            raise ValueError(f"argument {place} of {function.name()} has {array.shape[1]} rows at {len(array)} points")
+        if array.size:  # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
+    buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
+    evaluate()
+    return np.ascontiguousarray(found.T)
+
+
+def dense(function: ca.Function) -> ca.Function:
+    """Return a function with its only result dense."""
+    if function.sparsity_out(0).is_dense():
+        return function
+    symbols = [ca.SX.sym(f"i{place}", function.size1_in(place)) for place in range(function.n_in())]
+    return ca.Function("dense", symbols, [ca.densify(function(*symbols))])
+
+
+def _by_point(argument: Array, count: int) -> Array:
+    """Return an argument one point after another, as casadi stores it, shape (n, k)."""
+    rows = np.tile(argument, (count, 1)) if argument.ndim == 1 else argument.T
+    return np.ascontiguousarray(rows, dtype=np.float64)
+
+
+def with_linear_controls(system: System, names: Collection[str] | None = None, *, seconds: float) -> System:
+    """Return the same system with some of its controls continuous and linear over every interval, instead of held.
+
+    A control's value becomes a state and its rate the control that is held: `x' = f(x, u, p), u' = r`. That is a system
+    like any other, so shooting, multipliers, Hamiltonian, replay and constraint check are right for it as they are. A
+    linear control follows a smooth optimum with an error that falls with the square of the interval, a held one with an
+    error that falls with the interval itself.
+
+    The values follow the states of the system in its states, under their own names and with their own bounds, which
+    hold at the nodes and therefore everywhere. The rates follow the controls that are still held, as `NAME_dot`,
+    without bounds. A value goes on from phase to phase; a control that has to be free to jump there stays a held one.
+    In `Objective.regularisation` the value is a state and the rate the control.
+
+    Args:
+        system: whose controls are held.
+        names: of the controls that become linear; all of them by default.
+        seconds: time in which such a control typically changes by its scale, s: it sets the scale of the rates.
+
+    Raises:
+        ValueError: a name is not that of a control.
+    """
+    chosen = [one for one in system.controls if names is None or one.name in names]
+    if unknown := set(names or ()) - {one.name for one in chosen}:
+        raise ValueError(f"system {system.name!r} has no controls {', '.join(sorted(unknown))}")
+    held = [one for one in system.controls if one not in chosen]
+    n_x, n_p = len(system.states), len(system.parameters)
+    x, u, p = ca.SX.sym("x", n_x + len(chosen)), ca.SX.sym("u", len(system.controls)), ca.SX.sym("p", n_p)
+    values, inputs, rates = x[n_x:], u[: len(held)], u[len(held) :]
+    place = {one.name: number for group in (chosen, held) for number, one in enumerate(group)}
+    control = _vertcat(*[(values if one in chosen else inputs)[place[one.name]] for one in system.controls])
+    path, projection = system.path_values, system.projection
+    rate_quantities = [
+        Quantity(f"{one.name}_dot", f"{one.unit}/s", one.scale / seconds, text=f"rate of {one.text or one.name}")
+        for one in chosen
+    ]
+    return replace(
+        system,
+        name=f"{system.name} with linear controls",
+        states=(*system.states, *chosen),
+        controls=(*held, *rate_quantities),
+        rates=ca.Function("rates", [x, u, p], [_vertcat(system.rates(x[:n_x], control, p), rates)]),
+        path_values=None if path is None else ca.Function("path", [x, u, p], [path(x[:n_x], control, p)]),
+        projection=None if projection is None else ca.Function("project", [x], [_vertcat(projection(x[:n_x]), values)]),
+    )
+
+
+def of_first_states(observation: Observation, system: System) -> Observation:
+    """Return an observation of a system's states as one of the same system with linear controls.
+
+    Args:
+        observation: what is observed of the states x before controls were added to them.
+        system: whose states are x and, after them, linear controls.
+    """
+    n_x = observation.values.size1_in(0)
+    x, b = ca.SX.sym("x", len(system.states)), ca.SX.sym("b", len(observation.parameters))
+    values = ca.Function("observe", [x, b], [observation.values(x[:n_x], b)])
+    return replace(observation, values=values)

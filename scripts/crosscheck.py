@@ -25,10 +25,9 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, inner_loop_parameters
 from airrace.checkpoint import read_checkpoint
-from airrace.dynamics.parameters import inner_loop_parameters
-from airrace.environment.atmosphere import Air, atmosphere_parameters
+from airrace.environment import Air, atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
 from airrace.inputs import load_inputs
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet

@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airrace.frames import angle_between, angles, normalise, product, quaternion, quaternion_rates, rotation
-from airrace.points import at_points
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.records import record
+from airrace.system import at_points
 
 finite = st.floats(-1e6, 1e6)
 intervals = st.builds(lambda a, b: Interval(min(a, b), max(a, b)), finite, finite)

@@ -8,7 +8,7 @@ The geographic position of the origin and its elevation stay as they are.
 import math
 from dataclasses import dataclass, replace
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.planning.plan import Race
 from airrace.quantities import Interval
 from airrace.track.course import Course, Crowd, Passage, SafetyLine, Turning

@@ -39,9 +39,8 @@ from airrace.control.inner_controller import (
 from airrace.control.outer_loop import clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState
-from airrace.environment.atmosphere import g0
-from airrace.environment.elementary import cos, maximum, minimum, sin, sqrt
-from airrace.frames import Scalar
+from airrace.environment import g0
+from airrace.frames import Scalar, cos, maximum, minimum, sin, sqrt
 from airrace.records import record
 from airrace.system import column
 

@@ -14,9 +14,8 @@ import casadi as ca
 from airrace.control.outer_loop import Commands, clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors_of_motion
-from airrace.environment.elementary import maximum
 from airrace.errors import UsageError
-from airrace.frames import Scalar
+from airrace.frames import Scalar, maximum
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.system import System, column, named_symbols

@@ -23,9 +23,8 @@ from collections.abc import Sequence
 
 from airrace.control.reference import ReferencePoint, sum_of_products
 from airrace.dynamics.outer_loop import FlightPathState
-from airrace.environment.atmosphere import g0
-from airrace.environment.elementary import atan2, cos, maximum, minimum, sin, sqrt
-from airrace.frames import Scalar, normalise, product, rotation
+from airrace.environment import g0
+from airrace.frames import Scalar, atan2, cos, maximum, minimum, normalise, product, rotation, sin, sqrt
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
 

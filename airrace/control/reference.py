@@ -6,12 +6,12 @@ import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.points import at_points
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
+from airrace.system import at_points
 from airrace.trajectory import Array, Trajectory
 
 SOFTENING = 0.2

@@ -21,10 +21,9 @@ from airrace.control.reference import Reference, ReferencePoint
 from airrace.dynamics.flight_model import FlightModel, RollCounter
 from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
 from airrace.frames import normalise
-from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.system import System, column, named_symbols
+from airrace.system import System, at_points, column, named_symbols
 from airrace.trajectory import Array
 
 # Any: casadi overloads these by the type of their arguments

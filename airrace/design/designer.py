@@ -21,8 +21,7 @@ from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.inputs.nodes import KeyPath
 from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
 from airrace.records import record
-from airrace.track.course import Origin
-from airrace.track.geodetic import metres
+from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
 STEPS_MAX = 500

@@ -13,8 +13,7 @@ from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.yaml_reader import read_yaml
 from airrace.records import record
-from airrace.track.course import Origin
-from airrace.track.geodetic import geodetic, metres
+from airrace.track.course import Origin, geodetic, metres
 from airrace.track.polygons import Point
 
 Plain = Mapping[str, Any]  # JSON of a track that is known to be without fault

@@ -25,13 +25,10 @@ one; in wind, lift has a part along V_K:
 
 from collections.abc import Sequence
 
-from airrace.aircraft.aircraft import Lift
+from airrace.aircraft import AircraftParameters, InnerLoopParameters, Lift
 from airrace.dynamics.outer_loop import FlightPathState
-from airrace.dynamics.parameters import AircraftParameters, InnerLoopParameters
-from airrace.environment.atmosphere import RHO_ISA, g0
-from airrace.environment.elementary import smooth_clip, sqrt
-from airrace.environment.wind import Weather
-from airrace.frames import Matrix, Scalar
+from airrace.environment import RHO_ISA, Weather, g0
+from airrace.frames import Matrix, Scalar, smooth_clip, sqrt
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
 

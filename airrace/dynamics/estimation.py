@@ -9,8 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from airrace.aircraft.aircraft import Aircraft, Envelope
-from airrace.dynamics.parameters import aircraft_parameters
+from airrace.aircraft import Aircraft, Envelope, aircraft_parameters
 from airrace.dynamics.performance import (
     bisect,
     climb_rate,
@@ -21,7 +20,7 @@ from airrace.dynamics.performance import (
     top_speed,
     under,
 )
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.errors import UsageError
 from airrace.quantities import Interval
 from airrace.records import record

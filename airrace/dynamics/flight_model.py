@@ -16,10 +16,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.aircraft import AircraftParameters
 from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState
-from airrace.dynamics.parameters import AircraftParameters
-from airrace.environment.atmosphere import Air, AtmosphereParameters, atmosphere_parameters
-from airrace.environment.wind import Weather, WindField
+from airrace.environment import Air, AtmosphereParameters, Weather, WindField, atmosphere_parameters
 from airrace.frames import Scalar, normalise
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.records import record

@@ -10,12 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.limits import linear_range
 from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, linear_parameters, pitching
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.state_space_inversion import GAINS, solve
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.quantities import Interval
 
 Fault = tuple[str, str, str]

@@ -5,7 +5,7 @@ They are steered by control surfaces, or by commands to a controller; the contro
 
 import math
 
-from airrace.aircraft.aircraft import Aircraft, Lift
+from airrace.aircraft import Aircraft, Lift
 from airrace.dynamics.aerodynamics import lift_curve
 from airrace.errors import Finding, InputError
 from airrace.quantities import Interval, T, Vector, quantity, vector

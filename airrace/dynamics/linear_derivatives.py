@@ -12,11 +12,10 @@ The modes leave the product of inertia out, the matrices of the lateral motion d
 
 import dataclasses
 
-from airrace.aircraft.aircraft import Aircraft, Mode
+from airrace.aircraft import Aircraft, InnerLoopParameters, Mode, inner_loop_parameters
 from airrace.dynamics.aerodynamics import drag_coefficient
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import body_axes, roll_yaw_accelerations, stability_axes
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.frames import Scalar
 from airrace.records import record
 

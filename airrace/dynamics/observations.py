@@ -52,18 +52,17 @@ import casadi as ca
 from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE
-from airrace.environment.atmosphere import (
+from airrace.environment import (
     Air,
     AtmosphereParameters,
+    WindField,
     atmosphere_parameters,
     calibrated_airspeed,
     density,
     g0,
     pressure,
 )
-from airrace.environment.elementary import atan2, cos, maximum, minimum, sin, smooth_clip, smooth_maximum, sqrt
-from airrace.environment.wind import WindField
-from airrace.frames import Scalar, rotation
+from airrace.frames import Scalar, atan2, cos, maximum, minimum, rotation, sin, smooth_clip, smooth_maximum, sqrt
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import Observation, column, named_symbols

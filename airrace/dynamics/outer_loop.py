@@ -9,7 +9,7 @@ With `R = R_OKbar`, the specific force `g0 (n_x, n_y, -n_z)` and the rates of Kb
 
 import casadi as ca
 
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import Matrix, Scalar, product, quaternion_rates, rotation
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.system import System, column, named_symbols

@@ -11,10 +11,9 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
 from airrace.dynamics.aerodynamics import drag_coefficient, thrust
-from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.records import record
 
 FASTEST = 400.0

@@ -1,6 +1,6 @@
 """The point mass, a model without an inner loop: load factors and roll rate follow the commanded rates exactly."""
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
 from airrace.dynamics.aerodynamics import (
     Airflow,
     LoadFactorPath,
@@ -12,9 +12,7 @@ from airrace.dynamics.aerodynamics import (
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
 from airrace.dynamics.outer_loop import FlightPathState, PoweredState, flight_path_rates
-from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
-from airrace.environment.atmosphere import Air, density
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather, density
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.track.course import Rules

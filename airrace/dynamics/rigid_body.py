@@ -14,10 +14,9 @@ With `s = p cos(alpha) + r sin(alpha)`, the body rates in Kbar and what is left 
     w_z = -p sin(alpha) + r cos(alpha)    p_Kbar   = w_x - alpha_K' sin(beta)
 """
 
+from airrace.aircraft import InnerLoopParameters
 from airrace.dynamics.aerodynamics import Airflow
-from airrace.dynamics.parameters import InnerLoopParameters
-from airrace.environment.elementary import atan2, cos, sin, sqrt
-from airrace.frames import Matrix, Scalar
+from airrace.frames import Matrix, Scalar, atan2, cos, sin, sqrt
 from airrace.records import record
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]

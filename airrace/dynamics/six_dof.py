@@ -8,7 +8,7 @@ With `s = p cos(alpha) + r sin(alpha)` and aerodynamic force `qbar S (-C_D, C_Y,
 Nothing is linear and nothing left out: this is the aircraft that the other models simplify.
 """
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.aerodynamics import (
     Sideways,
     airflow,
@@ -24,10 +24,8 @@ from airrace.dynamics.aerodynamics import (
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, brisk_rudder, surface_bounds
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import angle_rates, angular_accelerations, incidence, rotation_to_body
-from airrace.environment.atmosphere import Air, density, g0
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather, density, g0
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules

@@ -13,7 +13,7 @@ The derivatives follow airspeed, density and angle of attack; `n_x` is the point
 whole aircraft is the stall and what couples the two motions: products of rates above all.
 """
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import (
     Airflow,
     LoadFactorPath,
@@ -30,10 +30,8 @@ from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, brisk_rudder, surface_bounds
 from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
-from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, roll_yaw_accelerations, stability_axes
-from airrace.environment.atmosphere import Air, density, g0
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather, density, g0
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector
 from airrace.records import record

@@ -12,7 +12,7 @@ and then the deflections that make these accelerations. The surfaces' own forces
 `r_Kbar` are linear in them, so that the equations remain linear, one for the elevator, two for ailerons and rudder.
 """
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import moment_coefficients
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import (
@@ -27,7 +27,6 @@ from airrace.dynamics.limits import (
 )
 from airrace.dynamics.linear_derivatives import Pair, linear_parameters, pitching
 from airrace.dynamics.outer_loop import turn_rates
-from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import body_axes, roll_yaw_moments
 from airrace.dynamics.state_space import (
     BODY_MOTION,
@@ -39,8 +38,7 @@ from airrace.dynamics.state_space import (
     sideways,
     surrounding,
 )
-from airrace.environment.atmosphere import Air, g0
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather, g0
 from airrace.frames import Scalar
 from airrace.quantities import T, vector
 from airrace.records import record

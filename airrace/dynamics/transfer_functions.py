@@ -7,7 +7,7 @@ Their constants are those of the aircraft's short period, Dutch roll and roll at
 The rest is as for the point mass.
 """
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import LoadFactorPath, drag_coefficient, throttle_rate
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import (
@@ -20,10 +20,8 @@ from airrace.dynamics.limits import (
 )
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
 from airrace.dynamics.outer_loop import PoweredState
-from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.point_mass import load_factor_flight
-from airrace.environment.atmosphere import Air
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules

@@ -13,8 +13,7 @@ from airrace.export.kml import content_of, kml_document
 from airrace.results import Flight
 from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint
 from airrace.safety.outlines import Outline
-from airrace.track.course import Origin
-from airrace.track.geodetic import geodetic
+from airrace.track.course import Origin, geodetic
 from airrace.trajectory import Array
 
 FALLS, GLIDES = "free fall", "glide without power"

@@ -18,8 +18,7 @@ from airrace.errors import UsageError
 from airrace.records import record
 from airrace.results import Basis, Flight, History
 from airrace.results.flight import GLOSSARY
-from airrace.track.course import Course, Origin
-from airrace.track.geodetic import geodetic
+from airrace.track.course import Course, Origin, geodetic
 from airrace.track.polygons import Point
 
 BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
+from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.errors import UsageError
 from airrace.inputs.nodes import LIMITS, KeyPath, Reporter, dotted
 from airrace.inputs.places import Azimuth, PlacedEntry, Places

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from airrace.aircraft.aircraft import (
+from airrace.aircraft import (
     Aircraft,
     Airframe,
     Drag,

@@ -23,8 +23,7 @@ from airrace.logs.recording import refuse
 from airrace.quantities import FOOT
 from airrace.records import record
 from airrace.track import polygons
-from airrace.track.course import Origin
-from airrace.track.geodetic import metres
+from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
 

@@ -8,7 +8,7 @@ from dataclasses import field
 from itertools import groupby
 from pathlib import Path
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references

@@ -13,8 +13,8 @@ from typing import Any, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import PydanticSerializationError, to_json
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import Air
+from airrace.aircraft import Aircraft
+from airrace.environment import Air
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import JSON

@@ -14,8 +14,7 @@ from pydantic import Field
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.schema import Schema, optional
 from airrace.records import record
-from airrace.track.course import Origin
-from airrace.track.geodetic import metres
+from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
 REACH_M = 50_000.0

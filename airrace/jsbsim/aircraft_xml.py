@@ -25,9 +25,9 @@ A term is a number, the name of a property, or a formula.
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, indent
 
+from airrace.aircraft import InnerLoopParameters
 from airrace.dynamics.aerodynamics import STALL_BLEND
-from airrace.dynamics.parameters import InnerLoopParameters
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.quantities import FOOT
 from airrace.records import record
 
@@ -73,7 +73,7 @@ def square(term: Term) -> Element:
 
 
 def smooth_clip(term: Term, lower: Term, upper: Term, width: float) -> Element:
-    """Return the term rounded off at two limits, as `airrace.environment.elementary.smooth_clip` does."""
+    """Return the term rounded off at two limits, as `airrace.frames.smooth_clip` does."""
 
     def distance(limit: Term) -> Element:
         return formula("sqrt", formula("sum", square(formula("difference", term, limit)), width * width))

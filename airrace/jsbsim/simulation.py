@@ -26,12 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
+from airrace.aircraft import InnerLoopParameters
 from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.rigid_body import rotation_to_body
 from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment.atmosphere import T_ISA, Air, AtmosphereParameters, density, g0
-from airrace.environment.wind import Weather, WindField
+from airrace.environment import T_ISA, Air, AtmosphereParameters, Weather, WindField, density, g0
 from airrace.errors import UsageError
 from airrace.frames import angles, rotation
 from airrace.jsbsim.aircraft_xml import (

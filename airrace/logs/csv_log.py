@@ -14,7 +14,7 @@ from datetime import tzinfo
 
 import numpy as np
 
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, names_zone, parse_time, unwrap_days
 from airrace.logs.dialects import Dialect, dialect_of, plain_header
 from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from airrace.dynamics.limits import flight_limits
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.logs.freshness import rounding
 from airrace.logs.histories import HISTORIES, between_samples, samples_of
 from airrace.logs.recording import EARTH_RADIUS, Recording

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.environment import atmosphere_parameters, density, g0
 from airrace.logs.passings import MEASURED
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path

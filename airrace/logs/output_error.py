@@ -24,11 +24,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
 from airrace.dynamics.aerodynamics import Airflow, axial_load_factor, load_factor_coefficients, thrust
-from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
-from airrace.environment.atmosphere import Air, atmosphere_parameters, density, g0
-from airrace.environment.wind import WindField
+from airrace.environment import Air, WindField, atmosphere_parameters, density, g0
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.records import record
 from airrace.trajectory import Array

@@ -17,8 +17,7 @@ from airrace.logs.freshness import held
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.planning.plan import Race
 from airrace.records import record
-from airrace.track.course import Passage
-from airrace.track.geodetic import metres
+from airrace.track.course import Passage, metres
 from airrace.trajectory import Array
 
 

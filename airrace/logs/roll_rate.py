@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.performance import roll_rate
 from airrace.logs.deviations import is_measured
 from airrace.logs.freshness import rounding

@@ -12,9 +12,9 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.replay import Replay
-from airrace.points import at_points
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
+from airrace.system import at_points
 from airrace.trajectory import Array
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.points import at_points
 from airrace.records import record
+from airrace.system import at_points
 from airrace.trajectory import Array
 
 MULTIPLIER_SCALE = 100.0

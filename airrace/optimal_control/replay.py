@@ -25,9 +25,8 @@ from airrace.native.interpreter import interpreter
 from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import VERNER_7
-from airrace.points import at_points, dense
 from airrace.records import record
-from airrace.system import System
+from airrace.system import System, at_points, dense
 from airrace.trajectory import Array
 
 ALIAS = "airrace_scipy_integrators"

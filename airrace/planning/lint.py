@@ -11,10 +11,10 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics import handling
 from airrace.dynamics.performance import top_speed
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import angle_between
 from airrace.planning.plan import ONE_PLACE, Race, plan
 from airrace.planning.planning_model import ASSUMED, PlanningModel

@@ -17,8 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import Air
+from airrace.aircraft import Aircraft
+from airrace.environment import Air
 from airrace.frames import angle_between, angles, rotation
 from airrace.planning.clearance import (
     Place,

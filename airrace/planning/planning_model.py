@@ -6,9 +6,9 @@ With them follows the time that it takes to turn from one attitude to another.
 import math
 from collections.abc import Sequence
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.performance import top_speed
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import product
 from airrace.records import record
 from airrace.track.course import Roll, Rules, Turning

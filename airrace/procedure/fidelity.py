@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Protocol
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.control.dynamic_inversion import (
     SIX_DOF,
     STATE_SPACE,
@@ -25,7 +25,7 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.errors import CheckpointError
 from airrace.extensions import load_extensions
 from airrace.optimal_control.problem import Iterate

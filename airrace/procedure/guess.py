@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.plan import Plan, PlannedLeg

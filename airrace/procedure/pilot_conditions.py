@@ -17,8 +17,7 @@ from airrace.dynamics.pilot_observation import (
     crossing_observation_of_pilot,
     low_flight_observation,
 )
-from airrace.environment.atmosphere import Air
-from airrace.environment.wind import WindField
+from airrace.environment import Air, WindField
 from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.route_decisions import Waypoint
 from airrace.quantities import Interval

@@ -12,14 +12,14 @@ import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.optimal_control.replay import sample
 from airrace.planning.plan import Race
-from airrace.points import at_points
 from airrace.procedure.fidelity import Histories, ensure_matches_model, fidelity_of, iterate_of, stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
 from airrace.records import record
+from airrace.system import at_points
 from airrace.trajectory import Array
 
 __all__ = ["Continuous", "continuous", "derived_quantities", "ensure_matches_model", "sampler"]

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.dynamics.observations import crossing_observation
 from airrace.dynamics.outer_loop import ATTITUDE
@@ -16,7 +16,6 @@ from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, 
 from airrace.optimal_control.replay import interval_durations
 from airrace.planning.plan import Plan, Race, plan_from_solution
 from airrace.planning.route_decisions import Waypoint
-from airrace.points import at_points
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
 from airrace.procedure.formulation import Trim, boundaries, passings_of, path_constraints
 from airrace.procedure.guess import leg_seconds
@@ -27,7 +26,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.system import Observation
+from airrace.system import Observation, at_points
 from airrace.track.course import ClearanceRule, Course, EndState, Passage
 from airrace.trajectory import Array, Trajectory
 

@@ -5,17 +5,16 @@ import functools
 import casadi as ca
 import numpy as np
 
-from airrace.environment.atmosphere import (
+from airrace.environment import (
     Air,
+    WindField,
     atmosphere_parameters,
     calibrated_airspeed,
     density,
     pressure,
 )
-from airrace.environment.wind import WindField
-from airrace.points import at_points
 from airrace.quantities import Quantity
-from airrace.system import column, named_symbols
+from airrace.system import at_points, column, named_symbols
 from airrace.trajectory import Array
 
 

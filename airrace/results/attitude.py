@@ -7,7 +7,7 @@ z_Kbar, the body at the angle of attack that the lift takes and at the sideslip 
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Lift
+from airrace.aircraft import Lift
 from airrace.frames import Scalar, rotation
 from airrace.trajectory import Array
 

@@ -18,7 +18,7 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.errors import UsageError
 from airrace.procedure.formulation import passings_of
 from airrace.quantities import KNOT, Interval

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.dynamics.limits import Limits, flight_limits
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.planning.plan import Race
 from airrace.procedure import results_api
 from airrace.procedure.result import StageResult
@@ -28,7 +28,7 @@ from airrace.results.flight import (
     Source,
     TimedCrossing,
 )
-from airrace.track.geodetic import geodetic
+from airrace.track.course import geodetic
 from airrace.trajectory import Array
 
 Values = Mapping[str, Array]

@@ -12,8 +12,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import Air
+from airrace.aircraft import Aircraft
+from airrace.environment import Air
 from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity

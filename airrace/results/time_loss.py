@@ -17,7 +17,7 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.environment import atmosphere_parameters, density, g0
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results.comparison import (

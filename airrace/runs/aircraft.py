@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.estimation import ManualFigures, Relations, estimate
 from airrace.dynamics.performance import performance, under
 from airrace.errors import InputError, UsageError

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import Air, StaticWind
+from airrace.aircraft import Aircraft
+from airrace.environment import Air, StaticWind
 from airrace.errors import UsageError
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout

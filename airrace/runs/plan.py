@@ -7,9 +7,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Self
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.checkpoint import Sign, inputs_hash, read_checkpoint, stale_stages
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS, read_document

@@ -28,7 +28,6 @@ from airrace.planning.clearance import (
 )
 from airrace.planning.plan import Race, plan_from_solution
 from airrace.planning.route_decisions import Waypoint
-from airrace.points import at_points
 from airrace.procedure.formulation import boundary
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval
@@ -36,7 +35,7 @@ from airrace.records import record
 from airrace.safety.closed_loop import ClosedLoop, Flights
 from airrace.safety.nominal import TABLE_STEP, NominalFlight, errors
 from airrace.safety.plant import STATE, STATES
-from airrace.system import Observation
+from airrace.system import Observation, at_points
 from airrace.track.course import Course
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from airrace.environment.atmosphere import Air, atmosphere_parameters, density, g0
+from airrace.environment import Air, atmosphere_parameters, density, g0
 from airrace.records import record
 from airrace.results import airdata
 from airrace.results.flight import Flight

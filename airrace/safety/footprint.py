@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.errors import UsageError
 from airrace.planning.clearance import ground_distance
 from airrace.planning.plan import Race

@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import g0
+from airrace.aircraft import Aircraft
+from airrace.environment import g0
 from airrace.records import record
 from airrace.safety.falling import AirColumn, States
 from airrace.trajectory import Array

@@ -12,12 +12,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from airrace.aircraft import InnerLoopParameters
 from airrace.dynamics.aerodynamics import airflow
 from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, build_six_dof, six_dof
-from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.environment.wind import Weather, WindField
+from airrace.environment import AtmosphereParameters, Weather, WindField
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4

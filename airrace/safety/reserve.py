@@ -36,7 +36,6 @@ from airrace.planning.clearance import (
 from airrace.planning.parameters import course_limits
 from airrace.planning.plan import Race
 from airrace.planning.route_decisions import Waypoint
-from airrace.points import at_points
 from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.safety.closed_loop import ClosedLoop, Scatter
@@ -46,6 +45,7 @@ from airrace.safety.nominal import ERRORS, gradients, instants
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE
 from airrace.safety.result import LOAD
+from airrace.system import at_points
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
 

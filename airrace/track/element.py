@@ -72,7 +72,7 @@ class Frame:
 
 
 Symbols = Mapping[str, Any]
-"""Symbols by name. Any: casadi's SX, which plain arithmetic and `airrace.environment.elementary` take."""
+"""Symbols by name. Any: casadi's SX, which plain arithmetic and `airrace.frames` take."""
 
 
 @record

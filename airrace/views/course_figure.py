@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.environment.atmosphere import StaticWind
+from airrace.environment import StaticWind
 from airrace.planning.clearance import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record

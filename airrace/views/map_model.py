@@ -12,7 +12,7 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.environment.atmosphere import StaticWind
+from airrace.environment import StaticWind
 from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT

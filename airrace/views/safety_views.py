@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.environment.atmosphere import StaticWind
+from airrace.environment import StaticWind
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight

@@ -19,7 +19,7 @@ import numpy as np
 
 import airrace
 import airrace.runs.fit as fitting
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.api import Run
 from airrace.procedure.results_api import sampler
 from airrace.runs.aircraft import read_aircraft_file

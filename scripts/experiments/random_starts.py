@@ -19,7 +19,7 @@ import numpy as np
 
 import airrace
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem

@@ -16,7 +16,7 @@ import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.inputs import load_inputs
 from airrace.trajectory import Array
 

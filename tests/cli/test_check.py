@@ -24,7 +24,7 @@ from airrace.cli.answer import render
 from airrace.cli.course_tables import SIZES, remarks_text
 from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
-from airrace.environment.atmosphere import StaticWind
+from airrace.environment import StaticWind
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
 from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.views.map_model import map_model

@@ -16,7 +16,7 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.optimal_control.runge_kutta import RK4

@@ -14,7 +14,7 @@ from airrace.control.outer_loop import Commands, PathGains, errors, path_followi
 from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, soften
 from airrace.control.simulation import SETTINGS, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal, g0
+from airrace.environment import Air, Profile, StaticWind, Thermal, g0
 from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Boundary, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RK4

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from airrace.aircraft import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment.atmosphere import Air, AtmosphereParameters, atmosphere_parameters, density
-from airrace.environment.wind import Weather
+from airrace.environment import Air, AtmosphereParameters, Weather, atmosphere_parameters, density
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model

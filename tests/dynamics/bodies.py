@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, InnerLoopParameters, aircraft_parameters, inner_loop_parameters
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import BodyPath, CommandControl, SurfaceControl
 from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.parameters import InnerLoopParameters, aircraft_parameters, inner_loop_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
 from airrace.dynamics.state_space import StateSpaceState, state_space
@@ -25,8 +24,7 @@ from airrace.dynamics.state_space_inversion import (
     state_space_inversion,
 )
 from airrace.dynamics.transfer_functions import TransferFunctionState, transfer_functions
-from airrace.environment.atmosphere import Air, atmosphere_parameters
-from airrace.environment.wind import Weather, WindField
+from airrace.environment import Air, Weather, WindField, atmosphere_parameters
 from airrace.frames import quaternion
 
 Array = NDArray[np.float64]

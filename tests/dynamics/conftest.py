@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from airrace.aircraft.aircraft import (
+from airrace.aircraft import (
     Aircraft,
     Airframe,
     Drag,

@@ -5,7 +5,7 @@ import dataclasses
 from hypothesis import strategies as st
 
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
+from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.frames import quaternion
 
 angle = st.floats(-3.1, 3.1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.estimation import ManualFigures, estimate
 from airrace.dynamics.handling import faults
 from airrace.dynamics.performance import climb_rate, performance, roll_rate, stall_speed, top_speed, under

@@ -31,14 +31,14 @@ from bodies import (
 from flights import HOLD, mirrored_air, windy_airs
 from hypothesis import given, settings
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import SixDofState, build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
+from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.errors import InputError
 from airrace.quantities import Interval
 from airrace.track.course import Rules

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters, inner_loop_parameters
 from airrace.dynamics.aerodynamics import (
     LoadFactorPath,
     drag_coefficient,
@@ -28,11 +28,10 @@ from airrace.dynamics.handling import corner_speed, faults, lateral_modes, remar
 from airrace.dynamics.limits import LEAST_ROOM, flight_limits
 from airrace.dynamics.linear_derivatives import level_lags, linear_parameters
 from airrace.dynamics.observations import climb_observation, line_observation, line_values, safety_line_values
-from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters, inner_loop_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.state_space import StateSpaceState, surrounding
 from airrace.dynamics.state_space_inversion import StateSpaceInversionState, deflections
-from airrace.environment.atmosphere import RHO_ISA, Air, g0
+from airrace.environment import RHO_ISA, Air, g0
 from airrace.errors import InputError
 from airrace.frames import quaternion, rotation
 from airrace.inputs import load_inputs

@@ -26,9 +26,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode, Propeller
+from airrace.aircraft import Aircraft, LinearLoops, Mode, Propeller, inner_loop_parameters
 from airrace.dynamics.linear_derivatives import lags, level_lags, linear_parameters
-from airrace.dynamics.parameters import inner_loop_parameters
 from airrace.dynamics.rigid_body import body_axes, stability_axes
 from airrace.dynamics.six_dof import SixDofState
 from airrace.dynamics.state_space import StateSpaceState, normal_load_factor, surrounding
@@ -39,7 +38,7 @@ from airrace.dynamics.state_space_inversion import (
     deflections,
     sideslip,
 )
-from airrace.environment.atmosphere import RHO_ISA, Air, g0
+from airrace.environment import RHO_ISA, Air, g0
 from airrace.frames import quaternion, rotation
 
 SPEEDS = (55.0, 75.0, 95.0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.outer_loop import (
     FlightPathState,
     LoadFactors,
@@ -20,7 +20,7 @@ from airrace.dynamics.outer_loop import (
 )
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
-from airrace.environment.atmosphere import Air, g0
+from airrace.environment import Air, g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.track.course import Rules
 

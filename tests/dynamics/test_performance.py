@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from scipy.optimize import brentq
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.parameters import aircraft_parameters
+from airrace.aircraft import Aircraft, aircraft_parameters
 from airrace.dynamics.performance import (
     climb_rate,
     full_thrust,
@@ -19,7 +18,7 @@ from airrace.dynamics.performance import (
     top_speed,
     under,
 )
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 
 
 def changed(aircraft: Aircraft, group: str, **values: Any) -> Aircraft:

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, aircraft_parameters
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.parameters import aircraft_parameters
 from airrace.dynamics.point_mass import PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal, atmosphere_parameters, density, g0
+from airrace.environment import Air, Profile, StaticWind, Thermal, atmosphere_parameters, density, g0
 from airrace.frames import rotation
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5

@@ -8,7 +8,7 @@ import pytest
 from bodies import ODD, level_trim
 from numpy.typing import NDArray
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.observations import settled_observation
 from airrace.dynamics.outer_loop import FlightPathState
@@ -17,7 +17,7 @@ from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
+from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.frames import quaternion
 from airrace.optimal_control.replay import integrate
 from airrace.track.course import Rules

@@ -23,10 +23,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.aircraft import Aircraft, InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofState
-from airrace.environment.atmosphere import RHO_ISA, Air, StaticWind, atmosphere_parameters, density, g0
+from airrace.environment import RHO_ISA, Air, StaticWind, atmosphere_parameters, density, g0
 from airrace.frames import angles, quaternion, rotation
 
 PROPELLER = {"h_P": 1500.0, "Q_P": 700.0}

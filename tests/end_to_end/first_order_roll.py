@@ -3,15 +3,13 @@
 p_Kbar' = (p_cmd - p_Kbar) / TAU
 """
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
 from airrace.control.inner_controller import InnerController, Plant, within_bounds
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric
-from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
-from airrace.environment.atmosphere import Air
-from airrace.environment.wind import Weather
+from airrace.environment import Air, Weather
 from airrace.frames import Scalar
 from airrace.procedure.fidelity import Fidelity, register
 from airrace.procedure.stage import Stage

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.environment.atmosphere import (
+from airrace.environment import (
     R_AIR,
     Air,
     AtmosphereParameters,
@@ -15,7 +15,7 @@ from airrace.environment.atmosphere import (
     pressure,
     temperature,
 )
-from airrace.environment.elementary import power, smooth_clip, smooth_maximum
+from airrace.frames import power, smooth_clip, smooth_maximum
 
 # geopotential height (m), temperature (K), pressure (Pa), density (kg/m3) [ICAO Doc 7488, US Standard Atmosphere 1976]
 STANDARD = (

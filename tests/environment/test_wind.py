@@ -11,11 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from airrace.environment.atmosphere import Air, Profile, StaticWind, Thermal
-from airrace.environment.wind import (
+from airrace.environment import (
     K1,
     K3,
+    Air,
+    Profile,
+    StaticWind,
     StaticWindParameters,
+    Thermal,
     ThermalParameters,
     WindField,
     mean_updraft,

@@ -5,7 +5,7 @@ import math
 import pytest
 from language_texts import AIRCRAFT, edited, edits, findings_of, understood
 
-from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode, Propeller
+from airrace.aircraft import Aircraft, LinearLoops, Mode, Propeller
 
 
 def finding_in_aircraft(old: str, new: str) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, findings_of, understood
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import Air, Profile
+from airrace.aircraft import Aircraft
+from airrace.environment import Air, Profile
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.document import TRACKS

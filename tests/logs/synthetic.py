@@ -19,7 +19,7 @@ from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.violations import NONE_KNOWN, Penalties
 from airrace.planning.plan import Race
-from airrace.track.geodetic import geodetic
+from airrace.track.course import geodetic
 from airrace.trajectory import Array
 
 HERE = Path(__file__).parent

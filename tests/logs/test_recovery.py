@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import GAP, LEAD, Fixes, csv_text, fixes, flown, imported, known, race
 
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.logs.histories import DECLARATIONS, path_histories
 from airrace.logs.log_flight import LogFlight
 from airrace.logs.smoothing import smooth

@@ -36,10 +36,9 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, VERNER_7, RungeKutta
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
-from airrace.points import at_points
 from airrace.procedure.fidelity import LONGEST_INTERVAL
 from airrace.quantities import Quantity
-from airrace.system import System
+from airrace.system import System, at_points
 
 VARIANTS = {name: Interpreter(found) for name, found in variants().items()}
 COUNT = 24  # intervals, a multiple of all lanes

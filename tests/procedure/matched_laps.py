@@ -6,7 +6,7 @@ import functools
 import numpy as np
 from races import EDGE_540, PLAN, course, level, optimum, prepared
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.optimal_control.solvers.process.service import SolverService

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from disk_cache import cached_across_workers
 
-from airrace.environment.atmosphere import Air, StaticWind, g0
+from airrace.environment import Air, StaticWind, g0
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay

@@ -9,7 +9,7 @@ import pytest
 from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, planned, settings, solve_point_mass
 
 from airrace.dynamics.limits import LEAST_ROOM
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.planning.plan import ONE_PLACE, Race
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.results_api import sampler

@@ -21,7 +21,7 @@ from races import (
 )
 from races import planned as plan_of
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.frames import angle_between, quaternion
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Plan, Race, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap, optimum, settings
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race

@@ -30,7 +30,7 @@ from airrace.dynamics import flight_model, state_space_inversion
 from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.state_space import Surrounding
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import angles, rotation
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register

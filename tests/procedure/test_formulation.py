@@ -14,7 +14,7 @@ from races import course as course_of
 from races import pylon as pylon_at
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem

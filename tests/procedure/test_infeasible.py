@@ -13,7 +13,7 @@ from races import DEGREE, EDGE_540, ROOT, RULES, SIXTEEN, SMALL, course, level, 
 from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem

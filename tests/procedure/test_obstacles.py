@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from races import EDGE_540, PLAN, RULES, course, level, optimum
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.planning.clearance import ClosestApproach, Wing, cleared_pylons, closest_approaches, pylons_of
 from airrace.planning.plan import Race
 from airrace.procedure.certification import clearance_item

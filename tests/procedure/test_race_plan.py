@@ -27,7 +27,7 @@ from transformations import mirrored, rotated
 
 from airrace.dynamics.performance import top_speed
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.atmosphere import Air, g0
+from airrace.environment import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning

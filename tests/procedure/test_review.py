@@ -11,7 +11,7 @@ from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
 from airrace.dynamics.performance import top_speed
-from airrace.environment.atmosphere import Air, StaticWind
+from airrace.environment import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
 from airrace.planning.plan import Race

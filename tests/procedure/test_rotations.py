@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, rotation_vector, turn_by
 from airrace.quantities import Interval

@@ -11,7 +11,7 @@ from races import EDGE_540, RACES, SMALL, blown, optimum, prepared, settings
 from transformations import mirrored
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.optimal_control.replay import interval_durations, replay
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh

@@ -8,7 +8,7 @@ from matched_laps import laps, matched_laps
 from races import COURSES, PLAN, RACES, ROOT, SIXTEEN, assert_certified, blown, one_lap, optimum, solve_stages
 from test_shipped_optima import plane_of
 
-from airrace.environment.atmosphere import Thermal
+from airrace.environment import Thermal
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure.progress import Silent

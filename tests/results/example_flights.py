@@ -9,7 +9,7 @@ import numpy as np
 
 import airrace
 from airrace.api import Run
-from airrace.environment.atmosphere import StaticWind, g0
+from airrace.environment import StaticWind, g0
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race

@@ -41,8 +41,7 @@ from airrace.frames import rotation
 from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.runs.output import default_output_path
-from airrace.track.course import Origin
-from airrace.track.geodetic import metres
+from airrace.track.course import Origin, metres
 
 KNOT, FOOT = 1852.0 / 3600.0, 0.3048
 HOSTILE = '<script>alert(1)</script> ]]> & "quoted", a|bar\\ \x00\n\u202e' + "x" * 10_000

@@ -16,7 +16,7 @@ from airrace.cli import run_tables
 from airrace.cli.answer import render
 from airrace.cli.main import app
 from airrace.cli.run_tables import comparison_texts, near_miss_table
-from airrace.environment.atmosphere import StaticWind, g0
+from airrace.environment import StaticWind, g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
 from airrace.procedure import results_api

@@ -9,7 +9,7 @@ import pytest
 from example_flights import circling, half_cuban, rovinj, windy
 
 from airrace.cli.run_tables import comparison_texts
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.report.flight_page import flight_page
 from airrace.results import Flight
 from airrace.results.comparison import Comparison, compare_flights

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from airrace.environment.atmosphere import RHO_ISA, Air, Profile, StaticWind, g0
+from airrace.environment import RHO_ISA, Air, Profile, StaticWind, g0
 from airrace.safety.falling import (
     AirColumn,
     FallSettings,

@@ -13,7 +13,7 @@ from lxml import etree
 from transformations import Change, changed
 
 import airrace
-from airrace.environment.atmosphere import StaticWind
+from airrace.environment import StaticWind
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race

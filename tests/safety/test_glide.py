@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.aircraft import Aircraft
+from airrace.environment import RHO_ISA, g0
 from airrace.inputs import load_inputs
 from airrace.safety.falling import AirColumn, States
 from airrace.safety.glide import Glide, best_glide, reach

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft import Aircraft
 from airrace.cli.main import app
-from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.environment import RHO_ISA, g0
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race, plan
 from airrace.planning.planning_model import cruise

@@ -11,10 +11,9 @@ from airrace.dynamics.observations import CrossingParameters, crossing_values
 from airrace.frames import quaternion
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import Interval
-from airrace.track.course import Origin
+from airrace.track.course import Origin, geodetic, metres
 from airrace.track.element import Direction, Element
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
-from airrace.track.geodetic import geodetic, metres
 
 SPAN = 7.43
 HALF_TURN = math.pi

@@ -21,7 +21,6 @@ from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
 from airrace.planning.plan import plan, plan_from_solution
 from airrace.planning.planning_model import PlanningModel
-from airrace.points import at_points
 from airrace.procedure.guess import counts_of
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, intervals, solve_coarse
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
@@ -41,6 +40,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
+from airrace.system import at_points
 from airrace.track.course import Course
 from airrace.trajectory import Array
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
-from airrace.environment.atmosphere import g0
+from airrace.environment import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import interval_durations

@@ -9,7 +9,7 @@ from disk_cache import cached_across_workers
 from races import DEGREE, EDGE_540, RULES, course, level, prepared, pylon, settings
 from races import optimum as without_search
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse

@@ -10,7 +10,7 @@ from races import planned as plan_of
 from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solution, slalom
 from transformations import mirrored
 
-from airrace.environment.atmosphere import Air
+from airrace.environment import Air
 from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.planning.plan import Race, plan
