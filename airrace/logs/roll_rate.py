@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.aircraft import Aircraft
-from airrace.dynamics.performance import roll_rate
+from airrace.dynamics.flight_manual import roll_rate
 from airrace.logs.deviations import is_measured
 from airrace.logs.freshness import rounding
 from airrace.logs.histories import samples_of

@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.aircraft import Aircraft
 from airrace.dynamics import handling
-from airrace.dynamics.performance import top_speed
+from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import g0
 from airrace.frames import angle_between
 from airrace.planning.plan import ONE_PLACE, Race, plan

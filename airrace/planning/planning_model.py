@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from airrace.aircraft import Aircraft
-from airrace.dynamics.performance import top_speed
+from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import g0
 from airrace.frames import product
 from airrace.records import record

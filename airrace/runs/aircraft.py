@@ -10,8 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from airrace.aircraft import Aircraft
-from airrace.dynamics.estimation import ManualFigures, Relations, estimate
-from airrace.dynamics.performance import performance, under
+from airrace.dynamics.flight_manual import ManualFigures, Relations, estimate, performance, under
 from airrace.errors import InputError, UsageError
 from airrace.inputs.aircraft import AircraftEntry, PublishedEntry
 from airrace.inputs.document import AIRCRAFT, SUFFIX, Document

@@ -11,9 +11,17 @@ from typing import Any
 import pytest
 
 from airrace.aircraft import Aircraft
-from airrace.dynamics.estimation import ManualFigures, estimate
+from airrace.dynamics.flight_manual import (
+    ManualFigures,
+    climb_rate,
+    estimate,
+    performance,
+    roll_rate,
+    stall_speed,
+    top_speed,
+    under,
+)
 from airrace.dynamics.handling import faults
-from airrace.dynamics.performance import climb_rate, performance, roll_rate, stall_speed, top_speed, under
 from airrace.errors import UsageError
 from airrace.runs.aircraft import read_aircraft_file
 

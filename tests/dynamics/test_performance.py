@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from airrace.aircraft import Aircraft, aircraft_parameters
-from airrace.dynamics.performance import (
+from airrace.dynamics.flight_manual import (
     climb_rate,
     full_thrust,
     performance,

@@ -25,7 +25,7 @@ from races import planned as plan_of
 from races import pylon as pylon_at
 from transformations import mirrored, rotated
 
-from airrace.dynamics.performance import top_speed
+from airrace.dynamics.flight_manual import top_speed
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment import Air, g0
 from airrace.frames import angle_between

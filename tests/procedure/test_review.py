@@ -10,7 +10,7 @@ import races
 from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
-from airrace.dynamics.performance import top_speed
+from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
