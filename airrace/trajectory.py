@@ -1,4 +1,4 @@
-"""Trajectories: named time histories of a flight through several phases (numpy only)."""
+"""Trajectories: named time histories of a flight through several phases, and the arrays of numbers (numpy only)."""
 
 from collections.abc import Mapping
 
@@ -9,6 +9,7 @@ from airrace.quantities import Quantity
 from airrace.records import record
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @record
@@ -29,7 +30,7 @@ class Trajectory:
     """
 
     phases: tuple[str, ...]
-    first_node: NDArray[np.int64]
+    first_node: Indices
     durations: Array
     time: Array
     states: tuple[Quantity, ...]

@@ -10,12 +10,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.kernels import Callee, Kernel, Kernels, casadi_observation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly, unique_rows
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 
 @record

@@ -10,13 +10,12 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.kernels import Kernel, Part, casadi_kernels, map_calls
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.sparse_assembly import SparseAssembly
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 

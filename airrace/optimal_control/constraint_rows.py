@@ -8,15 +8,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.optimal_control.problem import Problem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation
-from airrace.trajectory import Array
-
-Indices = NDArray[np.int64]
+from airrace.trajectory import Array, Indices
 
 
 class LimitedQuantity(NamedTuple):

@@ -16,7 +16,6 @@ import numpy as np
 from airrace.optimal_control.constraint_rows import (
     ConstraintRow,
     ConstraintRows,
-    Indices,
     LimitedQuantity,
     RowBlock,
     limits_on,
@@ -25,7 +24,7 @@ from airrace.optimal_control.constraint_rows import (
 )
 from airrace.optimal_control.problem import Iterate, Problem, require_valid
 from airrace.quantities import Interval, Quantity
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 
 class Layout:

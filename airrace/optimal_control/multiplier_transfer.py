@@ -11,12 +11,11 @@ from typing import Literal
 
 import numpy as np
 
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.refinement import Marks
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 Extent = Literal["end", "node", "interval", "duration", "one node"]
 """Where a limit holds: where phases meet, at the nodes between these, over intervals, for a whole phase, at one node

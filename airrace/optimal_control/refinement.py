@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate, uniform
 from airrace.optimal_control.replay import SAMPLES, Replay
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 Fractions = tuple[float, ...]
 Mesh = list[Fractions]

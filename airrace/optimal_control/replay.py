@@ -22,12 +22,11 @@ import numpy as np
 
 from airrace.errors import KernelError
 from airrace.native.interpreter import interpreter
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import VERNER_7
 from airrace.records import record
 from airrace.system import System, at_points, dense
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 ALIAS = "airrace_scipy_integrators"
 """The name under which the folder of integrators is loaded."""

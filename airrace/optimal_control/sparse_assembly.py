@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 
 def unique_rows(keys: Indices) -> tuple[Indices, Indices]:

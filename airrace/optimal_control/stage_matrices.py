@@ -3,9 +3,8 @@
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.sparse_assembly import Entries, Memory, StageAssembly, unique_rows
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 MOST_UNKNOWNS = 64
 """The largest number of unknowns of a stage for which the native library has room, `dense.h`."""

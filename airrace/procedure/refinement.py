@@ -16,7 +16,6 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.replay import Replay, estimate_error, interval_durations
@@ -24,7 +23,7 @@ from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 S = TypeVar("S")
 R = TypeVar("R")

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.sparse_assembly import Memory, unique_rows
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 _ALIGNMENT = 64  # bytes, a cache line, as blasfeo asks for
 _DOUBLE = 8

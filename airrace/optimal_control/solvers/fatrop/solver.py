@@ -23,7 +23,6 @@ import numpy as np
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
@@ -39,7 +38,7 @@ from airrace.optimal_control.sparse_assembly import Memory
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, System
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 ENDINGS = tuple(Ending)[:7]
 """The endings in the order of `IpSolverReturnFlag`."""

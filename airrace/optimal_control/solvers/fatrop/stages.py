@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.constraint_rows import Indices
 from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
 from airrace.optimal_control.solvers.interface import Bounds
 from airrace.optimal_control.sparse_assembly import Entries, Factors, SparseAssembly, StageAssembly, unique_rows
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Indices
 
 LEAST_FACTOR = 1e-2
 """The smallest factor of a side (1).
