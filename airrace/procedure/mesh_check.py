@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
-from airrace.optimal_control.refinement import restrict
+from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of

@@ -19,8 +19,8 @@ import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.observations import PylonRoom, pylon_room_observation
+from airrace.optimal_control.mesh_refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
-from airrace.optimal_control.refinement import Fractions, Marks, Mesh, move_nodes
 from airrace.optimal_control.replay import Replay
 from airrace.planning.clearance import ClosestApproach, PylonPost, cleared_pylons, place_of
 from airrace.planning.plan import Plan

@@ -17,8 +17,8 @@ from airrace.optimal_control.certificate import Certificate, Item, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_refinement import Marks, restrict
 from airrace.optimal_control.optimality import kkt_error
-from airrace.optimal_control.refinement import Marks, restrict
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.stage_matrices import StageMatrices

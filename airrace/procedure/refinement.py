@@ -16,8 +16,8 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.optimal_control.mesh_refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.replay import Replay, estimate_error, interval_durations
 from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason

@@ -20,8 +20,8 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation

@@ -17,9 +17,8 @@ import numpy as np
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import transfer_multipliers
+from airrace.optimal_control.mesh_refinement import restrict, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution

@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Self
 
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.refinement import Mesh, restrict
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import Race

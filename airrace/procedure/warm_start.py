@@ -16,7 +16,7 @@ import numpy as np
 from airrace.control.reference import Reference, from_optimum
 from airrace.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import transfer_multipliers
+from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult

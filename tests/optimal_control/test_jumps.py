@@ -11,9 +11,9 @@ from small_problems import random_iterate, rich_problem, staged_problem
 from airrace.optimal_control.constraint_check import Tolerance, check_constraints
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_refinement import divide, resample
 from airrace.optimal_control.optimality import costates, hamiltonian
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
-from airrace.optimal_control.refinement import divide, resample
 from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions

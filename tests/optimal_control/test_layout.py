@@ -13,7 +13,7 @@ from small_problems import PROBLEMS, ended_problem, random_iterate, random_point
 
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import transfer_multipliers
+from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import (
     WHOLE,
     Boundary,

@@ -11,9 +11,8 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import limits_of, transfer_multipliers
+from airrace.optimal_control.mesh_refinement import divide, limits_of, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import divide
 from airrace.optimal_control.solvers import predictor_corrector
 from airrace.optimal_control.solvers.fatrop.stages import (
     INEQUALITIES,

@@ -12,8 +12,8 @@ from hypothesis.extra.numpy import arrays
 from known_flights import FREQUENCY, exact, flight, node_times, problem
 from scipy.linalg import expm
 
+from airrace.optimal_control.mesh_refinement import divide, inherited_nodes, move_nodes, resample, restrict, widen
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import divide, inherited_nodes, move_nodes, resample, restrict, widen
 from airrace.optimal_control.replay import estimate_defect, estimate_error, interval_durations, replay
 from airrace.optimal_control.runge_kutta import RK4
 

@@ -12,8 +12,8 @@ from races import PLAN, SMALL, prepared, solve_stages
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.optimal_control.constraint_check import ConstraintCheck
+from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
-from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers.process.service import SolverService

@@ -16,7 +16,7 @@ import sliding_mass
 import terminal_bunt
 from statement import KnownAnswer
 
-from airrace.optimal_control.refinement import divide
+from airrace.optimal_control.mesh_refinement import divide
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.solver import Solution
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.replay import estimate_defect
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService, SolverTimeout

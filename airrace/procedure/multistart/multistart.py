@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
 from airrace.planning.plan import plan, plan_from_solution
 from airrace.planning.planning_model import PlanningModel

@@ -11,7 +11,7 @@ from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solu
 from transformations import mirrored
 
 from airrace.environment import Air
-from airrace.optimal_control.refinement import resample
+from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.planning.plan import Race, plan
 from airrace.planning.route_decisions import RouteDecisions, candidates
