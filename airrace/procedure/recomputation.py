@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.errors import CheckpointError
-from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly import Assembly, StageMatrices
 from airrace.optimal_control.certificate import Certificate, Item, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
@@ -21,7 +21,6 @@ from airrace.optimal_control.mesh_refinement import Marks, restrict
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, certify, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of

@@ -11,7 +11,7 @@ from small_problems import PROBLEMS, random_point
 
 from airrace.native.library import library
 from airrace.optimal_control import second_order as second_order_module
-from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly import Assembly, StageMatrices
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
@@ -22,7 +22,6 @@ from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import STEP_FROM_SADDLE, PreparedProblem, Solution
-from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
-from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatrices
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.interface import Bounds, Ending, SolverOptions, SolverResult
-from airrace.optimal_control.stage_matrices import MOST_UNKNOWNS, StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly import Assembly, StageMatrices
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels
@@ -23,7 +23,6 @@ from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSo
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector, available
-from airrace.optimal_control.stage_matrices import StageMatrices
 from airrace.records import record
 from airrace.trajectory import Array
 
