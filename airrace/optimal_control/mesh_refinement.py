@@ -1,4 +1,4 @@
-"""Meshes made finer and coarser, and a solution and its multipliers carried over to them, or to a race of other numbers.
+"""Meshes made finer and coarser, and a solution and its multipliers carried over to them or to another race.
 
 A limit that holds along a phase has a multiplier per node whose size goes with the stretch of time that the node stands
 for; its density is carried over. Conditions at the nodes between phases are carried over as they are. Multipliers of

@@ -11,9 +11,8 @@ from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers import predictor_corrector
-from airrace.optimal_control.solvers.fatrop import creeping
-from airrace.optimal_control.solvers.fatrop.creeping import CreepingDetector, CreepingLimits
-from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver
+from airrace.optimal_control.solvers.fatrop import solver as fatrop_solver
+from airrace.optimal_control.solvers.fatrop.solver import CreepingDetector, CreepingLimits, FatropResult, FatropSolver
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions, SolverResult
 from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
 from airrace.optimal_control.solvers.solver import Ipopt, PreparedProblem, Solution
@@ -84,7 +83,7 @@ def optimum() -> Solution:
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take any few iterations that are nearly feasible for creeping."""
     anything = CreepingLimits(iterations=3, regularisation=0.0, infeasibility=1e-2, change=1.0)
-    monkeypatch.setattr(creeping, "LIMITS", anything)
+    monkeypatch.setattr(fatrop_solver, "CREEPING", anything)
 
 
 def recorded(
@@ -107,7 +106,7 @@ def recorded(
 @pytest.mark.usefixtures("hasty")
 def test_steps_go_on_from_the_iterate_and_its_multipliers_to_the_same_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr(creeping, "LIMITS", CreepingLimits())
+        patched.setattr(fatrop_solver, "CREEPING", CreepingLimits())
         expected = optimum()
     reached: list[FatropResult] = []
     handed: list[Any] = []
@@ -134,7 +133,7 @@ def test_steps_go_on_from_the_iterate_and_its_multipliers_to_the_same_optimum(mo
 @pytest.mark.parametrize("missing", ["steps", "library"])
 def test_ipopt_goes_on_where_steps_lead_nowhere(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr(creeping, "LIMITS", CreepingLimits())
+        patched.setattr(fatrop_solver, "CREEPING", CreepingLimits())
         expected = optimum()
     if missing == "steps":
         few = replace(predictor_corrector.PARAMETERS, iterations_max=0)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.fatrop import library, solver
+from airrace.optimal_control.solvers.fatrop.blasfeo import MatrixFamily, entry_offsets, memory_of, struct_size
 from airrace.optimal_control.solvers.fatrop.library import PROTOTYPES, Dims, Interface, Stats, blasfeo, fatrop
-from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, entry_offsets, memory_of, struct_size
 
 INCLUDE = Path(ca.__file__).parent / "include"
 FATROP = INCLUDE / "fatrop" / "ocp" / "OCPCInterface.h"

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from kernel_results import variants
 
 from airrace.native.library import library_path
-from airrace.optimal_control.solvers.fatrop import interposition
-from airrace.optimal_control.solvers.fatrop.interposition import PRODUCTS, load_lazily, same_bits
+from airrace.optimal_control.solvers.fatrop import blasfeo
+from airrace.optimal_control.solvers.fatrop.blasfeo import PRODUCTS, load_lazily, same_bits
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="takes the memory from Linux")
 
@@ -37,13 +37,27 @@ def copied(path: Path) -> ctypes.CDLL:
     assert found is not None
     shutil.copy(found, path)
     loaded = ctypes.CDLL(str(path))
-    interposition.begin_arena(loaded, LARGE, KEPT)
+    blasfeo.begin_arena(loaded, LARGE, KEPT)
     return loaded
 
 
 @pytest.fixture
 def small(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     return copied(tmp_path_factory.getbasetemp() / "airrace_native.so")
+
+
+class Use(NamedTuple):
+    """The memory that is handed out, the most that ever was, and what was given back to the system so far, bytes."""
+
+    in_use: int
+    most: int
+    returned: int
+
+
+def use_of(native: ctypes.CDLL) -> Use:
+    numbers = (ctypes.c_size_t * 3)()
+    native.arena_use(numbers)
+    return Use(*numbers)
 
 
 @dataclass
@@ -57,7 +71,7 @@ class Matrix:
     def __post_init__(self) -> None:
         self.piece = Piece()
         self.library.blasfeo_allocate_dmat(self.rows, self.columns, ctypes.byref(self.piece))
-        size = interposition.load_lazily().blasfeo_memsize_dmat(self.rows, self.columns)
+        size = blasfeo.load_lazily().blasfeo_memsize_dmat(self.rows, self.columns)
         self.numbers = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(self.piece.memory))
         self.numbers[:] = 0.0
 
@@ -78,7 +92,7 @@ def test_what_is_written_stays_though_zeros_around_it_are_given_back(small: ctyp
         if number % 7 == 0:  # at once, as nobody does, so that they lie in pages that are looked at
             matrices[-1].numbers[:] = random.normal(size=matrices[-1].numbers.shape)
         kept.append(matrices[-1].numbers.copy())
-    assert interposition.use_of(small).returned > 0
+    assert use_of(small).returned > 0
     for matrix, numbers in zip(matrices, kept, strict=True):
         assert np.array_equal(matrix.numbers, numbers)
         matrix.numbers[:] = random.normal(size=numbers.shape)  # pages that were given back come again
@@ -87,7 +101,7 @@ def test_what_is_written_stays_though_zeros_around_it_are_given_back(small: ctyp
         assert np.array_equal(matrix.numbers, numbers)
     for matrix in matrices:
         matrix.free()
-    assert interposition.use_of(small).in_use == 0
+    assert use_of(small).in_use == 0
 
 
 def test_pieces_begin_at_lines_of_the_cache_and_overlap_nowhere(small: ctypes.CDLL) -> None:
@@ -100,7 +114,7 @@ def test_pieces_begin_at_lines_of_the_cache_and_overlap_nowhere(small: ctypes.CD
     order: list[int] = random.permutation(len(matrices)).tolist()
     for one in order:
         matrices[one].free()
-    assert interposition.use_of(small).in_use == 0
+    assert use_of(small).in_use == 0
 
 
 def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
@@ -111,17 +125,17 @@ def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
     assert resident() - before < 0.5 * filled  # what is left is mostly what Python keeps of the matrices
     for matrix in matrices:
         matrix.free()
-    assert interposition.use_of(small).in_use == 0
+    assert use_of(small).in_use == 0
 
 
 SOLVE = """
 import ctypes, sys
 sys.path.insert(0, sys.argv[2])
-from airrace.optimal_control.solvers.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop import blasfeo
 from airrace.native.library import library, library_path
 if sys.argv[1] == "native":
-    assert interposition.install()
-    counts = dict.fromkeys(interposition.PRODUCTS, 0)
+    assert blasfeo.interpose()
+    counts = dict.fromkeys(blasfeo.PRODUCTS, 0)
     class Counting(type(library().evaluator)):
         pass
     counted = Counting.from_buffer_copy(library().evaluator)
@@ -148,8 +162,9 @@ for _ in range(2):
     assert solution.success
     print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
 if sys.argv[1] == "native":
-    use = interposition.use_of(ctypes.CDLL(str(library_path())))
-    assert use.in_use == 0 and use.most > 0
+    use = (ctypes.c_size_t * 3)()  # now, at most, returned
+    ctypes.CDLL(str(library_path())).arena_use(use)
+    assert use[0] == 0 and use[1] > 0
     assert len(counts) == 3 and all(counts.values())
 """
 
@@ -170,8 +185,8 @@ def test_fatrop_calls_what_is_installed_and_finds_the_same_bits() -> None:
 def test_blasfeo_keeps_its_functions_without_the_library_or_where_it_computes_otherwise(
     name: str, instead: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(interposition, name, instead)
-    assert not interposition.install.__wrapped__()
+    monkeypatch.setattr(blasfeo, name, instead)
+    assert not blasfeo.interpose.__wrapped__()
 
 
 def blasfeos() -> list[Any]:

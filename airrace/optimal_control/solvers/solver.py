@@ -140,7 +140,7 @@ class Fatrop(Solver):
 
     With the native library, predictor-corrector steps come first near an optimum with known multipliers. Elsewhere
     fatrop hands over to them a solve with known multipliers after `HAND_OVER` iterations, and any solve where it creeps
-    (`fatrop/creeping.py`). Where they fail fatrop goes on, or IPOPT where it creeps. Who goes on begins with iterate,
+    (`CreepingDetector`). Where they fail fatrop goes on, or IPOPT where it creeps. Who goes on begins with iterate,
     multipliers and barrier; all of them together have the iterations of the options.
     """
 

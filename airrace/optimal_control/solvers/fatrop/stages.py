@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
+from airrace.optimal_control.solvers.fatrop.blasfeo import MatrixFamily
 from airrace.optimal_control.solvers.interface import Bounds
 from airrace.optimal_control.sparse_assembly import Entries, Factors, SparseAssembly, StageAssembly, unique_rows
 from airrace.records import record

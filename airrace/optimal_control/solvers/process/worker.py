@@ -24,7 +24,7 @@ from airrace.errors import SolverCrash, is_lack_of_memory
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop.blasfeo import interpose
 from airrace.optimal_control.solvers.fatrop.solver import require_known_interface
 from airrace.optimal_control.solvers.process.messages import (
     Inbox,
@@ -186,7 +186,7 @@ def main() -> None:
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = progress = ProgressReader(replies)
-    interposition.install()  # before fatrop is loaded
+    interpose()  # before fatrop is loaded
     receiver = Receiver(asked)
     requests = Inbox(asked, partial(_read, receiver)).start()
     with contextlib.suppress(SolverCrash):  # which the first solve tells
