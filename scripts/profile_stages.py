@@ -30,7 +30,7 @@ from airrace.__main__ import main as command
 from airrace.checkpoint import store
 from airrace.control import simulation
 from airrace.optimal_control import replay
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.stage import Stage
 

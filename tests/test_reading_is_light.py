@@ -20,7 +20,7 @@ SOLVING = (
     "airrace.optimal_control.solvers.fatrop.library",
     "airrace.optimal_control.kernels",
     "airrace.optimal_control.layout",
-    "airrace.optimal_control.solvers.process.service",
+    "airrace.optimal_control.solvers.service",
     "airrace.optimal_control.solvers.solver",
     "airrace.optimal_control.solvers.ipopt_functions",
     "airrace.logs.log_flight",
@@ -46,5 +46,5 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs() -> None:
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
     program = "import airrace.runs.execute, airrace.runs.stage_view, airrace.logs.log_flight, scipy, multiprocessing"
-    program += "\nimport airrace.optimal_control.solvers.process.worker, airrace.sensitivity.lagrangian"
+    program += "\nimport airrace.optimal_control.solvers.worker, airrace.sensitivity.lagrangian"
     assert set(SOLVING) <= loaded(program)

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING
 
 from airrace import interrupts, process
 from airrace.errors import SolverCrash
-from airrace.optimal_control.solvers.process.idle_processes import start_early
+from airrace.optimal_control.solvers import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage

@@ -18,8 +18,8 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import Ending, SolverOptions
-from airrace.optimal_control.solvers.process.messages import IterationReport
-from airrace.optimal_control.solvers.process.service import STALL_SECONDS, SolverService, SolverTimeout
+from airrace.optimal_control.solvers.messages import IterationReport
+from airrace.optimal_control.solvers.service import STALL_SECONDS, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 
 

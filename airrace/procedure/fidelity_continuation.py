@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from airrace.control.simulation import TrackingSimulator, tracking_simulator
+from airrace.interrupts import defer_signals
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
-from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
+from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.planning.plan import Race, plan, plan_from_solution, plan_with_room
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude

@@ -20,7 +20,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import Marks, restrict
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, certify, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of

@@ -13,7 +13,7 @@ from functools import partial
 
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, is_missing
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages

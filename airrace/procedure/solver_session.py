@@ -19,8 +19,8 @@ from airrace.errors import SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import load_in_background
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
-from airrace.optimal_control.solvers.process.messages import IterationReport
-from airrace.optimal_control.solvers.process.service import SolverPool, SolverService, SolverTimeout
+from airrace.optimal_control.solvers.messages import IterationReport
+from airrace.optimal_control.solvers.service import SolverPool, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh

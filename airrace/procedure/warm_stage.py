@@ -16,7 +16,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of

@@ -24,7 +24,7 @@ from airrace.frames import angles, quaternion, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import PlannedLeg, Race, plan
 from airrace.planning.planning_model import PlanningModel, cruise

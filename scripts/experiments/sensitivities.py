@@ -19,7 +19,7 @@ from airrace.errors import InputError
 from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult

@@ -21,7 +21,7 @@ from typing import Any
 
 import airrace
 from airrace.inputs import load_inputs
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 
 COURSES = ("rovinj_2014", "half_cuban_eight", "abu_dhabi_2016", "chiba_2015", "san_diego_2017", "gdynia_2014")

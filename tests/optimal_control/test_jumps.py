@@ -17,9 +17,9 @@ from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, c
 from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.messages import SolveRequest
-from airrace.optimal_control.solvers.process.worker import SolveServer
+from airrace.optimal_control.solvers.messages import SolveRequest
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem
+from airrace.optimal_control.solvers.worker import SolveServer
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 

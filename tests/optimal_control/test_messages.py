@@ -10,7 +10,7 @@ import pytest
 from known_flights import oscillator, rest_to_rest
 
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.messages import Receiver, Sender, SolveRequest
+from airrace.optimal_control.solvers.messages import Receiver, Sender, SolveRequest
 
 
 def test_the_thread_that_reads_unpacks_nothing() -> None:

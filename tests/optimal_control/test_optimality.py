@@ -14,9 +14,9 @@ from airrace.optimal_control.optimality import KktError, costates, errors_in_obj
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.messages import SolveRequest
-from airrace.optimal_control.solvers.process.worker import SolveServer
+from airrace.optimal_control.solvers.messages import SolveRequest
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
+from airrace.optimal_control.solvers.worker import SolveServer
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, System, system_of
 

@@ -29,9 +29,9 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Objective, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers import start
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.idle_processes import start
-from airrace.optimal_control.solvers.process.messages import (
+from airrace.optimal_control.solvers.messages import (
     Inbox,
     IterationReport,
     Notice,
@@ -40,9 +40,9 @@ from airrace.optimal_control.solvers.process.messages import (
     Sender,
     SolveRequest,
 )
-from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
-from airrace.optimal_control.solvers.process.worker import ProgressReader, SolveServer
+from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers.worker import ProgressReader, SolveServer
 from airrace.system import System
 
 TESTS = Path(__file__).parent
@@ -265,7 +265,7 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
         import os, sys
         sys.path.insert(0, {str(TESTS)!r})
         from known_flights import rest_to_rest
-        from airrace.optimal_control.solvers.process.service import SolverService
+        from airrace.optimal_control.solvers.service import SolverService
         from airrace.optimal_control.solvers.interface import SolverOptions
         service = SolverService()
         problem, guess = rest_to_rest()
@@ -303,7 +303,7 @@ def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
         made.append(system)
         return build_kernels(system, scheme)
 
-    monkeypatch.setattr("airrace.optimal_control.solvers.process.worker.build_kernels", watched)
+    monkeypatch.setattr("airrace.optimal_control.solvers.worker.build_kernels", watched)
     return made
 
 

@@ -9,7 +9,7 @@ from races import EDGE_540, PLAN, course, level, optimum, prepared
 from airrace.environment import Air
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Race
 from airrace.procedure.certification import examine

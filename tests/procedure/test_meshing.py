@@ -16,7 +16,7 @@ from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of

@@ -15,7 +15,7 @@ from airrace.checkpoint.checkpoint import StoredDocument, StoredInputs
 from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wing_distance
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, replayed_wing

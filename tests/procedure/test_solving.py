@@ -15,8 +15,8 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Ending, Multipliers, SolverOptions
-from airrace.optimal_control.solvers.process.messages import IterationReport
-from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.messages import IterationReport
+from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece

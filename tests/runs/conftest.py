@@ -3,7 +3,7 @@
 import pytest
 
 from airrace.checkpoint.checkpoint import content_digest
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData

@@ -8,7 +8,7 @@ from sensitivity_courses import COURSE, CROWDED, inputs, mirrored_text, optimum,
 
 from airrace.errors import CheckpointError, NotCertified
 from airrace.inputs.variation import Variation
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.parameters import ParameterGroup
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.progress import Silent

@@ -19,7 +19,7 @@ from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import estimate_defect
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService, SolverTimeout
+from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds

@@ -18,7 +18,7 @@ import numpy as np
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.solvers.process.service import SolverPool, SolverService
+from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.planning.plan import plan, plan_from_solution
 from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment import g0
-from airrace.optimal_control.solvers.process.service import SolverPool
+from airrace.optimal_control.solvers.service import SolverPool
 from airrace.planning.plan import decisions_from_solution, plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES

@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.guess import QUATERNION, align_quaternions, concatenate, phase_piece
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (

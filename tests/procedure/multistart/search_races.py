@@ -10,7 +10,7 @@ from races import DEGREE, EDGE_540, RULES, course, level, prepared, pylon, setti
 from races import optimum as without_search
 
 from airrace.environment import Air
-from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
 from airrace.procedure.progress import Silent

@@ -12,7 +12,7 @@ from transformations import mirrored
 
 from airrace.environment import Air
 from airrace.optimal_control.mesh_refinement import resample
-from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
 from airrace.planning.plan import Race, plan
 from airrace.planning.route_decisions import RouteDecisions, candidates
 from airrace.procedure.guess import concatenate, guess, phase_piece

@@ -26,7 +26,7 @@ from transformations import mirrored
 from waiting import PATIENCE
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.solvers.process.service import SolverEnded, SolverPool, SolverService
+from airrace.optimal_control.solvers.service import SolverEnded, SolverPool, SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart

@@ -25,6 +25,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import SolverCrash
+from airrace.interrupts import defer_signals
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
@@ -35,7 +36,6 @@ from airrace.optimal_control.solvers.fatrop.blasfeo import MatrixFamily, memory_
 from airrace.optimal_control.solvers.fatrop.library import OUTPUT, Callback, doubles_at, fatrop, interface
 from airrace.optimal_control.solvers.fatrop.stages import InitialPoint, Rows, Stages
 from airrace.optimal_control.solvers.interface import Bounds, Ending, SolverResult
-from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.optimal_control.sparse_assembly import Memory
 from airrace.quantities import Interval, Quantity
 from airrace.records import record

@@ -1,6 +1,6 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-`idle_processes.py` starts it through `airrace.process`, as `python -m` starts a module. The solvers print their
+`start` of this package starts it through `airrace.process`, as `python -m` starts a module. The solvers print their
 progress to Python's `sys.stdout` only; here it is read line by line and turned into reports.
 """
 
@@ -26,7 +26,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.fatrop.blasfeo import interpose
 from airrace.optimal_control.solvers.fatrop.solver import require_known_interface
-from airrace.optimal_control.solvers.process.messages import (
+from airrace.optimal_control.solvers.messages import (
     Inbox,
     IterationReport,
     Notice,

@@ -20,10 +20,9 @@ from typing import Self, TypeVar
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers import acquire, messages
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
-from airrace.optimal_control.solvers.process import messages
-from airrace.optimal_control.solvers.process.idle_processes import acquire
-from airrace.optimal_control.solvers.process.messages import IterationReport, Reply
+from airrace.optimal_control.solvers.messages import IterationReport, Reply
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.process import SYSTEM_ERROR
 from airrace.system import Observation, System
