@@ -15,9 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from airrace.control.inner_controller import InnerController, InnerLoopInverse
-from airrace.control.outer_loop import Commands, PathGains, errors, path_following
-from airrace.control.reference import Reference, ReferencePoint
+from airrace.control.dynamic_inversion import InnerController, InnerLoopInverse
+from airrace.control.path_following import Commands, PathGains, Reference, ReferencePoint, errors, path_following
 from airrace.dynamics.flight_model import FlightModel, RollCounter
 from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
 from airrace.frames import normalise

@@ -15,10 +15,10 @@ from airrace.control.dynamic_inversion import (
     SIX_DOF,
     STATE_SPACE,
     STATE_SPACE_INVERSION,
+    InnerLoopInverse,
     invert_body_motion,
     invert_transfer_functions,
 )
-from airrace.control.inner_controller import InnerLoopInverse
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof

@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from airrace.control.reference import Reference, from_optimum
+from airrace.control.path_following import Reference, from_optimum
 from airrace.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import transfer_multipliers

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from airrace.control.reference import Reference, from_histories
+from airrace.control.path_following import Reference, from_histories
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from manoeuvres import LADDER, ladder_model
 
-from airrace.control.inner_controller import InnerController
-from airrace.control.outer_loop import Commands
+from airrace.control.dynamic_inversion import InnerController
+from airrace.control.path_following import Commands
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.frames import quaternion

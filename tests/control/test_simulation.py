@@ -10,8 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
 
-from airrace.control.outer_loop import Commands, PathGains, errors, path_following, path_rate
-from airrace.control.reference import SOFTENING, Reference, ReferencePoint, from_optimum, soften
+from airrace.control.path_following import (
+    SOFTENING,
+    Commands,
+    PathGains,
+    Reference,
+    ReferencePoint,
+    errors,
+    from_optimum,
+    path_following,
+    path_rate,
+    soften,
+)
 from airrace.control.simulation import SETTINGS, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment import Air, Profile, StaticWind, Thermal, g0

@@ -4,7 +4,7 @@ p_Kbar' = (p_cmd - p_Kbar) / TAU
 """
 
 from airrace.aircraft import Aircraft, AircraftParameters, aircraft_parameters
-from airrace.control.inner_controller import InnerController, Plant, within_bounds
+from airrace.control.dynamic_inversion import InnerController, Plant, within_bounds
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import load_factor_bounds, symmetric

@@ -24,7 +24,7 @@ from races import (
     solve_stages,
 )
 
-from airrace.control.reference import from_optimum
+from airrace.control.path_following import from_optimum
 from airrace.control.simulation import at
 from airrace.dynamics import flight_model, state_space_inversion
 from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors

@@ -9,7 +9,7 @@ import pytest
 from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
 from transformations import mirrored
 
-from airrace.control.inner_controller import InnerLoopInverse
+from airrace.control.dynamic_inversion import InnerLoopInverse
 from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import PointMassControl, PointMassState

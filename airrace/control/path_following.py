@@ -1,13 +1,33 @@
-"""The reference, a flight to be followed: histories over its own clock `s`."""
+"""A flight to be followed, its histories over its own clock `s`, and the feedback of errors that leads back to it.
+
+The outer loop asks for load factors and a roll rate. The reference is followed along its path, not its clock. With `t`
+the direction of its velocity, `R = R_OKbar`, and `q_e` the rotation from the aircraft's attitude to the reference's,
+its scalar part not negative:
+
+    s'   = clip((v . t + k_t e_s) / V_ref)           e_s = (r - r_ref) . t
+    f    = R^T [s'^2 a_ref - g0 e_z + K_p (r_ref - r)_across - K_v v_across] / g0
+    e_t  = 2 atan2(q_e1, q_e0)
+    e_mu = clip(e_t + clip(n_z,ref (f_y cos e_t + f_z sin e_t - n_y,ref) / (n_z,ref^2 + eps^2)))
+
+`f` is the specific force that is wanted; errors along the path are left to the clock and the engine. What of it lies
+across the reference's lift is reached by banking further (f_y to the right, f_z down), as far as there is lift to be
+turned; near zero g the bank is the reference's own, and side force takes over:
+
+    n_x,cmd = [s'^2 a_ref . t + K_V (V_ref - V_K)] / g0 - R31      n_z,cmd = -f_z      p_cmd = s' p_ref + K_mu e_mu
+    n_y,cmd = n_y,ref + clip(eps^2 (f_y - n_y,ref) / (f_y^2 + f_z^2 + eps^2))
+
+The reference's own part in `n_z,cmd` and `p_cmd` is taken without its corners (`soften`), for no inner loop can follow
+them, and along with it goes its rate, for a loop with a lag to lead by.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors
 from airrace.environment import g0
-from airrace.frames import Scalar, rotation
+from airrace.frames import Scalar, atan2, cos, maximum, minimum, normalise, product, rotation, sin, sqrt
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
@@ -177,3 +197,134 @@ def from_optimum(model: FlightModel, problem: Problem, trajectory: Trajectory) -
 def sum_of_products(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
     """Return the scalar product of two vectors."""
     return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+@record
+class PathGains:
+    """The gains with which errors are fed back.
+
+    `K_p` 1/s2; `K_v`, `K_mu`, `k_t`, `K_V` 1/s; `eps` g; `along` the least and largest path rate; `bank` (by which to
+    bank further) and `bank_total` rad; `n_y` g.
+    """
+
+    K_p: float = 2.0
+    K_v: float = 3.0
+    K_mu: float = 5.0
+    k_t: float = 1.0
+    K_V: float = 1.0
+    eps: float = 1.0
+    along: tuple[float, float] = (0.5, 1.5)
+    bank: float = 1.2
+    bank_total: float = 1.5
+    n_y: float = 0.3
+
+
+@vector
+class Commands(Vector[T]):
+    """The commands of the outer loop to an inner loop.
+
+    The rates are those at which the commands will continue.
+    """
+
+    n_x: T = quantity("1", text="load factor along the velocity")
+    delta_T_dot: T = quantity("1/s", text="rate of the throttle")
+    n_y: T = quantity("1", text="lateral load factor")
+    n_z: T = quantity("1", text="load factor")
+    n_z_dot: T = quantity("1/s", text="rate of the load factor")
+    p: T = quantity("rad/s", text="roll rate about the velocity")
+    p_dot: T = quantity("rad/s2", text="rate of the roll rate")
+
+
+@vector
+class Errors(Vector[T]):
+    """The deviation of the flight from its reference."""
+
+    distance: T = quantity("m", text="distance from where the reference is")
+    roll: T = quantity("rad", text="roll angle to the reference's attitude")
+
+
+def path_rate(state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains) -> Scalar:
+    """Return `s'` (1), the rate of the reference's clock at which the aircraft stays abreast of the reference."""
+    v = [state.V_K * row[0] for row in rotation(state.q)]
+    V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
+    offset = _difference((state.x, state.y, state.z), here.position)
+    forward = sum_of_products(v, here.velocity) / V_ref
+    ahead = sum_of_products(offset, here.velocity) / V_ref
+    return clip((forward + gains.k_t * ahead) / V_ref, *gains.along)
+
+
+def errors(state: FlightPathState[Scalar], here: ReferencePoint[Scalar]) -> Errors[Scalar]:
+    """Return distance (m) and roll angle (rad) between aircraft and reference."""
+    offset = _difference((state.x, state.y, state.z), here.position)
+    return Errors(distance=sqrt(sum_of_products(offset, offset)), roll=_roll_error(state.q, here.q))
+
+
+def path_following(
+    state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains
+) -> tuple[Commands[Scalar], Scalar]:
+    """Return the commands that lead back to the reference, and the path rate `s'` (1).
+
+    Args:
+        state: of the aircraft.
+        here: where the reference is at the aircraft's value of its clock.
+        gains: see `PathGains`.
+    """
+    rate = path_rate(state, here, gains)
+    wanted = _wanted_force(state, here, rate, gains)
+    R = rotation(state.q)
+    f_y, f_z = (sum_of_products([row[axis] for row in R], wanted) for axis in (1, 2))
+    twist = _roll_error(state.q, here.q)
+    n_ref = here.n_z
+    across = f_y * cos(twist) + f_z * sin(twist)
+    lean = clip(n_ref * (across - here.n_y) / (n_ref * n_ref + gains.eps**2), -gains.bank, gains.bank)
+    e_mu = clip(twist + lean, -gains.bank_total, gains.bank_total)
+    V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
+    faster = sum_of_products(here.velocity, here.acceleration) / V_ref
+    sideways = gains.eps**2 * (f_y - here.n_y) / (f_y * f_y + f_z * f_z + gains.eps**2)
+    commands = Commands(
+        n_x=(rate * rate * faster + gains.K_V * (V_ref - state.V_K)) / g0 - R[2][0],
+        delta_T_dot=rate * here.delta_T_dot,
+        n_y=here.n_y + clip(sideways, -gains.n_y, gains.n_y),
+        n_z=here.soft_n_z - here.n_z - f_z,
+        n_z_dot=rate * here.soft_n_z_dot,
+        p=rate * here.soft_p + gains.K_mu * e_mu,
+        p_dot=rate * rate * here.soft_p_dot,
+    )
+    return commands, rate
+
+
+def _wanted_force(
+    state: FlightPathState[Scalar], here: ReferencePoint[Scalar], rate: Scalar, gains: PathGains
+) -> list[Scalar]:
+    """Return the wanted specific force `f_O`, g; three components."""
+    beside = _across(_difference(here.position, (state.x, state.y, state.z)), here)
+    drifting = _across([-state.V_K * row[0] for row in rotation(state.q)], here)
+    wanted = [
+        (rate * rate * a + gains.K_p * position + gains.K_v * velocity) / g0
+        for a, position, velocity in zip(here.acceleration, beside, drifting, strict=True)
+    ]
+    return [wanted[0], wanted[1], wanted[2] - 1.0]
+
+
+def _across(vector: Sequence[Scalar], here: ReferencePoint[Scalar]) -> list[Scalar]:
+    """Return the part of a vector in O that lies across the reference's path."""
+    v = here.velocity
+    along = sum_of_products(vector, v) / sum_of_products(v, v)
+    return [one - along * other for one, other in zip(vector, v, strict=True)]
+
+
+def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:
+    """Return `e_t` (rad), the roll angle in the rotation from one attitude to another, the shorter way round."""
+    q0, q1, q2, q3 = normalise(q)
+    error = product((q0, -q1, -q2, -q3), normalise(q_ref))
+    shorter = 2.0 * (error[0] >= 0.0) - 1.0
+    return 2.0 * atan2(shorter * error[1], shorter * error[0])
+
+
+def _difference(one: Sequence[Scalar], other: Sequence[Scalar]) -> list[Scalar]:
+    return [a - b for a, b in zip(one, other, strict=True)]
+
+
+def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
+    """Return `value` within its limits."""
+    return minimum(maximum(value, lower), upper)
