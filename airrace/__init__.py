@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from airrace.inputs import Inputs, load_inputs
     from airrace.optimal_control.certificate import Certificate
     from airrace.planning.plan import Race
-    from airrace.procedure.progress import Progress
-    from airrace.procedure.result import StageResult, Status
+    from airrace.procedure.result import Progress, StageResult, Status
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
@@ -122,8 +121,7 @@ _HOMES = {
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
     "airrace.planning.plan": ("Race",),
-    "airrace.procedure.progress": ("Progress",),
-    "airrace.procedure.result": ("StageResult", "Status"),
+    "airrace.procedure.result": ("Progress", "StageResult", "Status"),
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),

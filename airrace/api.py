@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
-from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.result import Progress, Silent
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores

@@ -17,8 +17,17 @@ import numpy as np
 from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.planning.plan import Race
-from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, StageProvenance, StageResult, Status, Timings
+from airrace.procedure.result import (
+    OUTCOMES,
+    Attempt,
+    GateSplit,
+    Iteration,
+    Progress,
+    StageProvenance,
+    StageResult,
+    Status,
+    Timings,
+)
 from airrace.procedure.results_api import Continuous
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage

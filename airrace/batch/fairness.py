@@ -20,7 +20,7 @@ from airrace.batch.record import make_folder
 from airrace.errors import NotCertified, UsageError
 from airrace.inputs import Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.air import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, winds_named
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.records import record

@@ -18,8 +18,7 @@ from typing import IO, TYPE_CHECKING
 from airrace import interrupts, process
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers import start_early
-from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Iteration, Progress, StageResult
 from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult, ExitCode, empty_result, record_failure
 

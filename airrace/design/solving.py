@@ -23,7 +23,7 @@ from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.variation import Variation
 from airrace.procedure.formulation import passings_of
-from airrace.procedure.progress import Iteration, Silent
+from airrace.procedure.result import Iteration, Silent
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.quantities import KNOT

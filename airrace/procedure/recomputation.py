@@ -24,8 +24,7 @@ from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, certify, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Attempt, GateSplit, PylonCondition, StageResult
+from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage

@@ -17,10 +17,9 @@ from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
-from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, recompute
 from airrace.procedure.restart import SourceRun, start_from
-from airrace.procedure.result import Note, NoteKind, StageResult, Status
+from airrace.procedure.result import Note, NoteKind, Progress, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES, Stage

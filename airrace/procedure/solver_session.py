@@ -24,8 +24,7 @@ from airrace.optimal_control.solvers.service import SolverPool, SolverService, S
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Attempt, Timings
+from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record

@@ -17,9 +17,15 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.planning.plan import Plan, Race, plan_from_solution
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
-from airrace.procedure.formulation import Trim, boundaries, passings_of, path_constraints
+from airrace.procedure.formulation import (
+    PilotConditions,
+    StartAirspeed,
+    Trim,
+    boundaries,
+    passings_of,
+    path_constraints,
+)
 from airrace.procedure.guess import leg_seconds
-from airrace.procedure.pilot_conditions import PilotConditions, StartAirspeed
 from airrace.procedure.pylon_conditions import PylonRooms
 from airrace.procedure.result import GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings

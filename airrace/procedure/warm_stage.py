@@ -21,8 +21,7 @@ from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import check_mesh_convergence
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageProvenance, StageResult
+from airrace.procedure.result import Silent, StageProvenance, StageResult
 from airrace.procedure.settings import CertificateLimits, Settings
 from airrace.procedure.solve_and_refine import (
     carry_multipliers,

@@ -15,8 +15,7 @@ from airrace.errors import OutOfTime, UsageError
 from airrace.inputs.rules import ReserveEntry
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
-from airrace.procedure.progress import Progress
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode

@@ -24,7 +24,7 @@ from airrace.logs.recording import refuse
 from airrace.logs.roll_rate import RollRate, measure_roll_rate
 from airrace.logs.smoothing import smooth
 from airrace.planning.plan import Race
-from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.result import Progress, Silent
 from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import SearchEffort
 from airrace.process import available_cores

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from typing import TextIO, cast
 
 from airrace.errors import debugging
-from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.views.plain_text import SafeStream
 

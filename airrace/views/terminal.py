@@ -12,8 +12,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Iteration, Progress, StageResult
 from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.views.plain_text import plain

@@ -29,7 +29,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import PlannedLeg, Race, plan
 from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.procedure.guess import align_quaternions, first_mesh, guess
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.solve_and_refine import solve_with_refinement

@@ -23,7 +23,7 @@ from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage

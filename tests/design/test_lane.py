@@ -9,7 +9,7 @@ import pytest
 from airrace.design import solving
 from airrace.design.designer import TrackFile
 from airrace.design.solving import Lane, Question
-from airrace.procedure.progress import Progress
+from airrace.procedure.result import Progress
 from airrace.procedure.stage import Stage
 
 

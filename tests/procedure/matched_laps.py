@@ -16,7 +16,7 @@ from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.homotopy import fixed_state
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of, trajectory_of
 from airrace.procedure.warm_start import InitialBarrier

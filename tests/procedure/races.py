@@ -16,8 +16,7 @@ from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
 from airrace.planning.plan import Plan, Race, plan
 from airrace.planning.planning_model import cruise
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.stage import Stage

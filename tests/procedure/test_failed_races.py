@@ -9,8 +9,7 @@ from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.procedure.stage import Stage

@@ -34,8 +34,7 @@ from airrace.environment import g0
 from airrace.frames import angles, rotation
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings

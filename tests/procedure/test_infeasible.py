@@ -28,8 +28,7 @@ from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS,
 from airrace.procedure.infeasibility.diagnose import TRIAL, TrialFlight, validate
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult, Status, SuggestedChange
+from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage

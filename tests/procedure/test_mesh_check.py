@@ -8,8 +8,7 @@ import pytest
 from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import NoteKind, StageResult, Status
+from airrace.procedure.result import NoteKind, Silent, StageResult, Status
 from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.procedure.stage import Stage

@@ -21,7 +21,6 @@ from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.progress import Silent
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -36,7 +35,7 @@ from airrace.procedure.refinement import (
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import RefinementReason, StageResult
+from airrace.procedure.result import RefinementReason, Silent, StageResult
 from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of

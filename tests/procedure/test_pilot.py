@@ -14,9 +14,9 @@ from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
 from airrace.planning.plan import Race
+from airrace.procedure.formulation import NAMES, NEAR_GROUND
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
-from airrace.procedure.pilot_conditions import NAMES, NEAR_GROUND
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage import Stage
 from airrace.track.course import PilotLimits

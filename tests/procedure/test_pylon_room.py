@@ -20,10 +20,9 @@ from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wi
 from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
-from airrace.procedure.progress import Silent
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.recomputation import recertify
-from airrace.procedure.result import PylonSide, StageResult
+from airrace.procedure.result import PylonSide, Silent, StageResult
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession

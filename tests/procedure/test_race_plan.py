@@ -36,7 +36,7 @@ from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import guess
-from airrace.procedure.progress import Silent
+from airrace.procedure.result import Silent
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import STAGES, Stage

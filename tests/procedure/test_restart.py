@@ -11,8 +11,7 @@ from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure import restart, solver_session
 from airrace.procedure.formulation import ensure_same_passings, passings_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval

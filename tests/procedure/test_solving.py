@@ -21,8 +21,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece
 from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement

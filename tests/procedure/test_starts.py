@@ -13,8 +13,7 @@ from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession

@@ -11,8 +11,7 @@ from test_shipped_optima import plane_of
 from airrace.environment import Thermal
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval

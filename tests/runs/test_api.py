@@ -13,8 +13,7 @@ import pytest
 import airrace
 from airrace.api import Run
 from airrace.errors import CheckpointError, InputError, UsageError
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import OUTCOMES, StageResult, Status
+from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status
 from airrace.procedure.stage import Stage
 
 ROOT = Path(__file__).parents[2]

@@ -16,8 +16,7 @@ from airrace.inputs import load_inputs
 from airrace.procedure import results_api
 from airrace.procedure import run as procedure
 from airrace.procedure.infeasibility.diagnose import describe_conflicts
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import OUTCOMES, StageResult, Status, SuggestedChange
+from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import MeshCheck
 from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult

@@ -6,8 +6,7 @@ from disk_cache import cached_across_workers
 from short_course import AIRCRAFT, FROM_PLAN, short_course
 
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.safety.closed_loop import ClosedLoop

@@ -11,8 +11,7 @@ from airrace.inputs.variation import Variation
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.parameters import ParameterGroup
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Status
+from airrace.procedure.result import Silent, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.procedure.warm_start import InitialBarrier

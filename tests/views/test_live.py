@@ -7,8 +7,7 @@ import pytest
 from fake_optimizer import stage_result
 from rich.console import Console
 
-from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import OUTCOMES, Status
+from airrace.procedure.result import OUTCOMES, Iteration, Progress, Status
 from airrace.procedure.stage import Stage
 from airrace.views.progress_view import LINE_INTERVAL, PlainLines, outcome_line, watching
 from airrace.views.terminal import LiveView

@@ -13,9 +13,8 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.interface import SolverOptions
-from airrace.procedure.formulation import without_trim
+from airrace.procedure.formulation import without_pilot, without_trim
 from airrace.procedure.guess import concatenate, phase_piece
-from airrace.procedure.pilot_conditions import without_pilot
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity
 from airrace.records import record

@@ -13,8 +13,7 @@ from airrace.environment import Air
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession

@@ -17,8 +17,7 @@ from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_ch
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import FoundRoutes
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult, Status
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solve_and_refine import Failure

@@ -35,8 +35,7 @@ from airrace.procedure.multistart.coarse_solution import planned_guess, solve_co
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
-from airrace.procedure.progress import Silent
-from airrace.procedure.result import Route, StageResult, Status
+from airrace.procedure.result import Route, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
