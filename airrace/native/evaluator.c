@@ -1,9 +1,7 @@
 /* Functions and steps of models at many intervals, LANES in a batch: gathered, evaluated, scattered. */
 #include "evaluator.h"
 
-#include "null_space.h"
-#include "products.h"
-#include "riccati.h"
+#include "linear_algebra.h"
 #include "step.h"
 
 static struct reader read_kernel(struct kernel kernel)

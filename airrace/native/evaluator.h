@@ -49,7 +49,7 @@ struct evaluator {
         int stages, const int *sizes, const int *rows, const double *C, const double *z, double *values);
     void (*riccati_rows_transposed)(
         int stages, const int *sizes, const int *rows, const double *C, const double *values, double *z);
-    /* see products.h */
+    /* see linear_algebra.h */
     void (*gemm_nt)(
         int kmax, const double *alpha, const double *A, const double *B, const double *beta, const double *C,
         double *D);
@@ -59,7 +59,6 @@ struct evaluator {
     void (*gemv_t)(
         int kmax, const double *alpha, int offset, const double *A, int width, const double *x, const double *beta,
         const double *y, double *z);
-    /* see null_space.c */
     int (*null_space_riccati)(
         int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
         const unsigned char *kept, const double *weights, double shift, double *gains, double *costs, double *ahead,

@@ -1,11 +1,60 @@
-/* Straight-line functions from tables: lists of elementary operations, see interpreter.py. */
+/* Straight-line functions, read from tables: lists of elementary operations, see interpreter.py. */
 #ifndef AIRRACE_INTERPRETER_H
 #define AIRRACE_INTERPRETER_H
 
-#include "tables.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lanes.h"
 
 #define interpret VARIANT_NAME(interpret)
 #define call VARIANT_NAME(call)
+
+/* The reader of a kernel's tables: integers, instructions and constants, one behind the other, and working memory.
+ *
+ * With `memory` null nothing is handed out, and `used` tells how much would be. */
+
+/* number[to] = operation(number[a], number[b]); before each run of one operation stand its number (`to`) and the length
+ * of the run (`a`) */
+struct instruction {
+    uint16_t to, a, b;
+};
+
+struct reader {
+    const int *tables; /* each behind its length */
+    const struct instruction *code;
+    const double *constants;
+    real *memory;
+    size_t used; /* vectors of the memory */
+};
+
+INLINE const int *read_table(struct reader *reader)
+{
+    const int *table = reader->tables + 1;
+    reader->tables = table + table[-1];
+    return table;
+}
+
+INLINE const struct instruction *read_code(struct reader *reader, int count)
+{
+    const struct instruction *code = reader->code;
+    reader->code += count;
+    return code;
+}
+
+INLINE const double *read_constants(struct reader *reader, int count)
+{
+    const double *constants = reader->constants;
+    reader->constants += count;
+    return constants;
+}
+
+INLINE real *allocate(struct reader *reader, size_t count)
+{
+    real *begin = reader->memory ? reader->memory + reader->used : NULL;
+    reader->used += count;
+    return begin;
+}
 
 /* A function has up to four arguments, of which the third is shared by all intervals, and up to two results. Its numbers
  * are constants, arguments, results and intermediate values, in this order. */

@@ -177,7 +177,7 @@ def _instructions(
 
 @record
 class Tables:
-    """The arrays that `tables.h` reads: tables, each behind its length, instructions, and constants."""
+    """The arrays that `interpreter.h` reads: tables, each behind its length, instructions, and constants."""
 
     tables: NDArray[np.int32]
     code: NDArray[np.uint16]

@@ -74,7 +74,7 @@ class Library:
         lanes: number of intervals in a batch.
         operations: casadi's names of the operations that the interpreter knows, by their numbers.
         evaluator: the variant's functions, see `evaluator.h`.
-        add_up, add_up_repeated: see `sums.c`.
+        add_up, add_up_repeated: see `library.c`.
     """
 
     variant: str

@@ -5,7 +5,7 @@
  * in the library that casadi brings along. These hold four results in a vector. They add in the same order, and no
  * product is fused with a sum, so they have the same bits.
  */
-#include "products.h"
+#include "linear_algebra.h"
 
 typedef double column __attribute__((vector_size(32), aligned(8), may_alias));
 

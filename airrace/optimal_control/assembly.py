@@ -343,7 +343,7 @@ def _nonzeros(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
 
 
 MOST_UNKNOWNS = 64
-"""The largest number of unknowns of a stage for which the native library has room, `dense.h`."""
+"""The largest number of unknowns of a stage for which the native library has room, `riccati.c`."""
 
 
 class StageMatrices:

@@ -278,7 +278,7 @@ def _first(costs: Array, bound: Array, gains: list[Array]) -> _StartOfDirection 
 
 
 def _recursion(form: StageQuadratic, shift: float) -> _StartOfDirection | None:
-    """Do what `null_space.c` does."""
+    """Do what `null_space_riccati` of `riccati.c` does."""
     m, sizes = form.states, form.sizes.astype(np.int64)
     counts = form.row_counts.astype(np.int64)
     of_rows, of_unknowns = np.split(form.active, [len(form.active) - int(sizes.sum())])

@@ -1,7 +1,7 @@
 """Sparse matrices whose nonzeros are weighted sums of the outputs of kernels; the pattern is found once.
 
 `SparseAssembly` holds the sums of a whole program, `StageAssembly` one pattern for all stages that are alike, which the
-processor's cache holds. The native library adds up straight from the arrays that kernels write to (`sums.c`), else
+processor's cache holds. The native library adds up straight from the arrays that kernels write to (`library.c`), else
 numpy does, in the same order and with the same bits.
 """
 

@@ -4,7 +4,7 @@ blasfeo packs matrices in panels whose height depends on how it was built, and s
 matrix that is filled by blasfeo with the number of every entry tells where each one went.
 
 By symbol interposition fatrop gets memory and products of small matrices from the native library. It sets up several
-times what a solve needs. In the arena (`arena.c`) what it never writes takes no memory, and what a solve has used is
+times what a solve needs. In the arena (`blasfeo.c`) what it never writes takes no memory, and what a solve has used is
 reused for the next one: of 16 laps of `sixteen_phases` the solver process takes 293 MB instead of 465 MB. The blasfeo
 that casadi brings along is built for any processor, and fatrop spends half of its own time in three of its functions;
 those for vector registers (`products.c`) have the same bits and save a twentieth of a ladder or more. Only Linux's
@@ -160,7 +160,7 @@ PRODUCTS = {"gemm_nt": "kernel_dgemm_nt_4x4_lib4", "gemv_n": "kernel_dgemv_n_4_l
 """The native library's names of the products, and blasfeo's."""
 
 _ASKED = ("blasfeo_memsize_dmat", "blasfeo_memsize_dvec", "blasfeo_create_dmat", "blasfeo_create_dvec")
-"""The functions of blasfeo that the arena asks, in the order of the struct in `arena.c`."""
+"""The functions of blasfeo that the arena asks, in the order of the struct in `blasfeo.c`."""
 
 # Any: ctypes makes functions up.
 Product = Any

@@ -1,7 +1,37 @@
-/* Sums of weighted numbers, added in one order whatever evaluates them, see sparse_assembly.py. Both functions
- * return whether all sums are finite.
- */
+/* The functions that the library has once: the choice of the variant at run time, and sums. */
+#include <string.h>
+
 #include "evaluator.h"
+#include "operations.h"
+
+extern const struct evaluator evaluator_baseline;
+
+#ifdef X86_64
+extern const struct evaluator evaluator_avx2, evaluator_avx512;
+#endif
+
+EXPORT const struct evaluator *airrace_evaluator(const char *name)
+{
+#ifdef X86_64
+    __builtin_cpu_init();
+    const int avx2 = __builtin_cpu_supports("avx2");
+    const int avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                       __builtin_cpu_supports("avx512vl");
+    if (avx512 && (!name || !strcmp(name, evaluator_avx512.name))) return &evaluator_avx512;
+    if (avx2 && (!name || !strcmp(name, evaluator_avx2.name))) return &evaluator_avx2;
+#endif
+    return !name || !strcmp(name, evaluator_baseline.name) ? &evaluator_baseline : NULL;
+}
+
+#define OPERATION_NAME(operation, expression) " " #operation
+
+EXPORT const char *airrace_operations(void)
+{
+    return ON_VECTORS(OPERATION_NAME) BY_LANE(OPERATION_NAME);
+}
+
+/* Sums of weighted numbers, added in one order whatever evaluates them, see sparse_assembly.py. Both functions return
+ * whether all are finite. */
 
 /* Sum i adds up weights[k] * drawn[sources[k]] for k from begins[i] to begins[i + 1], at least one, in this order, and
  * goes to memory[places[i]]. */

@@ -1,10 +1,12 @@
-/* Memory for fatrop's matrices and vectors: one after the other in chunks, instead of each in a piece of its own.
+/* Stand-ins for functions of blasfeo: Linux's dynamic linker takes the first function of a name that it finds, so fatrop
+ * and blasfeo call these once this library is loaded for all others.
  *
- * fatrop sets up all that it might ever need, every matrix three times over and once more for a restoration of
- * feasibility, and fills it with zeros; most of it is never written again. These functions take the place of blasfeo's
- * of the same names. Chunks that are free are kept for the next solve, up to `most_kept` bytes, so that their pages need not
- * be fetched from the system again. Beyond `large` bytes in all, pages that hold nothing but zeros are given back while
- * further memory is asked for: such a page reads as zeros, and takes no memory until it is written to.
+ * Memory for matrices and vectors comes one after the other in chunks, instead of each in a piece of its own. fatrop
+ * sets up all that it might ever need, every matrix three times over and once more for a restoration of feasibility,
+ * and fills it with zeros; most of it is never written again. Chunks that are free are kept for the next solve, up to
+ * `most_kept` bytes, so that their pages need not be fetched from the system again. Beyond `large` bytes in all, pages
+ * that hold nothing but zeros are given back while further memory is asked for: such a page reads as zeros, and takes
+ * no memory until it is written to.
  *
  * What is always written should share no page with what seldom is. fatrop asks for matrices of a stage one after the
  * other, then for those of the next stage, so chunks hold matrices of about one shape, and of two of the same shape the
@@ -26,7 +28,7 @@
 #define SHAPES 8
 #define PLACES (2 * SHAPES + 1) /* the last one is for vectors */
 
-#define NO_MEMORY 8 /* the exit code that `airrace/memory.py` has for it */
+#define NO_MEMORY 8 /* the exit code that `airrace/process.py` has for it */
 
 /* At the beginning of every chunk. It is in the list of its place or in that of unused ones; `filled` bytes of it are
  * handed out, `seen` of them were looked at for zeros. */
@@ -206,4 +208,32 @@ EXPORT void arena_use(size_t numbers[3])
     numbers[0] = mapped - kept;
     numbers[1] = most;
     numbers[2] = given_back;
+}
+
+/* The products of products.c under blasfeo's names. */
+
+static const struct evaluator *chosen;
+
+EXPORT void products_begin(const struct evaluator *evaluator)
+{
+    chosen = evaluator;
+}
+
+EXPORT void kernel_dgemm_nt_4x4_lib4(
+    int kmax, const double *alpha, const double *A, const double *B, const double *beta, const double *C, double *D)
+{
+    chosen->gemm_nt(kmax, alpha, A, B, beta, C, D);
+}
+
+EXPORT void kernel_dgemv_n_4_lib4(
+    int kmax, const double *alpha, const double *A, const double *x, const double *beta, const double *y, double *z)
+{
+    chosen->gemv_n(kmax, alpha, A, x, beta, y, z);
+}
+
+EXPORT void kernel_dgemv_t_4_lib4(
+    int kmax, const double *alpha, int offset, const double *A, int width, const double *x, const double *beta,
+    const double *y, double *z)
+{
+    chosen->gemv_t(kmax, alpha, offset, A, width, x, beta, y, z);
 }
