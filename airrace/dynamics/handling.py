@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from airrace.aircraft import Aircraft, InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.limits import linear_range
-from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, linear_parameters, pitching
+from airrace.dynamics.rigid_body import lateral_motion, level_lags, linear_parameters, pitching
 from airrace.dynamics.state_space_inversion import GAINS, solve
 from airrace.environment import RHO_ISA, g0
 from airrace.quantities import Interval

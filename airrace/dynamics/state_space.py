@@ -28,9 +28,16 @@ from airrace.dynamics.aerodynamics import (
 )
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import BodyPath, Deflected, SurfaceControl, body_bounds, brisk_rudder, surface_bounds
-from airrace.dynamics.linear_derivatives import linear_parameters, pitching
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
-from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, roll_yaw_accelerations, stability_axes
+from airrace.dynamics.rigid_body import (
+    Incidence,
+    body_axes,
+    incidence,
+    linear_parameters,
+    pitching,
+    roll_yaw_accelerations,
+    stability_axes,
+)
 from airrace.environment import Air, Weather, density, g0
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector

@@ -25,9 +25,8 @@ from airrace.dynamics.limits import (
     command_bounds,
     deflection_bounds,
 )
-from airrace.dynamics.linear_derivatives import Pair, linear_parameters, pitching
 from airrace.dynamics.outer_loop import turn_rates
-from airrace.dynamics.rigid_body import body_axes, roll_yaw_moments
+from airrace.dynamics.rigid_body import Pair, body_axes, linear_parameters, pitching, roll_yaw_moments
 from airrace.dynamics.state_space import (
     BODY_MOTION,
     LinearFlightState,

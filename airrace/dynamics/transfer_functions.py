@@ -18,9 +18,9 @@ from airrace.dynamics.limits import (
     load_factor_bounds,
     symmetric,
 )
-from airrace.dynamics.linear_derivatives import lags, linear_parameters
 from airrace.dynamics.outer_loop import PoweredState
 from airrace.dynamics.point_mass import load_factor_flight
+from airrace.dynamics.rigid_body import lags, linear_parameters
 from airrace.environment import Air, Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, quantity, vector

@@ -14,8 +14,8 @@ from airrace.aircraft import Aircraft, InnerLoopParameters, aircraft_parameters,
 from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import BodyPath, CommandControl, SurfaceControl
-from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
+from airrace.dynamics.rigid_body import linear_parameters
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
 from airrace.dynamics.state_space import StateSpaceState, state_space
 from airrace.dynamics.state_space_inversion import (

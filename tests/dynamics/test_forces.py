@@ -26,9 +26,9 @@ from airrace.dynamics.aerodynamics import (
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.handling import corner_speed, faults, lateral_modes, remarks, sideslip_trim, trimmed_side_force
 from airrace.dynamics.limits import LEAST_ROOM, flight_limits
-from airrace.dynamics.linear_derivatives import level_lags, linear_parameters
 from airrace.dynamics.observations import climb_observation, line_observation, line_values, safety_line_values
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
+from airrace.dynamics.rigid_body import level_lags, linear_parameters
 from airrace.dynamics.state_space import StateSpaceState, surrounding
 from airrace.dynamics.state_space_inversion import StateSpaceInversionState, deflections
 from airrace.environment import RHO_ISA, Air, g0

@@ -27,8 +27,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from airrace.aircraft import Aircraft, LinearLoops, Mode, Propeller, inner_loop_parameters
-from airrace.dynamics.linear_derivatives import lags, level_lags, linear_parameters
-from airrace.dynamics.rigid_body import body_axes, stability_axes
+from airrace.dynamics.rigid_body import body_axes, lags, level_lags, linear_parameters, stability_axes
 from airrace.dynamics.six_dof import SixDofState
 from airrace.dynamics.state_space import StateSpaceState, normal_load_factor, surrounding
 from airrace.dynamics.state_space_inversion import (
