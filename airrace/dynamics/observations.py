@@ -66,7 +66,7 @@ from airrace.frames import Scalar, atan2, cos, maximum, minimum, rotation, sin, 
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import Observation, column, named_symbols
-from airrace.track.course import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import GateOutput
 from airrace.track.polygons import Point, area
 
@@ -309,11 +309,6 @@ def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
     sign = 1.0 if right else -1.0
     north, east = -sign * along[1] / length, sign * along[0] / length
     return (north, east, north * start.north + east * start.east)
-
-
-def safety_line_values(line: SafetyLine) -> tuple[float, ...]:
-    """Return the parameters of a safety line; its allowed side is positive."""
-    return line_values(line.start, line.end, right=line.keep_right)
 
 
 def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation:

@@ -1,4 +1,4 @@
-"""The attitude of the body in the flow, its rotation as a rigid body with a plane of symmetry, linear derivatives.
+"""The attitude of a body in the flow, the rotation of a rigid body with a plane of symmetry, and linear derivatives.
 
     R_BKbar = R_y(alpha_K) R_z(-beta_K)        V_A,B = R_BKbar V_A,Kbar = (u, v, w)
     alpha_A = atan2(w, u)                      beta_A = asin(v / V_A)

@@ -101,13 +101,8 @@ def library() -> Library | None:
         return None
 
 
-def is_missing() -> bool:
-    """Return whether the library was not built when the package was installed."""
-    return library_path() is None
-
-
 def library_path() -> Path | None:
-    """Return the library's file; None where there is none."""
+    """Return the library's file; None where there is none, for it was not built when the package was installed."""
     name = "airrace_native.dll" if os.name == "nt" else "airrace_native.so"
     path = Path(__file__).with_name(name)
     return path if path.is_file() else None

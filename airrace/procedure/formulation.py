@@ -23,7 +23,6 @@ from airrace.dynamics.observations import (
     crowd_values,
     line_observation,
     line_values,
-    safety_line_values,
     settled_observation,
     with_sight,
 )
@@ -332,7 +331,10 @@ def path_constraints(course: Course, states: Sequence[Quantity]) -> tuple[tuple[
         everywhere.append(PathConstraint(f"crowd {crowd.name}", distance, smooth, crowd_values(crowd), exact))
     legs: list[tuple[PathConstraint, ...]] = []
     for passage in course.passages[1:]:
-        lines = [beside(f"safety line {one.name}", safety_line_values(one), one.margin) for one in passage.safety_lines]
+        lines = [
+            beside(f"safety line {one.name}", line_values(one.start, one.end, right=one.keep_right), one.margin)
+            for one in passage.safety_lines
+        ]
         if passage.roll is not None:
             lines.append(PathConstraint("roll", {"climb": passage.roll.climb}, climb, (), exact_climb))
         legs.append((*everywhere, *lines))

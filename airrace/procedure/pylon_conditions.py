@@ -13,6 +13,7 @@ condition would change along the flight, and the Hamiltonian with it.
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from operator import attrgetter
 from typing import Self
 
 import numpy as np
@@ -263,7 +264,9 @@ class PylonRooms:
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
         end = float(replayed.durations.sum())
         for number, before in enumerate(conditions):
-            approach = min((one for one in approaches if replayed.same(before, one)), key=_distance, default=None)
+            approach = min(
+                (one for one in approaches if replayed.same(before, one)), key=attrgetter("distance"), default=None
+            )
             if approach is None:
                 continue
             missed = max(missed, approach.shortfall)
@@ -285,7 +288,7 @@ class PylonRooms:
                     conditions[number] = dataclasses.replace(after, side=side, error=0.0)
             distances[number], binding[number] = approach.distance, left < SETTINGS.binding
         new: list[tuple[float, PylonCondition, ClosestApproach]] = []
-        for approach in sorted(approaches, key=_distance):
+        for approach in sorted(approaches, key=attrgetter("distance")):
             pylon = approach.pylon
             known = (pylon.name, pylon.post) in self.pylons
             if known and approach.shortfall > 0.0 and not any(replayed.same(one, approach) for one in conditions):
@@ -398,7 +401,3 @@ def _abeam_together(one: ClosestApproach, other: ClosestApproach) -> bool:
     """Tell whether two cylinders of one obstacle are abeam at the same time, as far as nodes tell."""
     alike = one.pylon.is_obstacle and one.pylon.name == other.pylon.name
     return alike and abs(one.abeam - other.abeam) < SETTINGS.one_node
-
-
-def _distance(approach: ClosestApproach) -> float:
-    return approach.distance

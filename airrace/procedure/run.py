@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 from airrace.dynamics import handling
-from airrace.native.library import MISSING, is_missing
+from airrace.native.library import MISSING, library_path
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import fidelity_of
@@ -92,7 +92,7 @@ def optimize(
     )
     budget = Budget.of(race.plan, settings.mesh)
     with service, closing(SolverSession(service, settings, progress, threads, deadline, budget)) as session:
-        if is_missing():
+        if library_path() is None:
             progress.activity(MISSING, 0, 0)
         for stage in unchecked:
             progress.stage_started(stage)

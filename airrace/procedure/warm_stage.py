@@ -9,8 +9,6 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
-from types import TracebackType
-from typing import Self
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
@@ -22,7 +20,7 @@ from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import check_mesh_convergence
 from airrace.procedure.result import Silent, StageProvenance, StageResult
-from airrace.procedure.settings import CertificateLimits, Settings
+from airrace.procedure.settings import Settings
 from airrace.procedure.solve_and_refine import (
     carry_multipliers,
     solve_single_mesh,
@@ -59,7 +57,7 @@ SETTINGS = WarmSettings()
 
 
 class WarmStage:
-    """A stage of one race, its optimum, and a solver process that knows its equations; a context manager.
+    """A stage of one race, its optimum, and a solver process that knows its equations, until it is closed.
 
     Args:
         race: the race that the optimum flies.
@@ -78,22 +76,15 @@ class WarmStage:
         self._budget = Budget.of(race.plan, settings.mesh)
         self._services: list[SolverService] = []
         self._service = self._new_service(threads)
-        limits = replace(self._settings, certificate=_with_spare(settings.certificate))
+        spare, limits = SETTINGS.spare, settings.certificate
+        limits = replace(limits, replay=spare * limits.replay, hamiltonian=spare * limits.hamiltonian)
         flight = self._perturbed.flight
         try:
-            found = self._solve(flight, flight, optimum, limits, coarse=True)
+            found = self._solve(flight, flight, optimum, replace(self._settings, certificate=limits), coarse=True)
         except BaseException:
             self.close()
             raise
         self.optimum = found if found.holds else optimum
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the solver processes; what is solved meanwhile fails."""
@@ -176,11 +167,6 @@ class WarmStage:
 
     def _session(self, settings: Settings, service: SolverService) -> SolverSession:
         return SolverSession(service, settings, Silent(), self._threads, budget=replace(self._budget))
-
-
-def _with_spare(limits: CertificateLimits) -> CertificateLimits:
-    """Return limits under which an optimum leaves room for the errors of its neighbours on the same mesh."""
-    return replace(limits, replay=SETTINGS.spare * limits.replay, hamiltonian=SETTINGS.spare * limits.hamiltonian)
 
 
 def _coarse_mesh(optimum: StageResult) -> tuple[Mesh, Iterate]:

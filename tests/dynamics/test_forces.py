@@ -26,7 +26,7 @@ from airrace.dynamics.aerodynamics import (
 from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.handling import corner_speed, faults, lateral_modes, remarks, sideslip_trim, trimmed_side_force
 from airrace.dynamics.limits import LEAST_ROOM, flight_limits
-from airrace.dynamics.observations import climb_observation, line_observation, line_values, safety_line_values
+from airrace.dynamics.observations import climb_observation, line_observation, line_values
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.dynamics.rigid_body import level_lags, linear_parameters
 from airrace.dynamics.state_space import StateSpaceState, surrounding
@@ -352,7 +352,9 @@ def test_line_measures_the_distance_to_its_right(start: Point, end: Point, place
 @given(places, st.booleans())
 def test_allowed_side_of_a_safety_line_is_positive(place: Point, keep_right: bool) -> None:
     line = SafetyLine("beach", Point(10.0, -20.0), Point(110.0, 60.0), keep_right)
-    seen = float(line_observation(STATES).values(state(place), safety_line_values(line)))
+    seen = float(
+        line_observation(STATES).values(state(place), line_values(line.start, line.end, right=line.keep_right))
+    )
     side = to_right(line.start, line.end, place)
     assert seen == pytest.approx(side if keep_right else -side, abs=1e-9)
 

@@ -1,6 +1,7 @@
 """A warm stage finds the optimum that a race has from scratch, whatever was solved before."""
 
 import dataclasses
+from contextlib import closing
 
 import pytest
 from races import PLAN, SMALL, blown, optimum
@@ -20,7 +21,7 @@ def with_limit(race: Race, n_z: float) -> Race:
 
 def test_every_answer_is_the_optimum_from_scratch_and_its_mesh_can_be_checked() -> None:
     windy, tight = blown(SMALL, 200.0, 3.0), with_limit(SMALL, 9.0)
-    with WarmStage(SMALL, PLAN, optimum(SMALL, PLAN)) as warm:
+    with closing(WarmStage(SMALL, PLAN, optimum(SMALL, PLAN))) as warm:
         for race in (tight, windy, tight):  # the wind has equations of its own
             found = warm.solve(race)
             assert found.status is Status.SOLVED
@@ -36,7 +37,7 @@ def test_every_answer_is_the_optimum_from_scratch_and_its_mesh_can_be_checked() 
 
 
 def test_a_race_without_a_flight_is_an_answer_and_the_next_one_is_solved() -> None:
-    with WarmStage(SMALL, PLAN, optimum(SMALL, PLAN)) as warm:
+    with closing(WarmStage(SMALL, PLAN, optimum(SMALL, PLAN))) as warm:
         assert not warm.solve(with_limit(SMALL, 0.5)).holds
         assert warm.solve(SMALL).trajectory.race_time == pytest.approx(warm.optimum.trajectory.race_time, abs=1e-4)
 
@@ -48,5 +49,8 @@ def test_other_passings_are_refused_and_other_kinds_of_conditions_are_no_numbers
     for race in (shorter, blown(SMALL, 200.0, 3.0)):
         with pytest.raises(OtherStructureError):
             perturbed.formulation(race)
-    with WarmStage(SMALL, PLAN, optimum(SMALL, PLAN)) as warm, pytest.raises(UsageError, match="other passings"):
+    with (
+        closing(WarmStage(SMALL, PLAN, optimum(SMALL, PLAN))) as warm,
+        pytest.raises(UsageError, match="other passings"),
+    ):
         warm.solve(shorter)

@@ -360,9 +360,10 @@ class PreparedProblem:
             _, lam_x, _ = kkt_error(self._functions, layout, result.w, p, result.lam_g)
             found = self._solver.solve(start, bounds, p, Multipliers(result.lam_g, lam_x))
             better = found.success and found.objective < result.objective
-            spent, derived = (a + b for a, b in zip(_effort(result), _effort(found), strict=True))
+            spent = result.iterations + found.iterations
+            derived = result.derivative_seconds + found.derivative_seconds
             result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
-            result = replace(result, iterations=int(spent), derivative_seconds=derived)
+            result = replace(result, iterations=spent, derivative_seconds=derived)
             if better:
                 judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
         return result, None if judged is None else judged[0]
@@ -374,8 +375,3 @@ class PreparedProblem:
         self._functions.at(start, p)
         finite = np.isfinite(self._functions.f) and np.isfinite(self._functions.g).all()
         return None if finite else Ending.INVALID_GUESS
-
-
-def _effort(result: SolverResult) -> tuple[float, float]:
-    """Return the iterations of a solve, and the seconds that its derivatives took."""
-    return result.iterations, result.derivative_seconds
