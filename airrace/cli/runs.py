@@ -91,7 +91,7 @@ def optimize(
     one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
     """
     with answering(empty_result(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.solvers.process.idle_processes import start_early
+        from airrace.optimal_control.solvers import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()
@@ -144,7 +144,7 @@ def resume(
     from the highest stage of this one that holds and written to --output; this file stays as it is.
     """
     with answering(empty_result(None), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.solvers.process.idle_processes import start_early
+        from airrace.optimal_control.solvers import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()
