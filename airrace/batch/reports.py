@@ -479,13 +479,13 @@ def _escape(text: str, also: str = "") -> str:
     return text
 
 
-def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> None:
+def append_summary(text: str) -> None:
     """Append Markdown to the summary of the step of GitHub Actions, if there is one.
 
     Raises:
         StorageError: the system refused.
     """
-    path = environment.get("GITHUB_STEP_SUMMARY")
+    path = os.environ.get("GITHUB_STEP_SUMMARY")
     if not path:
         return
     try:

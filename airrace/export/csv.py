@@ -41,9 +41,8 @@ def export_csv(
     derived: Derived = NO_DERIVED,
     sampler: Sampler | None = None,
     provenance: Provenance | None = None,
-    comments: bool = True,
 ) -> None:
-    """Write the flight: a header row `time_s,x_m,...,phase`, then one row per time.
+    """Write the flight: `# key: value` lines that say which it is, a header `time_s,x_m,...,phase`, one row per time.
 
     Args:
         result: the stage to export.
@@ -52,24 +51,22 @@ def export_csv(
         derived: further columns.
         sampler: gives the states between the nodes; without one they are interpolated linearly, see `at_times`.
         provenance: names for the comments.
-        comments: begin with lines `# key: value` that say which flight this is.
 
     Raises:
         UsageError: the rate cannot be exported.
     """
     tables = flight_tables(result.trajectory, rate_hz, derived, sampler)
-    if comments:
-        entries = {"stage": result.stage.value}
-        if result.is_flight:
-            entries["race time"] = f"{result.trajectory.race_time:.6f} s"
-        else:
-            entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
-        solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
-        entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
-        if provenance is not None:
-            names = {"track": provenance.track, "aircraft": provenance.aircraft}
-            entries = {**names, **entries, "airrace version": provenance.version}
-        _write_comments(entries, stream)
+    entries = {"stage": result.stage.value}
+    if result.is_flight:
+        entries["race time"] = f"{result.trajectory.race_time:.6f} s"
+    else:
+        entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
+    solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
+    entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
+    if provenance is not None:
+        names = {"track": provenance.track, "aircraft": provenance.aircraft}
+        entries = {**names, **entries, "airrace version": provenance.version}
+    _write_comments(entries, stream)
     _write_rows(((table.columns, table.phases) for table in tables), stream)
 
 

@@ -15,9 +15,9 @@ from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, searc
 from airrace.views.tables import Cell, Column, Table
 
 
-def number(value: float, digits: int, *, signed: bool = False) -> str:
+def number(value: float, digits: int) -> str:
     """Return a number as people read it in a sentence; a dash where there is none."""
-    return Column(form=f"{'+' if signed else ''}z.{digits}f").html(value)
+    return Column(form=f"z.{digits}f").html(value)
 
 
 def capitalise(text: str) -> str:

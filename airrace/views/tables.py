@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from airrace.errors import UsageError
+from airrace.quantities import FOOT, KNOT
 from airrace.records import record
 from airrace.resources import extra
 from airrace.views.plain_text import escape_html
@@ -13,8 +15,6 @@ from airrace.views.plain_text import escape_html
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
-from airrace.errors import UsageError
-from airrace.quantities import FOOT, KNOT
 
 Value = str | float | None
 """What stands in a cell: words, or a number that the column formats; None or NaN where nothing is known."""
@@ -233,9 +233,6 @@ def _style(column: Column, inline: bool, *, bad: bool = False) -> str:
         return f' style="{STYLE.format("right" if column.form else "left")}"'
     classes = " ".join(name for name, applies in (("text", not column.form), ("no", bad)) if applies)
     return f' class="{classes}"' if classes else ""
-
-
-"""The international foot, m."""
 
 
 @record

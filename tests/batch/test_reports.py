@@ -244,11 +244,13 @@ def test_annotations_of_the_command_line_name_no_file_and_only_so_many_are_made(
     assert "149 more" in lines[-1]
 
 
-def test_the_summary_of_the_step_is_appended_to(tmp_path: Path) -> None:
+def test_the_summary_of_the_step_is_appended_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "summary.md"
     path.write_text("before\n")
-    reports.append_summary("after\n", {"GITHUB_STEP_SUMMARY": str(path)})
-    reports.append_summary("nowhere\n", {})
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(path))
+    reports.append_summary("after\n")
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY")
+    reports.append_summary("nowhere\n")
     assert path.read_text() == "before\nafter\n"
 
 

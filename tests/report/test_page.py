@@ -148,12 +148,7 @@ def test_a_later_stage_lists_the_routes_that_were_tried_before_it(tmp_path: Path
 
 
 def test_a_table_shows_numbers_as_people_write_them() -> None:
-    assert (number(-1.25, 1), number(2.0, 1, signed=True), number(-0.001, 1), number(float("nan"), 1)) == (
-        "\N{MINUS SIGN}1.2",
-        "+2.0",
-        "0.0",
-        "\N{EN DASH}",
-    )
+    assert [number(one, 1) for one in (-1.25, -0.001, float("nan"))] == ["\N{MINUS SIGN}1.2", "0.0", "\N{EN DASH}"]
     table = Table("caption <", (Column("a", "m", ".1f"), Column("b")), [("<1>", Cell("&", bad=True))])
     assert "caption &lt;" in table.html()
     assert "&lt;1&gt;" in table.html(inline=False)
