@@ -133,7 +133,8 @@ class Plant:
         """
         controls: Named = {}
         for name, value in wanted.items():
-            state, control = quantity_named(self.system.states, name), rate_quantity(self.system.controls, name)
+            state = quantity_named(self.system.states, name)
+            control = next(one for one in self.system.controls if one.rate_of == name)
             inside = clip(value, state.lower, state.upper)
             controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
         return controls
@@ -160,11 +161,6 @@ class Plant:
 def quantity_named(quantities: Sequence[Quantity], name: str) -> Quantity:
     """Return the declaration of the quantity `name`."""
     return next(one for one in quantities if one.name == name)
-
-
-def rate_quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
-    """Return the declaration of the quantity that is the rate of the state `name`."""
-    return next(one for one in quantities if one.rate_of == name)
 
 
 def within_bounds(system: System, name: str, value: Scalar) -> Scalar:
@@ -332,7 +328,7 @@ def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
 
 def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
     """Return `n''_des` (g/s2) of the load factor `name`, which is commanded by the state `by`."""
-    rate = rate_quantity(plant.system.states, name).name
+    rate = next(one.name for one in plant.system.states if one.rate_of == name)
     w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
     return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
 

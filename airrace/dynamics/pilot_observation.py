@@ -54,11 +54,6 @@ TOLERANCE = Quantity("turn_tolerance", "1", text="largest deviation from the loa
 LOW_HEIGHT = Quantity("low_height", "m", scale=100.0, text="height that counts as near the ground")
 
 
-def has_onset(model: FlightModel) -> bool:
-    """Return whether the load factor of a model has a rate that follows from its states."""
-    return not any(one.rate_of == "n_z" for one in model.system.controls)
-
-
 def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     """Return the observation at a crossing; its parameters are the tolerance, then the numbers of the model."""
     system = model.system
@@ -74,7 +69,7 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
     declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK]
     values: list[Scalar] = [n_z, 2.0 * turned[1] / length, off - allowed, -off - allowed]
-    if has_onset(model):
+    if not any(one.rate_of == "n_z" for one in system.controls):  # its rate follows from the states
         declared.append(ONSET)
         values.append(ca.jtimes(n_z, states, rates))
     parameters = [TOLERANCE, *system.parameters]

@@ -11,7 +11,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* Tables as interpreter.py and step_tables.py write them, and working memory, 64-byte aligned. */
+/* Tables as interpreter.py and runge_kutta.py write them, and working memory, 64-byte aligned. */
 struct kernel {
     const int *tables;
     const void *code;

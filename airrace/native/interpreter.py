@@ -252,7 +252,7 @@ class Interpreter:
         """Return a step's values, Jacobian and Hessian.
 
         Args:
-            tables, constants: of the model, see `step_tables.py`.
+            tables, constants: of the model, see `runge_kutta.py`.
             functions: f, Jacobian and Hessian of f, and those of the projection, if there is one.
         """
         coded = [bytecode(function) for function in functions]

@@ -20,7 +20,7 @@ struct curvature {
     struct sparse hessian, dependent;
 };
 
-/* In the order of the table that step_tables.py writes; `active`: columns of y that anything but its own state depends
+/* In the order of the table that runge_kutta.py writes; `active`: columns of y that anything but its own state depends
  * on, `padded`: a multiple of GROUP, the length of rows of sensitivities, `acting`: states that f depends on. */
 struct sizes {
     int nx, nu, np, stages, steps, active, padded, acting, projected;

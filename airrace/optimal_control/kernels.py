@@ -21,8 +21,7 @@ import numpy as np
 
 from airrace.errors import KernelError, SolverCrash
 from airrace.native.interpreter import BatchFunction, Interpreter, interpreter
-from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.step_tables import scheme_numbers, step_parts, step_tables
+from airrace.optimal_control.runge_kutta import RungeKutta, scheme_numbers, step_parts, step_tables
 from airrace.records import record
 from airrace.system import System
 from airrace.trajectory import Array

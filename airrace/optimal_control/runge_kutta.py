@@ -1,9 +1,19 @@
-"""The explicit Runge-Kutta schemes for one shooting interval."""
+"""Explicit Runge-Kutta schemes for one shooting interval, and their steps as tables for the native library.
 
-from collections.abc import Callable
+From the tables (sizes, scheme, patterns) `step.c` composes a step and its derivatives. The step is a function of
+y = (x, u, T), its stages evaluate f at z = (x, u). Patterns are boolean matrices; a product of two is true where some
+path leads through both.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
 from airrace.records import record
+from airrace.system import System
 
 Column = Any  # of symbols or numbers: one formula serves casadi and numpy alike
 
@@ -105,3 +115,215 @@ VERNER_7 = RungeKutta(
 
 In one step of 0.9 of a mode's time constant it errs by 5e-9 of the mode, where `DORMAND_PRINCE_5` errs by 2e-4.
 """
+
+
+GROUP = 4
+"""The multiple of numbers to which rows of sensitivities are padded, as in `step.c`."""
+
+Pattern = NDArray[np.bool_]
+Table = Sequence[int]
+
+
+@record
+class Derivatives:
+    """A function of z (and of parameters) and its derivatives in z.
+
+    Attributes:
+        linear: its values and their Jacobian.
+        curved: with multipliers as last argument, the upper triangle of the Hessian of lam . values.
+        values: which values may differ from zero, shape (n,).
+        jacobian: shape (n, n_z).
+        hessian: both triangles, shape (n_z, n_z).
+        untouched: arguments that are handed on as they are and serve for nothing else, shape (n_z,).
+    """
+
+    linear: ca.Function
+    curved: ca.Function
+    values: Pattern
+    jacobian: Pattern
+    hessian: Pattern
+    untouched: Pattern
+
+
+def _derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> Derivatives:
+    """Return the functions `name_linear` and `name_curved` of `values`, functions of `arguments`, derived in z."""
+    lam = ca.SX.sym("lam", values.numel())
+    jacobian = ca.jacobian(values, z)
+    upper = ca.triu(ca.hessian(ca.dot(lam, values), z)[0])
+    curved = _pattern(upper.sparsity())
+    columns = [jacobian[:, place] for place in range(z.numel())]
+    untouched = [one.sparsity().row() == [place] and one.nz[0].is_one() for place, one in enumerate(columns)]
+    return Derivatives(
+        linear=ca.Function(f"{name}_linear", arguments, [ca.densify(values), jacobian], {"cse": True}),
+        curved=ca.Function(f"{name}_curved", [*arguments, lam], [upper], {"cse": True}),
+        values=_pattern(ca.sparsify(values).sparsity())[:, 0],
+        jacobian=_pattern(jacobian.sparsity()),
+        hessian=curved | curved.T,
+        untouched=np.array(untouched, dtype=bool),
+    )
+
+
+@record
+class StepParts:
+    """The parts that a step is put together from, and the patterns of its derivatives.
+
+    Attributes:
+        system, scheme: whose step.
+        alone: f as a casadi function, `rates`.
+        rates, projection: f and the projection with their derivatives; None without a projection.
+        active: the entries of y on which anything but the same entry of x depends; the last of them is T.
+        stage: sensitivity dz/dy, all stages together, shape (n_x + n_u, n_y).
+        end: sensitivity of the end before the projection, shape (n_x, n_y).
+        jacobian: the step's, shape (n_x, n_y).
+        hessian: the step's, upper triangle, shape (n_y, n_y).
+    """
+
+    system: System
+    scheme: RungeKutta
+    alone: ca.Function
+    rates: Derivatives
+    projection: Derivatives | None
+    active: list[int]
+    stage: Pattern
+    end: Pattern
+    jacobian: ca.Sparsity
+    hessian: ca.Sparsity
+
+    @property
+    def generated(self) -> list[ca.Function]:
+        """The derivatives, each by its own name."""
+        derived = [one for one in (self.rates, self.projection) if one is not None]
+        return [function for one in derived for function in (one.linear, one.curved)]
+
+
+def step_parts(system: System, scheme: RungeKutta) -> StepParts:
+    """Return what a step of a system is put together from."""
+    n_x, n_u, n_p = len(system.states), len(system.controls), len(system.parameters)
+    x, u, p = ca.SX.sym("x", n_x), ca.SX.sym("u", n_u), ca.SX.sym("p", n_p)
+    values = system.rates(x, u, p)
+    rates = _derivatives("rates", [x, u, p], ca.vertcat(x, u), values)
+    projection = None if system.projection is None else _derivatives("projection", [x], x, system.projection(x))
+    dx, du = np.eye(n_x, n_x + n_u + 1, dtype=bool), np.eye(n_u, n_x + n_u + 1, n_x, dtype=bool)
+    stage, hessian = (np.zeros((rows, n_x + n_u + 1), dtype=bool) for rows in (n_x + n_u, n_x + n_u + 1))
+    for _ in range(scheme.steps):
+        slopes: list[Pattern] = []
+        for row in scheme.a:
+            S = np.vstack([_advance(dx, row, slopes, rates.values), du])
+            slopes.append(rates.jacobian @ S)
+            stage |= S
+            hessian |= S.T @ rates.hessian @ S
+            hessian[:, -1] |= slopes[-1].any(axis=0)
+        dx = _advance(dx, scheme.b, slopes, rates.values)
+    jacobian, passive = dx, ~np.any(rates.jacobian[:, :n_x], axis=0)
+    if projection is not None:
+        jacobian = projection.jacobian @ dx
+        hessian |= dx.T @ projection.hessian @ dx
+        passive = passive & projection.untouched
+    return StepParts(
+        system=system,
+        scheme=scheme,
+        alone=ca.Function("rates", [x, u, p], [ca.densify(values)], {"cse": True}),
+        rates=rates,
+        projection=projection,
+        active=[place for place in range(n_x + n_u + 1) if place >= n_x or not passive[place]],
+        stage=stage,
+        end=dx,
+        jacobian=_sparsity(jacobian),
+        hessian=_sparsity(np.triu(hessian | hessian.T)),
+    )
+
+
+def _advance(dx: Pattern, weights: Sequence[float], slopes: Sequence[Pattern], values: Pattern) -> Pattern:
+    """Return the sensitivity of `x + h sum_j weights_j K_j`; h depends on T."""
+    total = dx.copy()
+    for weight, slope in zip(weights, slopes, strict=True):
+        if weight:
+            total |= slope
+            total[:, -1] |= values
+    return total
+
+
+def step_tables(parts: StepParts) -> list[Table]:
+    """Return all tables of a step but those of its functions, in the order in which `step.c` reads them."""
+    system, active, rates = parts.system, parts.active, parts.rates
+    padded = -(-len(active) // GROUP) * GROUP
+    place = {entry: number for number, entry in enumerate(active)}
+    acting = np.flatnonzero(np.any(rates.jacobian[:, : len(system.states)], axis=0)).tolist()
+    n_y = len(system.states) + len(system.controls) + 1
+    derived = [one for one in (rates, parts.projection) if one is not None]
+    sizes = [
+        len(system.states),
+        len(system.controls),
+        len(system.parameters),
+        len(parts.scheme.a),
+        parts.scheme.steps,
+        len(active),
+        padded,
+        len(acting),
+        int(parts.projection is not None),
+        parts.jacobian.nnz(),
+        parts.hessian.nnz(),
+        rates.linear.nnz_out(1),
+        max(count for one in derived for count in (one.linear.nnz_out(1), one.curved.nnz_out(0))),
+    ]
+    return [
+        sizes,
+        [place.get(entry, -1) for entry in range(n_y)],
+        acting,
+        [row * padded + place[column] if column in place else -1 for row, column in _nonzeros(parts.jacobian)],
+        [place[row] * padded + place[column] for row, column in _nonzeros(parts.hessian)],
+        *_derivative_tables(rates, parts.stage[:, active]),
+        *_derivative_tables(parts.projection, parts.end[:, active]),
+    ]
+
+
+def scheme_numbers(scheme: RungeKutta) -> list[float]:
+    """Return the rows of a, each as long as there are stages, and b."""
+    stages = len(scheme.a)
+    return [*(weight for row in scheme.a for weight in (*row, *[0.0] * (stages - len(row)))), *scheme.b]
+
+
+def _derivative_tables(part: Derivatives | None, sensitivity: Pattern) -> list[Table]:
+    """Return the tables of a function's Jacobian and Hessian.
+
+    They tell which arguments are curved and, by column of y, which of those depend on it.
+    """
+    if part is None:
+        return [*_row_compressed(0, []), [], *_row_compressed(0, []), *_row_compressed(0, [])]
+    variables = np.flatnonzero(np.any(part.hessian, axis=0)).tolist()
+    number = {variable: place for place, variable in enumerate(variables)}
+    jacobian = [(*place, source) for source, place in enumerate(_nonzeros(part.linear.sparsity_out(1)))]
+    hessian = enumerate(_nonzeros(part.curved.sparsity_out(0)))
+    upper = [(number[row], number[column], source) for source, (row, column) in hessian]
+    lower = [(column, row, source) for row, column, source in upper if row != column]
+    columns, dependent = (places.tolist() for places in np.nonzero(sensitivity[variables].T))
+    return [
+        *_row_compressed(len(part.jacobian), jacobian),
+        variables,
+        *_row_compressed(len(variables), upper + lower),
+        *_row_compressed(sensitivity.shape[1], [(*both, 0) for both in zip(columns, dependent, strict=True)]),
+    ]
+
+
+def _row_compressed(rows: int, entries: Iterable[tuple[int, int, int]]) -> list[Table]:
+    """Return the tables of (row, column, source): starts of the rows, columns, sources."""
+    ordered = sorted(entries)
+    starts = np.searchsorted([row for row, _, _ in ordered], np.arange(rows + 1))
+    return [starts.tolist(), [column for _, column, _ in ordered], [source for _, _, source in ordered]]
+
+
+def _nonzeros(sparsity: ca.Sparsity) -> list[tuple[int, int]]:
+    """Return the rows and columns of the nonzeros in casadi's order."""
+    return list(zip(*sparsity.get_triplet(), strict=True))
+
+
+def _pattern(sparsity: ca.Sparsity) -> Pattern:
+    """Return where the nonzeros are, as a boolean matrix of the same shape."""
+    found = np.zeros(sparsity.shape, dtype=bool)
+    found[sparsity.get_triplet()] = True
+    return found
+
+
+def _sparsity(pattern: Pattern) -> ca.Sparsity:
+    rows, columns = np.nonzero(pattern)
+    return ca.Sparsity.triplet(len(pattern), pattern.shape[1], rows.tolist(), columns.tolist())

@@ -9,7 +9,7 @@ import pytest
 from races import OPTIMA, PLAN, RACES, SMALL, differentiated, motion, optimum, prepared
 from transformations import mirrored
 
-from airrace.dynamics.pilot_observation import LOW_RELIEF, has_onset
+from airrace.dynamics.pilot_observation import LOW_RELIEF
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
@@ -83,7 +83,7 @@ def test_every_stage_has_the_limits_and_without_a_preset_none_has_any(stage: Sta
     assert all(not NAMES & one.bounds.keys() for one in plain.boundaries)
     along = [[[one.name for one in leg.watches if one.at is None] for leg in race.phases] for race in (plain, limited)]
     assert along == [[[]] * len(plain.phases), [[NEAR_GROUND]] * len(limited.phases)]
-    gates = {"roll_rate", "onset"} if has_onset(prepared(SMALL, stage).model) else {"roll_rate"}
+    gates = {"roll_rate"} if stage is Stage.POINT_MASS else {"roll_rate", "onset"}
     ends = {"load_factor", "turn_excess", "turn_lack"}
     expected = [gates | ends, gates, gates, gates | ends]
     assert [NAMES & one.bounds.keys() for one in limited.boundaries] == expected

@@ -133,11 +133,8 @@ class SolveServer:
         if largest > LARGE:
             process.return_freed_memory()
 
-    def _numbers(self, *functions: ca.Function | None) -> Numbers:
-        """Return the numbers of functions; equal ones are one object here, see `Receiver`."""
-        return tuple(None if one is None else self._number(one) for one in functions)
-
     def _number(self, function: ca.Function) -> int:
+        """Return the number of a function; equal ones are one object here, see `Receiver`."""
         for number, known in enumerate(self._functions):
             if known is function:
                 return number
@@ -145,7 +142,8 @@ class SolveServer:
         return len(self._functions) - 1
 
     def _equations(self, system: System) -> Numbers:
-        return self._numbers(system.rates, system.path_values, system.projection)
+        functions = system.rates, system.path_values, system.projection
+        return tuple(None if one is None else self._number(one) for one in functions)
 
     def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
         key = self._equations(system), scheme
