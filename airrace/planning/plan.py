@@ -78,7 +78,7 @@ class Plan:
 
     Attributes:
         seconds: planned race time.
-        counting: whether the flight counts its rolls, see `roll_counter.py`.
+        counting: whether the flight counts its rolls, see `flight_model.py`.
         last: how ties were decided, and are to be decided on the way, see `RouteDecisions`.
     """
 
