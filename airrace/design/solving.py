@@ -28,7 +28,7 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.report.flight_page import scene_page
+from airrace.report.flight_page import SCENE_ALONE, flight_page
 from airrace.results.clearances import least_distances
 from airrace.results.flight import Flight
 from airrace.runs.courses import check_course
@@ -114,7 +114,7 @@ class Lane:
         """Return a page with the scene of the last flight; `UsageError` if there is none yet."""
         if self._known is None:
             raise UsageError("there is no flight yet")
-        return scene_page(self._known.flight())
+        return flight_page([self._known.flight()], style=SCENE_ALONE)
 
     def close(self) -> None:
         """End the solvers."""

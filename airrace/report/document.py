@@ -65,8 +65,9 @@ def facts_block(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def list_block(texts: Iterable[str]) -> str:
-    """Return sentences, one below the other."""
-    return f"<ul>{''.join(f'<li>{escape_html(_sentence(text))}</li>' for text in texts)}</ul>"
+    """Return clauses as sentences, one below the other."""
+    sentences = (f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}" for text in texts)
+    return f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in sentences)}</ul>"
 
 
 def figure_block(address: str, words: str) -> str:
@@ -84,8 +85,3 @@ def signature_block(names: Iterable[str]) -> str:
 def known_block(title: str, texts: Sequence[str]) -> str:
     """Return what has to be known first, in a frame; empty where there is nothing."""
     return f'<div class="known"><h3>{escape_html(title)}</h3>{list_block(texts)}</div>' if texts else ""
-
-
-def _sentence(text: str) -> str:
-    """Return a clause as a sentence."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"

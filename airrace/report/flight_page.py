@@ -52,11 +52,6 @@ READINGS = (
 """Numbers of the present instant over the scene: title, history, unit, digits, and after how many units it repeats."""
 
 
-def scene_page(flight: Flight) -> str:
-    """Return the page about a flight with nothing but its scene, which fills the window."""
-    return flight_page([flight], style=SCENE_ALONE)
-
-
 def flight_page(
     flights: Sequence[Flight],
     sections: Sequence[str] = (),
@@ -74,7 +69,7 @@ def flight_page(
         footer: plain text.
         claim: what is claimed of the first flight; the badge tells it and leads to the section `claim` among
             `sections`. Empty for its verdict alone.
-        style: CSS that comes after the page's own.
+        style: CSS that comes after the page's own, such as `SCENE_ALONE`.
 
     Raises:
         UsageError: a flight is of a course with other passings.
