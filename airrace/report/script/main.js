@@ -1,7 +1,6 @@
 // The page comes to life: what it carries is read, its parts are linked by one clock, and it is printed.
 
-import { Clock, Transport, linkFlights, linkTables, showReadings, watchKeys } from "./clock.js";
-import { Controls } from "./controls.js";
+import { Clock, Controls, linkFlights, linkTables, showReadings, Transport, watchKeys } from "./controls.js";
 import { Flight } from "./flight.js";
 import { Film, Graphics } from "./graphics.js";
 import { RaceScene } from "./scene.js";
