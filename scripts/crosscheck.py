@@ -39,7 +39,7 @@ from airrace.jsbsim.simulation import (
     random_states,
     simulate,
 )
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.runs.run import RunState, run_of_checkpoint
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -93,7 +93,7 @@ def along_optimum(run: RunState, planet: Planet) -> Row:
     result = run.stage("six-dof").result
     with tempfile.TemporaryDirectory() as folder:
         flown = simulate(Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet)
-        at = results_api.sampler(race, result)
+        at = stored_stages.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)

@@ -28,9 +28,9 @@ from airrace.procedure.result import (
     Status,
     Timings,
 )
-from airrace.procedure.results_api import Continuous
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
+from airrace.procedure.stored_stages import Continuous
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -42,10 +42,10 @@ REPLACED = {
     "STAGES": "airrace.procedure.run",
     "optimize": "airrace.procedure.run",
     "recompute": "airrace.procedure.run",
-    "continuous": "airrace.procedure.results_api",
-    "derived_quantities": "airrace.procedure.results_api",
-    "ensure_matches_model": "airrace.procedure.results_api",
-    "sampler": "airrace.procedure.results_api",
+    "continuous": "airrace.procedure.stored_stages",
+    "derived_quantities": "airrace.procedure.stored_stages",
+    "ensure_matches_model": "airrace.procedure.stored_stages",
+    "sampler": "airrace.procedure.stored_stages",
 }
 """The names that this procedure takes the place of, each with the module in which they are looked up."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from airrace.dynamics.limits import Limits, flight_limits
 from airrace.environment import g0
 from airrace.planning.plan import Race
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -190,7 +190,7 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
         source: what it is called.
         longest_step: between two times, s.
     """
-    read = results_api.continuous(race, result, longest_step)
+    read = stored_stages.continuous(race, result, longest_step)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
     histories = complete_histories(race, given)

@@ -25,8 +25,8 @@ from airrace.logs.roll_rate import RollRate, measure_roll_rate
 from airrace.logs.smoothing import smooth
 from airrace.planning.plan import Race
 from airrace.procedure.result import Progress, Silent
-from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import SearchEffort
+from airrace.procedure.stored_stages import sampler
 from airrace.process import available_cores
 from airrace.quantities import KNOT
 from airrace.records import record

@@ -23,7 +23,7 @@ from airrace.errors import CheckpointError, UsageError
 from airrace.extensions import extension_versions
 from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.planning.plan import Race
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
@@ -292,7 +292,7 @@ def ensure_readable(run: RunState) -> RunState:
         CheckpointError: a stage has other histories, or another number of legs.
     """
     for result in run.results:
-        results_api.ensure_matches_model(run.race, result)
+        stored_stages.ensure_matches_model(run.race, result)
     return run
 
 

@@ -15,7 +15,7 @@ from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
 from airrace.parameters import ParameterGroup
 from airrace.planning.plan import Race
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.procedure.result import GateSplit, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.report.sections import sensitivities_table
@@ -506,14 +506,14 @@ class StageView:
     def _derived(self) -> Derived:
         race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
         return {
-            **results_api.derived_quantities(race, self.result),
+            **stored_stages.derived_quantities(race, self.result),
             **table_columns(race, states),
             **distance_columns(race, states),
         }
 
     def _sampler(self, rate: float | None) -> Sampler | None:
         """Return what integrates between the nodes; None without a rate, for on the mesh it is not needed."""
-        return None if rate is None else results_api.sampler(self.inputs.race, self.result)
+        return None if rate is None else stored_stages.sampler(self.inputs.race, self.result)
 
     def _flight(self, rate: float | None) -> FlightTable:
         trajectory = self.result.trajectory

@@ -16,7 +16,7 @@ from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.errors import UsageError
 from airrace.frames import product, rotation
 from airrace.planning.plan import Race
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, Plant, advance
@@ -62,7 +62,7 @@ class NominalFlight:
             raise UsageError(f"closed-loop flights follow an optimum of six-dof; {result.stage.value} is another stage")
         count = int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1
         times = instants(TABLE_STEP, count)
-        known = results_api.sampler(race, result)(times)
+        known = stored_stages.sampler(race, result)(times)
         state = np.stack([known[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")

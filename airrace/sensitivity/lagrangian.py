@@ -21,7 +21,7 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrow_range
-from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, ParameterGroup
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
@@ -95,7 +95,7 @@ class _LimitSource:
         system = problem.system
         match self.kind:
             case "boundary":
-                return _boundary(problem, first).bounds.get(self.name, Interval())
+                return problem.boundaries[first].bounds.get(self.name, Interval())
             case "watch":
                 return problem.phases[first].watches[second].bounds.get(self.name, Interval())
             case "control":
@@ -107,7 +107,7 @@ class _LimitSource:
                 limits = self._along(problem, state)
                 if first == second:
                     return limits
-                bounds = _boundary(problem, second).bounds
+                bounds = problem.boundaries[second].bounds
                 if state.name == DEPTH and HEIGHT in bounds:
                     limits = limits.intersect(Interval(-bounds[HEIGHT].upper, -bounds[HEIGHT].lower))
                 return limits.intersect(bounds.get(state.name, Interval()))
@@ -211,14 +211,9 @@ def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tupl
     return np.where(active, multiplier, 0.0), active & ~fixed & (size < SETTINGS.weak_ratio * slack)
 
 
-def _boundary(problem: Problem, number: int) -> Boundary:
-    return problem.start if number == 0 else problem.phases[number - 1].end
-
-
 def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
     """Yield whatever observes: its limits and the parameters of its observation, in the order of the program."""
-    for number in range(len(problem.phases) + 1):
-        boundary = _boundary(problem, number)
+    for number, boundary in enumerate(problem.boundaries):
         if boundary.observation is not None:
             yield ("boundary", (number, 0)), boundary.bounds, boundary.values
     for index, phase in enumerate(problem.phases):

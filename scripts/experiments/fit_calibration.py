@@ -21,7 +21,7 @@ import airrace
 import airrace.runs.fit as fitting
 from airrace.aircraft import Aircraft
 from airrace.api import Run
-from airrace.procedure.results_api import sampler
+from airrace.procedure.stored_stages import sampler
 from airrace.runs.aircraft import read_aircraft_file
 
 COURSES = ("rovinj_2014", "chiba_2015")

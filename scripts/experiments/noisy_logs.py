@@ -32,7 +32,7 @@ from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.violations import height_window
-from airrace.procedure.results_api import sampler
+from airrace.procedure.stored_stages import sampler
 from airrace.results import Flight, TimedCrossing
 
 LEAD = 4.0

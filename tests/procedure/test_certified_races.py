@@ -12,10 +12,10 @@ from airrace.dynamics.limits import LEAST_ROOM
 from airrace.environment import Air
 from airrace.planning.plan import ONE_PLACE, Race
 from airrace.procedure.result import StageResult, Status
-from airrace.procedure.results_api import sampler
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
+from airrace.procedure.stored_stages import sampler
 from airrace.quantities import Interval
 from airrace.track.course import Rules
 from airrace.track.gates import Gate, Passing, Pylon

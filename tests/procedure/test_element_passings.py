@@ -16,8 +16,8 @@ from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
-from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import GuessKind
+from airrace.procedure.stored_stages import sampler
 from airrace.quantities import Interval
 from airrace.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
 from airrace.track.gates import Manoeuvre

@@ -35,11 +35,11 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
+from airrace.procedure.stored_stages import derived_quantities
 from airrace.procedure.warm_start import FEWEST, first_nodes, map_controls, trimmed_start
 from airrace.trajectory import Array
 

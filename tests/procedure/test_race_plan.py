@@ -37,9 +37,9 @@ from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import guess
 from airrace.procedure.result import Silent
-from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import STAGES, Stage
+from airrace.procedure.stored_stages import derived_quantities, sampler
 from airrace.quantities import Interval
 from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, Direction, SafetyLine
 from airrace.track.gates import Gate, Manoeuvre, Pylon

@@ -19,7 +19,7 @@ from airrace.cli.run_tables import comparison_texts, near_miss_table
 from airrace.environment import StaticWind, g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
-from airrace.procedure import results_api
+from airrace.procedure import stored_stages
 from airrace.procedure.result import Status
 from airrace.quantities import Interval
 from airrace.report.flight_page import flight_page, legs_section
@@ -37,7 +37,7 @@ from airrace.track.polygons import Point
 def test_a_flight_of_an_optimum_has_its_nodes_and_an_independent_integration_between_them() -> None:
     run = half_cuban()
     flight, flown = run.flight(), run["point-mass"].trajectory
-    integrated = results_api.sampler(run.race, run["point-mass"].result)(flight.time)
+    integrated = stored_stages.sampler(run.race, run["point-mass"].result)(flight.time)
     for name, tolerance in (("x", 2e-3), ("y", 2e-3), ("z", 2e-3), ("V_K", 2e-4), ("n_z", 1e-7), ("q0", 2e-4)):
         np.testing.assert_allclose(flight[name], integrated[name], rtol=0.0, atol=tolerance)
     assert np.isin(flown.time, flight.time).all()

@@ -13,8 +13,8 @@ from fake_optimizer import solve_single_mesh, stage_result
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.errors import InputError, UsageError
 from airrace.inputs import load_inputs
-from airrace.procedure import results_api
 from airrace.procedure import run as procedure
+from airrace.procedure import stored_stages
 from airrace.procedure.infeasibility.diagnose import describe_conflicts
 from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import MeshCheck
@@ -272,7 +272,7 @@ def flown_by(
         yield from results
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    monkeypatch.setattr(results_api, "continuous", fake_optimizer.continuous)
+    monkeypatch.setattr(stored_stages, "continuous", fake_optimizer.continuous)
     answer = CommandResult()
     task = plan_resumed_run(run, until="transfer-function", mesh_check="all")
     return answer, execute_for_command(answer, task, threads=1, progress=Silent())[1]
