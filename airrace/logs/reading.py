@@ -21,11 +21,9 @@ from xml.parsers import expat
 
 import numpy as np
 
-from airrace.logs.acmi_log import read_acmi
 from airrace.logs.clocks import instant, iso_seconds
 from airrace.logs.csv_log import ColumnLayout, read_csv
-from airrace.logs.fit_log import read_fit
-from airrace.logs.igc_log import FIX, read_igc
+from airrace.logs.recorders import FIX, read_acmi, read_fit, read_igc
 from airrace.logs.recording import LIMITS, Recording, SampleTable, refuse
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
@@ -287,7 +285,7 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
     if len(recorded) > 1:
         remarks += (f"it holds {len(recorded)} recorded tracks",)
     first, *others = [_gpx_track(path, one, remarks, f"track {row}") for row, one in enumerate(recorded, 1)]
-    return first.with_others(others)
+    return replace(first, others=tuple(others))
 
 
 def _gpx_track(path: str, samples: SampleTable, remarks: tuple[str, ...], label: str) -> Recording:

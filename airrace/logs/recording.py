@@ -87,10 +87,6 @@ class Recording:
         remarks = (*self.remarks, *remarks)
         return replace(self, time=self.time[rows], columns=columns, lines=self.lines[rows], remarks=remarks)
 
-    def with_others(self, others: Sequence["Recording"]) -> "Recording":
-        """Return the recording with further ones of the same file."""
-        return replace(self, others=tuple(others))
-
 
 def refuse(path: str, line: int, message: str, key: str = "") -> Never:
     """Refuse a log.

@@ -18,10 +18,10 @@ from airrace.errors import InputError
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.dialects import DIALECTS, dialect_of
-from airrace.logs.fit_log import read_fit
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.plausibility import plausible
 from airrace.logs.reading import read_log
+from airrace.logs.recorders import read_fit
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import smooth
 
