@@ -7,9 +7,8 @@ import numpy as np
 
 from airrace.dynamics.limits import flight_limits
 from airrace.environment import g0
-from airrace.logs.freshness import rounding
 from airrace.logs.histories import HISTORIES, between_samples, samples_of
-from airrace.logs.recording import EARTH_RADIUS, Recording
+from airrace.logs.recording import EARTH_RADIUS, Recording, rounding
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.logs.violations import StandardDeviations
 from airrace.records import record

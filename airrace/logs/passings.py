@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.logs.clocks import spread_repeated, true_times
-from airrace.logs.freshness import held
-from airrace.logs.recording import Recording, count_of, refuse
+from airrace.logs.recording import Recording, count_of, held, refuse
 from airrace.planning.plan import Race
 from airrace.records import record
 from airrace.track.course import Passage, metres

@@ -13,9 +13,9 @@ import numpy as np
 from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_manual import roll_rate
 from airrace.logs.deviations import is_measured
-from airrace.logs.freshness import rounding
 from airrace.logs.histories import samples_of
 from airrace.logs.log_flight import LogFlight
+from airrace.logs.recording import rounding
 from airrace.records import record
 from airrace.trajectory import Array
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from airrace.logs.clocks import spread_repeated, true_times, unwrap_days
-from airrace.logs.freshness import held, resolution, rounding
+from airrace.logs.recording import held, resolution, rounding
 
 RANDOM = np.random.default_rng(5)
 WAY = np.cumsum(RANDOM.normal(3.0, 1.0, 2000))
