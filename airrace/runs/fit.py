@@ -17,11 +17,19 @@ from airrace.errors import UsageError
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.deviations import place_roundings
+from airrace.logs.identification import (
+    FACTORS,
+    FIT,
+    Estimate,
+    RecordedPath,
+    RollRate,
+    estimate_factors,
+    measure_roll_rate,
+    recorded_path,
+)
 from airrace.logs.log_flight import LogFlight, flight_from_log
-from airrace.logs.output_error import FACTORS, FIT, Estimate, RecordedPath, estimate_factors, recorded_path
 from airrace.logs.reading import read_log
 from airrace.logs.recording import refuse
-from airrace.logs.roll_rate import RollRate, measure_roll_rate
 from airrace.logs.smoothing import smooth
 from airrace.planning.plan import Race
 from airrace.procedure.result import Progress, Silent

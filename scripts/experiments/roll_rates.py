@@ -14,8 +14,8 @@ import numpy as np
 import airrace
 from airrace.api import Run
 from airrace.logs.log_flight import flight_from_log
+from airrace.logs.identification import RollRate, measure_roll_rate
 from airrace.logs.reading import read_log
-from airrace.logs.roll_rate import RollRate, measure_roll_rate
 
 NOISE = 1.5
 ROLL_NOISES = (0.0, 1.0, 2.0)
@@ -41,7 +41,9 @@ def main() -> None:
     for path in sys.argv[1:]:
         run = airrace.open(path)
         courses.setdefault(run.inputs.race.course.name, []).append(run)
-    print("| course | Hz | roll | logs | visible | error | deviation told | within 2 |\n|---|---|---|---|---|---|---|---|")
+    print(
+        "| course | Hz | roll | logs | visible | error | deviation told | within 2 |\n|---|---|---|---|---|---|---|---|"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for course, runs in courses.items():
             for hz in RATES:
