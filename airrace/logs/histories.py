@@ -11,8 +11,8 @@ from airrace.logs.smoothing import Path
 from airrace.planning.plan import Race
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.results import airdata, attitude
-from airrace.results.derivation import complete_histories
+from airrace.results import attitude
+from airrace.results.derivation import complete_histories, wind_along
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE, Basis, Histories, History
 from airrace.trajectory import Array
 
@@ -101,7 +101,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
     x, z = _DOWN * e, -_DOWN * across / lift
     R = np.stack([x, np.cross(z, x, axis=0), z], axis=1)
     n_z, (north, east, up) = lift / g0, position
-    V_A = np.linalg.norm(_DOWN * velocity - airdata.wind(race.air, north, east, -up), axis=0)
+    V_A = np.linalg.norm(_DOWN * velocity - wind_along(race.air, north, east, -up), axis=0)
     rho = np.asarray(density(-up, atmosphere_parameters(race.air)), np.float64).reshape(up.shape)
     body = race.aircraft.airframe
     C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, HISTORIES.slowest) ** 2 * body.S)

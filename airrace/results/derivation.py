@@ -4,19 +4,29 @@ Each rule says what it needs and what it gives. A rule is followed where all it 
 stored itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
 """
 
+import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from airrace.dynamics.limits import Limits, flight_limits
-from airrace.environment import g0
+from airrace.environment import (
+    Air,
+    WindField,
+    atmosphere_parameters,
+    calibrated_airspeed,
+    density,
+    g0,
+    pressure,
+)
 from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.results import airdata, attitude
+from airrace.results import attitude
 from airrace.results.flight import (
     BODY_ATTITUDE,
     GLOSSARY,
@@ -28,6 +38,7 @@ from airrace.results.flight import (
     Source,
     TimedCrossing,
 )
+from airrace.system import at_points, column, named_symbols
 from airrace.track.course import geodetic
 from airrace.trajectory import Array
 
@@ -116,6 +127,35 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
     return found
 
 
+def wind_along(air: Air, x: Array, y: Array, z: Array) -> Array:
+    """Return the north, east and down components of the wind at places of the track's frame (m), shape (3, n), m/s."""
+    field = WindField.of(air)
+    if not field.present:
+        return np.zeros((3, len(x)))
+    return at_points(_wind_function(field), np.stack([x, y, z]), np.array(field.values(air)))
+
+
+def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
+    """Return what an airspeed indicator without errors shows (calibrated airspeed), m/s, shape (n,).
+
+    Args:
+        V_A: true airspeed, m/s.
+        z: down from the track's origin, m.
+        air: of the day.
+    """
+    day = atmosphere_parameters(air)
+    p, rho = (np.asarray(law(z, day), np.float64).reshape(z.shape) for law in (pressure, density))
+    return np.asarray(calibrated_airspeed(V_A, p, rho), np.float64)
+
+
+@functools.lru_cache(maxsize=16)
+def _wind_function(field: WindField) -> ca.Function:
+    place = named_symbols([Quantity(name, "m") for name in ("x", "y", "z")])
+    numbers = named_symbols(field.parameters)
+    velocity = field.velocity(place["x"], place["y"], place["z"], list(numbers.values()))
+    return ca.Function("wind", [column(place.values()), column(numbers.values())], [column(velocity)], {"cse": True})
+
+
 def _R_OKbar(known: Values) -> attitude.Axes:
     return attitude.path_axes([known[name] for name in PATH_ATTITUDE])
 
@@ -124,11 +164,7 @@ def _velocity_in_air(race: Race, known: Values) -> Array:
     """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
     chi, gamma = known["chi"], known["gamma"]
     e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
-    return known["V_K"] * e - airdata.wind(race.air, known["x"], known["y"], known["z"])
-
-
-def _attitude_from_path(_: Race, known: Values) -> Sequence[Array]:
-    return attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"]))
+    return known["V_K"] * e - wind_along(race.air, known["x"], known["y"], known["z"])
 
 
 def _attitude_from_air(race: Race, known: Values) -> Sequence[Array]:
@@ -154,14 +190,18 @@ RULES = (
     Rule(
         ("V_A", "z"),
         ("V_I",),
-        lambda race, known: (airdata.indicated_airspeed(known["V_A"], known["z"], race.air),),
+        lambda race, known: (indicated_airspeed(known["V_A"], known["z"], race.air),),
     ),
     Rule(
         ("C_L",),
         ("alpha_A",),
         lambda race, known: (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),),
     ),
-    Rule((*PATH_ATTITUDE, "alpha_K", "beta_K"), BODY_ATTITUDE, _attitude_from_path),
+    Rule(
+        (*PATH_ATTITUDE, "alpha_K", "beta_K"),
+        BODY_ATTITUDE,
+        lambda _, known: attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"])),
+    ),
     Rule((*_PATH, *PATH_ATTITUDE, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
     Rule(PATH_ATTITUDE, BODY_ATTITUDE, lambda _, known: [known[name] for name in PATH_ATTITUDE]),
     Rule(

@@ -17,7 +17,7 @@ import numpy as np
 
 from airrace.environment import Air, atmosphere_parameters, density, g0
 from airrace.records import record
-from airrace.results import airdata
+from airrace.results.derivation import wind_along
 from airrace.results.flight import Flight
 from airrace.trajectory import Array
 
@@ -56,7 +56,7 @@ class AirColumn:
         height = np.linspace(0.0, max(top, 1.0), 2 + math.ceil(max(top, 1.0)))
         still = Air(air.temperature_offset, air.pressure_offset, air.elevation, air.wind)
         nowhere = np.zeros_like(height)
-        north, east, _ = airdata.wind(still, nowhere, nowhere, -height)
+        north, east, _ = wind_along(still, nowhere, nowhere, -height)
         rho = np.asarray(density(-height, atmosphere_parameters(air)), np.float64).reshape(height.shape)
         return cls(height, north, east, rho)
 

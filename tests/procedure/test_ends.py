@@ -22,7 +22,7 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import mesh_of
-from airrace.results.airdata import indicated_airspeed
+from airrace.results.derivation import indicated_airspeed
 from airrace.track.course import EndState, StartSpeed
 
 SETTLED, FREE = EndState.SETTLED, EndState.FREE
