@@ -19,8 +19,7 @@ from airrace.records import record
 from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import NearMiss, near_misses
 from airrace.results.comparison import TIE, Comparison, compare_flights, conditions
-from airrace.results.leg_facts import Range, leg_facts
-from airrace.results.sustained_load import sustained_loads
+from airrace.results.flight_facts import Range, leg_facts, sustained_loads
 from airrace.results.time_loss import time_loss
 from airrace.runs.json_objects import REASONS, confirmation_object, legs_object, run_object, stage_object
 from airrace.runs.run import ensure_readable, run_of_checkpoint

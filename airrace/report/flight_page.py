@@ -22,8 +22,7 @@ from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
-from airrace.results.leg_facts import Range, leg_facts
-from airrace.results.sustained_load import sustained_loads
+from airrace.results.flight_facts import Range, leg_facts, sustained_loads
 from airrace.results.time_loss import time_loss
 from airrace.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.views.plain_text import escape_html, plain

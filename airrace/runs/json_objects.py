@@ -14,8 +14,7 @@ from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
 from airrace.results.flight import passings_around
-from airrace.results.leg_facts import LegFacts, Range, leg_facts
-from airrace.results.sustained_load import sustained_loads
+from airrace.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.results.time_loss import TimeLoss, time_loss
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from airrace.report.document import (
 )
 from airrace.results import Flight
 from airrace.results.clearances import least_distances, near_misses
-from airrace.results.sustained_load import SOURCE, TOLERATED, longest_stretch, sustained_loads
+from airrace.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
 from airrace.runs.run import RunState, current_versions
@@ -213,7 +213,7 @@ def _distances(flight: Flight) -> Iterator[str]:
 
 def _loads(flight: Flight) -> Iterator[str]:
     rows: list[list[Value]] = []
-    for level, tolerated in TOLERATED:
+    for level, tolerated in TOLERATED_LOADS:
         begin, duration = longest_stretch(flight.time, math.copysign(1.0, level) * flight["n_z"], abs(level))
         text = f"{level:g} g or {'more' if level > 0.0 else 'less'}"
         rows.append([text, duration, begin if duration else math.nan, tolerated])
@@ -223,7 +223,7 @@ def _loads(flight: Flight) -> Iterator[str]:
     note = (
         f"The load factor is {n_z.min():.2f} to {n_z.max():.2f} g; the limits are {allowed.lower:g} to "
         f"{allowed.upper:g} g. Durations that experienced persons tolerate: S. R. Mohler, G effects on the pilot "
-        f"during aerobatics, {SOURCE}, July 1972."
+        f"during aerobatics, {LOADS_SOURCE}, July 1972."
     )
     yield table_block(Table("How long load factors are sustained", columns, rows, [note]))
 

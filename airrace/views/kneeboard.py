@@ -15,7 +15,7 @@ import numpy as np
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.cues import Cue, cues_of
-from airrace.results.leg_facts import leg_facts
+from airrace.results.flight_facts import leg_facts
 from airrace.trajectory import Array
 from airrace.views.course_figure import draw_map
 from airrace.views.drawing import BLACK, BLUE, GREY, Axes, Box, Figure, new_figure, place_labels, without_formulas

@@ -31,7 +31,7 @@ from airrace.report.script import FOLDER, LIBRARIES, join_modules, page_script
 from airrace.report.sections import number
 from airrace.results import Flight
 from airrace.results.comparison import compare_flights
-from airrace.results.leg_facts import leg_facts
+from airrace.results.flight_facts import leg_facts
 from airrace.runs.command_result import ExitCode
 from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
 from airrace.safety.result import SafetyResult

@@ -27,7 +27,7 @@ from airrace.results import Basis, Flight, laps_of, legs_of
 from airrace.results.clearances import Clearance, distances, least, near_misses
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Source, TimedCrossing
-from airrace.results.leg_facts import leg_facts
+from airrace.results.flight_facts import leg_facts
 from airrace.runs.json_objects import comparison_object, legs_object
 from airrace.track.course import ClearanceRule, Crowd, CrowdShape, PilotLimits, SafetyLine, StartSpeed
 from airrace.track.element import PYLON_HEIGHT

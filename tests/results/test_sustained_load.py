@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from airrace.results.sustained_load import TOLERATED, longest_stretch, sustained
+from airrace.results.flight_facts import TOLERATED_LOADS, longest_stretch, sustained
 
 TIME = np.linspace(0.0, 100.0, 1001)
 
 
-@pytest.mark.parametrize(("level", "tolerated"), TOLERATED)
+@pytest.mark.parametrize(("level", "tolerated"), TOLERATED_LOADS)
 def test_a_load_counts_only_when_it_lasts_longer_than_is_tolerated(level: float, tolerated: float) -> None:
     for spare, expected in ((-0.5, ()), (0.5, (level,))):
         n_z = np.where(tolerated + spare >= TIME, level, 1.0)

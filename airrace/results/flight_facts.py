@@ -1,17 +1,75 @@
-"""The load factors that a flight sustains for longer than pilots tolerate them: a check of a flight, not a limit.
+"""Facts of a flight in numbers: of every leg time, load factors, heights, speeds, roll rate, energy and clearances; and
+the load factors that it sustains for longer than pilots tolerate them, a check of a flight and no limit.
 
 The durations are those of the table of tolerances of experienced persons in S. R. Mohler, *G effects on the pilot
 during aerobatics*, FAA-AM-72-28, July 1972; at 8 g it names a blackout, at -3 g pain.
 """
 
+import math
+
 import numpy as np
 
 from airrace.records import record
-from airrace.results.flight import Flight
+from airrace.results.clearances import Clearance, distances, least
+from airrace.results.flight import Flight, Leg, legs_of
 from airrace.trajectory import Array
 
-SOURCE = "FAA-AM-72-28"
-TOLERATED = ((8.0, 15.0), (6.0, 20.0), (5.0, 30.0), (4.0, 60.0), (-3.0, 30.0))
+
+@record
+class Range:
+    """The least and the greatest value on a leg; NaN where the flight does not tell."""
+
+    least: float
+    greatest: float
+
+
+@record
+class LegFacts:
+    """One leg in numbers, SI units and radians.
+
+    Attributes:
+        leg: which one.
+        n_z: load factor, g.
+        height: above the track's origin, m.
+        V_K, V_A, V_I: speed over ground, true and indicated airspeed, m/s.
+        roll_rate: the greatest magnitude, about the velocity, rad/s.
+        energy_in, energy_out: energy height at both ends, m.
+        clearances: least distances on the leg, that with the least margin first.
+    """
+
+    leg: Leg
+    n_z: Range
+    height: Range
+    V_K: Range
+    V_A: Range
+    V_I: Range
+    roll_rate: float
+    energy_in: float
+    energy_out: float
+    clearances: tuple[Clearance, ...]
+
+
+def leg_facts(flight: Flight) -> tuple[LegFacts, ...]:
+    """Return the facts of all legs in order; the ranges of an incomplete leg are NaN."""
+    known, found = distances(flight), list[LegFacts]()
+    for leg in legs_of(flight):
+        n_z, height, V_K, V_A, V_I, roll = (
+            _range(flight, leg, name) for name in ("n_z", "height", "V_K", "V_A", "V_I", "p_Kbar")
+        )
+        roll_rate, energies = max(-roll.least, roll.greatest), (leg.before.value("h_E"), leg.after.value("h_E"))
+        clearances = least(flight, leg, known) if leg.is_complete else ()
+        found.append(LegFacts(leg, n_z, height, V_K, V_A, V_I, roll_rate, *energies, clearances))
+    return tuple(found)
+
+
+def _range(flight: Flight, leg: Leg, name: str) -> Range:
+    values = flight.values(name)[leg.rows]
+    known = values[np.isfinite(values)]
+    return Range(float(known.min()), float(known.max())) if len(known) else Range(math.nan, math.nan)
+
+
+LOADS_SOURCE = "FAA-AM-72-28"
+TOLERATED_LOADS = ((8.0, 15.0), (6.0, 20.0), (5.0, 30.0), (4.0, 60.0), (-3.0, 30.0))
 """Load factors (g), and for how long each is tolerated (s)."""
 
 
@@ -37,7 +95,7 @@ class SustainedLoad:
         beyond = "more" if self.n_z > 0.0 else "less"
         return (
             f"{self.n_z:g} g or {beyond} for {self.duration:.1f} s from {self.begin:.2f} s on; experienced pilots "
-            f"tolerate that for {self.tolerated:g} s ({SOURCE})"
+            f"tolerate that for {self.tolerated:g} s ({LOADS_SOURCE})"
         )
 
 
@@ -54,7 +112,7 @@ def sustained(time: Array, n_z: Array) -> tuple[SustainedLoad, ...]:
     A time at which nothing is known ends a stretch.
     """
     found: list[SustainedLoad] = []
-    for level, tolerated in TOLERATED:
+    for level, tolerated in TOLERATED_LOADS:
         begin, duration = longest_stretch(time, np.sign(level) * n_z, abs(level))
         if duration > tolerated:
             found.append(SustainedLoad(level, begin, duration, tolerated))
