@@ -12,7 +12,7 @@ from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
 from airrace.runs.log_view import LogView
-from airrace.sensitivity.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Activity, Sensitivity
 from airrace.views.tables import Column, Table, Value
 
 

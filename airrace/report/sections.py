@@ -9,7 +9,7 @@ from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.results import Confirmation
-from airrace.sensitivity.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Activity, Sensitivity
 from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
 from airrace.views.tables import Cell, Column, Table

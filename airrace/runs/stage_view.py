@@ -27,7 +27,7 @@ from airrace.runs.brief import Brief
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return, write_text
-from airrace.sensitivity.sensitivity import Sensitivity
+from airrace.sensitivity import Sensitivity
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line

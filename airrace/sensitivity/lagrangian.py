@@ -30,7 +30,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.sensitivity.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Activity, Sensitivity
 from airrace.trajectory import Array
 
 

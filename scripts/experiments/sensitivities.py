@@ -31,7 +31,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint
 from airrace.sensitivity.lagrangian import SETTINGS, sensitivities
-from airrace.sensitivity.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Activity, Sensitivity
 
 WIDER = 50.0  # than the step of a sensitivity
 TOLERANCE = 1e-9

@@ -23,7 +23,7 @@ from airrace.parameters import ParameterGroup
 from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenance, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.sensitivity.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Activity, Sensitivity
 from airrace.views.tables import Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

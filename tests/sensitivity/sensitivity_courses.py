@@ -10,8 +10,8 @@ from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
+from airrace.sensitivity import Sensitivity
 from airrace.sensitivity.lagrangian import sensitivities
-from airrace.sensitivity.sensitivity import Sensitivity
 
 COURSE = short_course("n_z_max: 10, clearance: crossing", wind_m_s=6)
 CROWDED = COURSE.replace(

@@ -15,8 +15,8 @@ from airrace.procedure.result import Silent, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.procedure.warm_start import InitialBarrier
+from airrace.sensitivity import Activity
 from airrace.sensitivity.lagrangian import sensitivities
-from airrace.sensitivity.sensitivity import Activity
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
