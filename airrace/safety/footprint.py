@@ -22,8 +22,18 @@ from airrace.planning.clearance import ground_distance
 from airrace.planning.plan import Race
 from airrace.records import record
 from airrace.results.flight import Flight
-from airrace.safety.falling import AirColumn, Impacts, States, fall_in_vacuum, fall_with_drag, level_fall_distance
-from airrace.safety.glide import Glide, Reach, best_glide, reach
+from airrace.safety.falls_and_glides import (
+    AirColumn,
+    Glide,
+    Impacts,
+    Reach,
+    States,
+    best_glide,
+    fall_in_vacuum,
+    fall_with_drag,
+    level_fall_distance,
+    reach,
+)
 from airrace.safety.outlines import Outline, Raster
 from airrace.track.course import Crowd, CrowdShape
 from airrace.trajectory import Array

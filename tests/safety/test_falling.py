@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from airrace.environment import RHO_ISA, Air, Profile, StaticWind, g0
-from airrace.safety.falling import (
+from airrace.safety.falls_and_glides import (
     AirColumn,
     FallSettings,
     States,

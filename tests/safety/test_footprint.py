@@ -17,7 +17,7 @@ from airrace.environment import StaticWind
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
-from airrace.safety.falling import States, level_fall_distance
+from airrace.safety.falls_and_glides import States, level_fall_distance
 from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.outlines import Outline, Raster, sweep
 from airrace.track.course import Crowd, CrowdShape

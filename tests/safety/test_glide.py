@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from airrace.aircraft import Aircraft
 from airrace.environment import RHO_ISA, g0
 from airrace.inputs import load_inputs
-from airrace.safety.falling import AirColumn, States
-from airrace.safety.glide import Glide, best_glide, reach
+from airrace.safety.falls_and_glides import AirColumn, Glide, States, best_glide, reach
 from airrace.trajectory import Array
 
 CALM = AirColumn(np.array([0.0, 3000.0]), np.zeros(2), np.zeros(2), np.full(2, RHO_ISA))
