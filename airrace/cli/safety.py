@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class GustsName(StrEnum):
-    """An intensity of gusts; those of `airrace.safety.gusts`, which is too heavy to import here."""
+    """An intensity of gusts; those of `airrace.safety.plant`, which is too heavy to import here."""
 
     NONE = "none"
     LIGHT = "light"

@@ -12,8 +12,8 @@ from airrace.quantities import KNOT
 from airrace.runs.output import write_text
 from airrace.runs.stage_view import verdict
 from airrace.safety.closed_loop import Scatter
-from airrace.safety.gusts import Gusts
 from airrace.safety.pilot import PilotModel
+from airrace.safety.plant import Gusts
 from airrace.safety.result import CONTACT, LOAD, QUANTITIES, SHARES, Count, SafetyResult, Stretch, fewest
 from airrace.safety.safety import fly_closed_loop
 from airrace.views.tables import Column, Table, Value

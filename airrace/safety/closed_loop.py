@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.safety.gusts import GustFilter, Gusts
 from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
-from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, Plant, advance
+from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Gusts, Plant, advance
 from airrace.trajectory import Array
 
 

@@ -13,11 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.safety import gusts as dryden
 from airrace.safety.closed_loop import ClosedLoop, Scatter, course
-from airrace.safety.gusts import Gusts
 from airrace.safety.nominal import ERRORS, instants
-from airrace.safety.plant import CONTROLS, DISTURBANCES
+from airrace.safety.plant import CONTROLS, DISTURBANCES, GUST_STATES, STATIONARY_GUSTS, Gusts
 from airrace.trajectory import Array
 
 SIZE = len(ERRORS)
@@ -63,7 +61,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
     linear, pilot, nominal = loop.linear, loop.pilot, loop.nominal
     waiting, count, sample = pilot.waiting, linear.count, pilot.sample
     own = SIZE + waiting * CONTROLS
-    gust, constant = own, own + dryden.STATES
+    gust, constant = own, own + GUST_STATES
     late = constant + DISTURBANCES  # of the ailerons in the middles of two legs
     size = late + 2 + 1
     clock = instants(sample, count + 1)
@@ -76,7 +74,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
     off = (nominal.moved_to(clock - width)[1] - nominal.moved_to(clock + width)[1]) / (2.0 * width)
 
     start = np.zeros((size, size))
-    start[gust:constant, gust:constant] = dryden.STATIONARY
+    start[gust:constant, gust:constant] = STATIONARY_GUSTS
     start[constant:late, constant:late] = np.diag(scatter.constant**2)
     start[late : late + 2, late : late + 2] = np.eye(2) * scatter.timing**2
 

@@ -18,10 +18,9 @@ from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, grid_of, measure, together
-from airrace.safety.gusts import GustFilter, Gusts
 from airrace.safety.nominal import ERRORS, displaced, errors
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import CONTROLS, advance
+from airrace.safety.plant import CONTROLS, GustFilter, Gusts, advance
 from airrace.safety.result import Count, gate_stretches, leg_stretches
 from airrace.safety.safety import closed_loop_of, fly_closed_loop, linear_at_passings
 from airrace.track.course import Obstacle

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from airrace.quantities import KNOT
-from airrace.safety.gusts import FOOT, STATIONARY, GustFilter, Gusts, intensity
+from airrace.quantities import FOOT, KNOT
+from airrace.safety.plant import STATIONARY_GUSTS, GustFilter, Gusts, intensity
 
 STEP = 0.02
 
@@ -28,17 +28,17 @@ def test_intensities_and_lengths_are_those_of_the_specification() -> None:
 
 def test_the_filters_keep_the_stationary_covariance_and_put_out_the_variances() -> None:
     one = filters()
-    kept = one.step[0] @ STATIONARY @ one.step[0].T + one.noise[0] @ one.noise[0].T
-    np.testing.assert_allclose(kept, STATIONARY, atol=1e-14)
+    kept = one.step[0] @ STATIONARY_GUSTS @ one.step[0].T + one.noise[0] @ one.noise[0].T
+    np.testing.assert_allclose(kept, STATIONARY_GUSTS, atol=1e-14)
     sigma, _ = intensity(Gusts.MODERATE, np.array([20.0]))
-    np.testing.assert_allclose(np.diag(one.output[0] @ STATIONARY @ one.output[0].T), sigma[:, 0] ** 2)
+    np.testing.assert_allclose(np.diag(one.output[0] @ STATIONARY_GUSTS @ one.output[0].T), sigma[:, 0] ** 2)
 
 
 def test_autocovariances_are_those_of_the_dryden_spectra() -> None:
     """Of u: exp(-t); of v and w: exp(-t) (1 - t / 2), with t the time over T [the Fourier transform of the spectra]."""
     one, lag = filters(), 7
     sigma, length = intensity(Gusts.MODERATE, np.array([20.0]))
-    after = np.linalg.matrix_power(one.step[0], lag) @ STATIONARY
+    after = np.linalg.matrix_power(one.step[0], lag) @ STATIONARY_GUSTS
     t = lag * STEP * 100.0 / length[:, 0]
     expected = sigma[:, 0] ** 2 * np.exp(-t) * np.array([1.0, 1.0 - 0.5 * t[1], 1.0 - 0.5 * t[2]])
     np.testing.assert_allclose(np.diag(one.output[0] @ after @ one.output[0].T), expected, rtol=1e-12)
