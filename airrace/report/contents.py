@@ -69,7 +69,7 @@ from airrace.trajectory import Array
 from airrace.views.map_model import MapModel, coordinates
 
 if TYPE_CHECKING:
-    from airrace.safety.result import SafetyResult
+    from airrace.safety.monte_carlo import SafetyResult
 
 FORMAT = "airrace-report/1"
 

@@ -31,7 +31,7 @@ from airrace.views.stage_tables import NOTE, cue_table, distance_table
 from airrace.views.tables import Cell, Column, Table
 
 if TYPE_CHECKING:
-    from airrace.safety.result import SafetyResult
+    from airrace.safety.monte_carlo import SafetyResult
 
 STYLES = (LIBRARIES / "uplot" / "uPlot.min.css", FOLDER / "style" / "page.css")
 SCENE_ALONE = """/* Nothing but the scene and its transport, in the whole window. */

@@ -19,10 +19,9 @@ from airrace.records import record
 from airrace.runs.plan import Changes
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
+from airrace.safety.monte_carlo import LOAD, Count, closed_loop_of
 from airrace.safety.pilot import PilotModel
 from airrace.safety.reserve import STALL, Allocation, Limit, allocate, lift_margin, limits_of
-from airrace.safety.result import LOAD, Count
-from airrace.safety.safety import closed_loop_of
 from airrace.sensitivity.lagrangian import sensitivities_to
 from airrace.views.tables import Column, Table
 

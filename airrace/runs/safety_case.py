@@ -12,10 +12,19 @@ from airrace.quantities import KNOT
 from airrace.runs.output import write_text
 from airrace.runs.stage_view import verdict
 from airrace.safety.closed_loop import Scatter
+from airrace.safety.monte_carlo import (
+    CONTACT,
+    LOAD,
+    QUANTITIES,
+    SHARES,
+    Count,
+    SafetyResult,
+    Stretch,
+    fewest,
+    fly_closed_loop,
+)
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import Gusts
-from airrace.safety.result import CONTACT, LOAD, QUANTITIES, SHARES, Count, SafetyResult, Stretch, fewest
-from airrace.safety.safety import fly_closed_loop
 from airrace.views.tables import Column, Table, Value
 
 _DEGREES = 180.0 / math.pi
@@ -179,7 +188,7 @@ def fly_safety_case(
     Args:
         race, result: what is simulated.
         label: what people call it.
-        flights, seed, threads: see `airrace.safety.safety.fly_closed_loop`.
+        flights, seed, threads: see `airrace.safety.monte_carlo.fly_closed_loop`.
         gusts: `none`, `light`, `moderate` or `severe`.
         errors: standard deviations of the wind (kt), mass, power and density (%), and of the time of rolls (s).
         delay: of the pilot, s.

@@ -39,7 +39,7 @@ from airrace.runs.stage_view import StageView
 from airrace.safety.closed_loop import SETTINGS
 from airrace.safety.evaluation import ALLOWED
 from airrace.safety.footprint import Footprint, Track, footprint_of
-from airrace.safety.result import ENVELOPE, LOAD, Count, SafetyResult, fewest
+from airrace.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
 from airrace.standard_streams import STANDARD
 from airrace.views.drawing import Figure, ensure_drawable, figure_address, save_figure
 from airrace.views.plain_text import escape_html

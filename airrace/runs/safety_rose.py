@@ -8,7 +8,7 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs.air import Wind, overrides_of, winds_named
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase
-from airrace.safety.result import LOAD, Count
+from airrace.safety.monte_carlo import LOAD, Count
 from airrace.views.tables import Cell, Column, Table, Value
 
 R = TypeVar("R", bound=RunState)

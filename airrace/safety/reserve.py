@@ -41,10 +41,10 @@ from airrace.records import record
 from airrace.safety.closed_loop import ClosedLoop, Scatter
 from airrace.safety.covariance import covariance
 from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
+from airrace.safety.monte_carlo import LOAD
 from airrace.safety.nominal import ERRORS, gradients, instants
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE
-from airrace.safety.result import LOAD
 from airrace.system import at_points
 from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array

@@ -11,8 +11,8 @@ from airrace.records import record
 from airrace.results import Flight
 from airrace.results.flight import passings_around
 from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint
+from airrace.safety.monte_carlo import SafetyResult
 from airrace.safety.outlines import Outline
-from airrace.safety.result import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.course_figure import draw_map, frame_of, map_size, write_labels
 from airrace.views.drawing import BLACK, BLUE, COLOURS, GREY, Axes, Figure, new_figure, without_formulas

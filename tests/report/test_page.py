@@ -34,7 +34,7 @@ from airrace.results.comparison import compare_flights
 from airrace.results.flight_facts import leg_facts
 from airrace.runs.command_result import ExitCode
 from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
-from airrace.safety.result import SafetyResult
+from airrace.safety.monte_carlo import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.map_model import map_model
 from airrace.views.tables import Cell, Column, Table

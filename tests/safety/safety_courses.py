@@ -10,8 +10,8 @@ from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.safety.closed_loop import ClosedLoop
+from airrace.safety.monte_carlo import closed_loop_of
 from airrace.safety.pilot import PilotModel
-from airrace.safety.safety import closed_loop_of
 
 COURSE = short_course("n_z_max: 8", wind_m_s=4)
 

@@ -18,11 +18,17 @@ from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, grid_of, measure, together
+from airrace.safety.monte_carlo import (
+    Count,
+    closed_loop_of,
+    fly_closed_loop,
+    gate_stretches,
+    leg_stretches,
+    linear_at_passings,
+)
 from airrace.safety.nominal import ERRORS, displaced, errors
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import CONTROLS, GustFilter, Gusts, advance
-from airrace.safety.result import Count, gate_stretches, leg_stretches
-from airrace.safety.safety import closed_loop_of, fly_closed_loop, linear_at_passings
 from airrace.track.course import Obstacle
 from airrace.track.gates import Gate
 from airrace.track.polygons import Point

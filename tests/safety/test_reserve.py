@@ -28,11 +28,10 @@ from airrace.runs.reserve import fly_reserve
 from airrace.runs.run import RunState, new_run
 from airrace.safety.closed_loop import Scatter, fly
 from airrace.safety.evaluation import Judge, measure
+from airrace.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.safety.pilot import PilotModel
 from airrace.safety.plant import Gusts
 from airrace.safety.reserve import STALL, Limit, allocate, limits_of
-from airrace.safety.result import LOAD
-from airrace.safety.safety import closed_loop_of
 from airrace.sensitivity.lagrangian import sensitivities_to
 from airrace.track.gates import Gate
 

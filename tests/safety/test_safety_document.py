@@ -26,7 +26,7 @@ from airrace.runs.run import RunState, new_run
 from airrace.runs.safety_case import SafetyCase
 from airrace.runs.safety_files import NO_CROWD, ensure_safety_file, safety_document
 from airrace.runs.safety_rose import SafetyRose, fly_runs
-from airrace.safety.result import SafetyResult
+from airrace.safety.monte_carlo import SafetyResult
 from airrace.trajectory import Array
 from airrace.views.drawing import figure_address
 from airrace.views.safety_views import BANDS, envelope_figure
