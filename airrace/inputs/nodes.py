@@ -160,10 +160,6 @@ class Reporter:
         more = f" and {len(known) - len(first)} more" if len(known) > len(first) else ""
         return f"; known here: {', '.join(first)}{more}"
 
-    def other_documents(self, path: KeyPath) -> tuple[str, ...]:
-        """Return the prefixes that may be missing before a key that was given on the command line."""
-        return self.others if len(path) == 1 and not self._place(path, at_key=True).line else ()
-
     def is_set(self, path: KeyPath) -> bool:
         """Return whether a key was given on the command line and not in the file."""
         return not self._place(path, at_key=True).line

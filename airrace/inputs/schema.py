@@ -207,7 +207,9 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
             known = keys_of(owner)
             nested = [(key, schema_of(inner(owner, key))) for key in known]
             places = [f"; it belongs in `{key}`" for key, schema in nested if name in keys_of(schema)]
-            meant = places[0] if places else reporter.suggestion(name, [*known, *reporter.other_documents(path)])
+            # on the command line the prefix of another document may be missing
+            others = reporter.others if len(path) == 1 and reporter.is_set(path) else ()
+            meant = places[0] if places else reporter.suggestion(name, [*known, *others])
             reporter.key(path, f"unknown key `{name}`{meant}")
         case "union_tag_not_found":
             reporter.key((*path, "type"), f"missing; `type` is one of: {', '.join(tags_of(annotation))}")

@@ -150,11 +150,12 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
         return TICKS[named], ()
     found = fitting[0]
     if unit:
-        spans = (time[-1] - time[0]) * TICKS[unit]
+        seconds = (time[-1] - time[0]) * TICKS[unit]
+        spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
         refuse(
             path,
             0,
-            f"spans {_span(spans)} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {found}? "
+            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {found}? "
             f"Then say --column 'time={column} [{found}]'",
             column,
         )
@@ -175,10 +176,6 @@ def usual_speed(time: Array, places: Array) -> float:
             return float(np.median(way[moving] / took[moving]))
         lag *= 2
     return math.nan
-
-
-def _span(seconds: float) -> str:
-    return f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
 
 
 def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:

@@ -163,7 +163,7 @@ def _read_archive(path: str, file: BinaryIO, aircraft: str | None) -> Recording:
         refuse(path, 0, f"is a damaged archive: {error}")
 
 
-def xml_tree(path: str, content: bytes, take: Callable[[Element, int], None] = lambda element, line: None) -> Element:
+def xml_tree(path: str, content: bytes) -> Element:
     """Return the root of a document; elements are named without their namespaces.
 
     A document type is refused: its entities could grow beyond all memory.
@@ -171,13 +171,12 @@ def xml_tree(path: str, content: bytes, take: Callable[[Element, int], None] = l
     Args:
         path: of the file, for messages.
         content: of the file.
-        take: called with every element as it ends, and with its last line.
 
     Raises:
         InputError: it is no XML, or holds a document type.
     """
     try:
-        root = _parse(path, content, take)
+        root = _parse(path, content)
         assert root is not None  # all is read
         return root
     except expat.ExpatError as error:
@@ -191,8 +190,11 @@ def _codec(name: str) -> str:
         return ""
 
 
-def _parse(path: str, content: bytes, take: Callable[[Element, int], None], only: str = "") -> Element | None:
-    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
+def _parse(
+    path: str, content: bytes, take: Callable[[Element, int], None] = lambda element, line: None, only: str = ""
+) -> Element | None:
+    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML. Every element is taken
+    as it ends, with its last line.
 
     Where only elements of one name are to be read (`only`) with what they hold, all others are taken empty and there is
     no root: whatever else a document holds needs no memory.

@@ -113,9 +113,9 @@ def count_of(number: int, what: str, more: str = "") -> str:
     return f"1 {what}{more} is" if number == 1 else f"{number} {several}{more} are"
 
 
-def enumerate_words(words: Sequence[str], most: int = 12) -> str:
-    """Return words for a message, shortened and in quotes, at most so many of them."""
-    return ", ".join([f"`{word[:60]}`" for word in words[:most]] + ["..."] * (len(words) > most))
+def enumerate_words(words: Sequence[str]) -> str:
+    """Return words for a message, shortened and in quotes, at most twelve of them."""
+    return ", ".join([f"`{word[:60]}`" for word in words[:12]] + ["..."] * (len(words) > 12))
 
 
 class SampleTable:

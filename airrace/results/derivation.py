@@ -221,16 +221,15 @@ At 10 g a straight line cuts a corner by `a t^2 / 8`, which is 5 mm; at 6 rad/s 
 """
 
 
-def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: float = LONGEST_STEP) -> Flight:
+def flight_of(race: Race, result: StageResult, source: Source) -> Flight:
     """Return the optimum of a stage as a flight; its time axis holds the nodes of the mesh, and so all crossings.
 
     Args:
         race: course, aircraft and air.
         result: a stage that found a flight.
         source: what it is called.
-        longest_step: between two times, s.
     """
-    read = stored_stages.continuous(race, result, longest_step)
+    read = stored_stages.continuous(race, result, LONGEST_STEP)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
     histories = complete_histories(race, given)

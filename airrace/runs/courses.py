@@ -8,7 +8,7 @@ from pathlib import Path
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.course_import import ImportRemark, sketch_course
-from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
+from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
@@ -79,20 +79,15 @@ def catalogue() -> Catalogue:
 
 
 def _track(name: str) -> ShippedTrack:
-    inputs = load_inputs(_file(TRACKS, name))
+    inputs = load_inputs(TRACKS.path / f"{name}{SUFFIX}")  # whatever lies in the current folder under that name
     course = inputs.race.course
     laps = max(passage.lap for passage in course.passages)
     return ShippedTrack(name, course.name, len(course.passages), laps, Path(inputs.aircraft.path).stem)
 
 
 def _aircraft(name: str) -> ShippedAircraft:
-    aircraft = read_aircraft_file(_file(AIRCRAFT, name)).aircraft
+    aircraft = read_aircraft_file(AIRCRAFT.path / f"{name}{SUFFIX}").aircraft
     return ShippedAircraft(name, aircraft.name, aircraft.airframe.m)
-
-
-def _file(collection: Collection, name: str) -> Path:
-    """Return the path of the shipped file of a name, whatever lies in the current folder under that name."""
-    return collection.path / f"{name}{SUFFIX}"
 
 
 TEMPLATE = resources.files("airrace.inputs") / "templates" / "course.yaml"
@@ -186,14 +181,8 @@ def _title(path: Path) -> str:
 
 
 def _begun(path: Path) -> str:
-    title = _title(path)
-    text = TEMPLATE.read_text(encoding="utf-8")
-    return text.replace("{file}", path.name).replace("{name}", _yaml_text(title))
-
-
-def _yaml_text(title: str) -> str:
-    """Return a title as YAML text, which might otherwise take it for a number or a truth value."""
-    return "'" + title.replace("'", "''") + "'"
+    quoted = "'" + _title(path).replace("'", "''") + "'"  # it might be a number or a truth value
+    return TEMPLATE.read_text(encoding="utf-8").replace("{file}", path.name).replace("{name}", quoted)
 
 
 def _text_of(like: Path) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
-from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
+from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
 from airrace.results import Confirmation, Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
@@ -68,7 +68,15 @@ def stage_object(result: StageResult) -> dict[str, object]:
             for alternative in result.alternatives
         ],
         "mesh": mesh_object(result),
-        "routes": [route_object(route) for route in result.search.routes],
+        "routes": [  # race times and differences are those of a rough mesh
+            {
+                "route": route.text,
+                "race_time_s": finite(route.race_time),
+                "difference_s": finite(route.difference),
+                "evaluated_by": route.evaluated_by,
+            }
+            for route in result.search.routes
+        ],
         "search": search_object(result.search) if result.search.routes else None,
         "conflicts": conflict_objects(result.suggested_changes),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
@@ -94,16 +102,6 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
         "shortest_s": float(steps.min()),
         "longest_s": float(steps.max()),
         "why": {REASONS[why]: counts[why] for why in RefinementReason},
-    }
-
-
-def route_object(route: Route) -> dict[str, object]:
-    """Return the object of a route that was tried; race time and difference are those of a rough mesh."""
-    return {
-        "route": route.text,
-        "race_time_s": finite(route.race_time),
-        "difference_s": finite(route.difference),
-        "evaluated_by": route.evaluated_by,
     }
 
 

@@ -1,7 +1,6 @@
 """A flight log: the flight that was made of it, and what it would be penalised for."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TextIO
@@ -17,7 +16,7 @@ from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
 from airrace.results.clearances import with_distances
 from airrace.runs.output import write_or_return
-from airrace.runs.run import document_of, library_versions, stored_inputs
+from airrace.runs.run import library_versions, stored_documents, stored_inputs
 from airrace.runs.stage_view import Splits
 from airrace.standard_streams import stem_of
 
@@ -186,15 +185,9 @@ def open_log(recorded: LogCheckpoint) -> LogView:
     Raises:
         InputError: this version of airrace no longer accepts them.
     """
-    stored = recorded.inputs
-    inputs = inputs_from_documents(
-        document_of(stored.track), document_of(stored.aircraft), None, _without_settings(stored.overrides)
-    )
-    return LogView(inputs, recorded)
-
-
-def _without_settings(overrides: Sequence[str]) -> list[str]:
-    return [one for one in overrides if not one.strip().startswith("settings.")]
+    track, aircraft, _ = stored_documents(recorded.inputs)
+    overrides = [one for one in recorded.inputs.overrides if not one.strip().startswith("settings.")]
+    return LogView(inputs_from_documents(track, aircraft, None, overrides), recorded)
 
 
 def fly_log_through(

@@ -30,11 +30,10 @@ from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import (
     RunState,
     compare_stages,
-    document_of,
     library_versions,
     new_run,
-    resolved_text,
     run_of_checkpoint,
+    stored_documents,
 )
 from airrace.runs.stage_view import StageView
 from airrace.track.course import Course
@@ -236,12 +235,11 @@ class Changes:
         """
         findings: list[Finding] = []
         stored = before.checkpoint.inputs
-        track, aircraft = document_of(stored.track), document_of(stored.aircraft)
+        track, aircraft, settings = stored_documents(stored)
         if self.track is not None:
             track = read_named(TRACKS, self.track, findings)
         if self.aircraft is not None:
             aircraft = read_named(AIRCRAFT, self.aircraft, findings)
-        settings = None if stored.settings is None else document_of(stored.settings)
         if self.settings is not None:
             settings = read_document(Path(self.settings), findings)
         if findings or track is None or aircraft is None:
@@ -403,10 +401,7 @@ def _with_mesh_check(run: RunState, mesh_check: MeshCheck | str) -> RunState:
     stored = run.checkpoint.inputs
     asked = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
     overrides = (*(text for text in stored.overrides if not text.startswith(MESH_CHECK)), f"{MESH_CHECK}{asked}")
-    settings = None if stored.settings is None else document_of(stored.settings)
-    inputs = inputs_from_documents(document_of(stored.track), document_of(stored.aircraft), settings, overrides)
-    changed = replace(stored, overrides=overrides, resolved=resolved_text(inputs))
-    return replace(run, inputs=inputs, checkpoint=replace(run.checkpoint, inputs=changed))
+    return run.with_inputs(inputs_from_documents(*stored_documents(stored), overrides))
 
 
 def _went_without(

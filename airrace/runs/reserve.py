@@ -190,16 +190,13 @@ def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
     return wanted
 
 
-def fly_reserve(
-    run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, *, seed: int = 0, threads: int | None = None
-) -> ReserveCase:
+def fly_reserve(run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, *, threads: int | None = None) -> ReserveCase:
     """Fly a race again with the smallest margins that keep a reserve.
 
     Args:
         run: certified up to six-dof.
         wanted: the probability and the disturbances.
         fly_again: flies a run with other margins.
-        seed: of the closed-loop flights.
         threads: None for one per processor.
 
     Raises:
@@ -210,7 +207,7 @@ def fly_reserve(
         raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
-    return _Search(run, wanted, fly_again, seed, threads).run()
+    return _Search(run, wanted, fly_again, threads).run()
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
@@ -220,11 +217,8 @@ UNSEARCHED = ("rules.reserve=null", "margins=null")
 class _Search:
     """The iteration for one reserve."""
 
-    def __init__(
-        self, run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, seed: int, threads: int | None
-    ) -> None:
+    def __init__(self, run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, threads: int | None) -> None:
         self.optimum, self.wanted, self.fly_again = run, wanted, fly_again
-        self.seed = seed
         self.options: dict[str, Any] = {**wanted.model_dump(exclude=set(REQUEST)), "threads": threads}
         errors = (wanted.mass_error_percent, wanted.power_error_percent, wanted.density_error_percent)
         self.scatter = scatter_of(wanted.gusts, (wanted.wind_error_kt, *errors, wanted.roll_timing_s))
@@ -299,7 +293,7 @@ class _Search:
 
     def _measure(self, latest: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
         """Fly a line in closed loop, each attempt in other disturbances, and note its effect."""
-        case = latest.stages[-1].safety(flights=SETTINGS.flights, seed=self.seed + attempt, **self.options)
+        case = latest.stages[-1].safety(flights=SETTINGS.flights, seed=attempt, **self.options)
         after, units = _prices(latest), {one.key: one.unit for one in course_limits(latest.inputs.race)}
         risks = [float(one.risk_now) for one in limits]
         margins = [

@@ -199,7 +199,9 @@ class RunState:
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace optimize --json` prints."""
-        summary = run_object(self.name, self.valid_results, wall_of(self.results), certified=self.certified)
+        summary = run_object(
+            self.name, self.valid_results, sum(one.timings.wall for one in self.results), certified=self.certified
+        )
         return summary | {"stages": stages_object(self.inputs, self.valid_results)}
 
     def __repr__(self) -> str:
@@ -238,11 +240,6 @@ def compare_stages(
     return compare_flights(earlier[name].flight(first), common[-1].flight(second))
 
 
-def wall_of(results: Sequence[StageResult]) -> float:
-    """Return the wall time of all stages together, s."""
-    return sum(result.timings.wall for result in results)
-
-
 def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
     """Return a run of which nothing is finished yet."""
     return RunState(inputs, Checkpoint(stored_inputs(inputs), current_versions()), path)
@@ -250,10 +247,11 @@ def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:
     """Return the inputs as runs and flight logs store them."""
+    settings = inputs.settings_file
     return StoredInputs(
-        track=_stored_document(inputs.track),
-        aircraft=_stored_document(inputs.aircraft),
-        settings=None if inputs.settings_file is None else _stored_document(inputs.settings_file),
+        track=StoredDocument(inputs.track.path, inputs.track.text),
+        aircraft=StoredDocument(inputs.aircraft.path, inputs.aircraft.text),
+        settings=None if settings is None else StoredDocument(settings.path, settings.text),
         overrides=tuple(inputs.overrides),
         resolved=resolved_text(inputs),
     )
@@ -303,12 +301,7 @@ def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> RunState:
         InputError: this version of airrace no longer accepts them.
     """
     stored = checkpoint.inputs
-    inputs = inputs_from_documents(
-        document_of(stored.track),
-        document_of(stored.aircraft),
-        None if stored.settings is None else document_of(stored.settings),
-        stored.overrides,
-    )
+    inputs = inputs_from_documents(*stored_documents(stored), stored.overrides)
     # Stages link to the configuration they were computed from; new ones to the one understood now.
     current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
     return RunState(inputs, current, path)
@@ -332,13 +325,11 @@ def adopt_checkpoint(run: RunState) -> RunState:
     return replace(run, checkpoint=replace(run.checkpoint, stages=downgrade_stale))
 
 
-def document_of(stored: StoredDocument) -> Document:
-    """Return a stored document as it was read."""
-    return Document(stored.path, stored.text)
-
-
-def _stored_document(document: Document) -> StoredDocument:
-    return StoredDocument(document.path, document.text)
+def stored_documents(stored: StoredInputs) -> tuple[Document, Document, Document | None]:
+    """Return the documents of track, aircraft and settings as they were read."""
+    track, aircraft, settings = stored.track, stored.aircraft, stored.settings
+    documents = Document(track.path, track.text), Document(aircraft.path, aircraft.text)
+    return *documents, None if settings is None else Document(settings.path, settings.text)
 
 
 def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[str, object]]:
