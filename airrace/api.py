@@ -17,7 +17,6 @@ from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.report.film import card_of, ensure_card, film_of, film_settings
 from airrace.results.comparison import Comparison
-from airrace.runs.brief import Brief
 from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
 from airrace.runs.execute import execute
 from airrace.runs.flight_sources import report_page, write_flights
@@ -41,7 +40,7 @@ from airrace.runs.plan import (
     value_texts,
 )
 from airrace.runs.run import RunState, compare_stages, open_run
-from airrace.runs.stage_view import Sensitivities
+from airrace.runs.stage_data import Brief, Sensitivities
 from airrace.runs.verification import Verification, verify_run
 from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.progress_view import watching

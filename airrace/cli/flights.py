@@ -120,8 +120,8 @@ def brief(
     """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
-        from airrace.runs.brief import Brief
         from airrace.runs.flight_sources import open_flight
+        from airrace.runs.stage_data import Brief
         from airrace.views.tables import units_named
 
         if as_json and as_csv:
@@ -316,7 +316,7 @@ def csv_table(
         from airrace.runs.flight_sources import open_file, source_of
         from airrace.runs.log_view import LogView
         from airrace.runs.output import FlightName, ensure_free
-        from airrace.runs.stage_view import Splits
+        from airrace.runs.stage_data import Splits
         from airrace.views.plain_text import PlainStream
 
         if splits and rate is not None:

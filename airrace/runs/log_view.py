@@ -17,7 +17,7 @@ from airrace.results import Basis, Confirmation, Flight, History, Source, TimedC
 from airrace.results.clearances import with_distances
 from airrace.runs.output import write_or_return
 from airrace.runs.run import library_versions, stored_documents, stored_inputs
-from airrace.runs.stage_view import Splits
+from airrace.runs.stage_data import Splits
 from airrace.standard_streams import stem_of
 
 if TYPE_CHECKING:

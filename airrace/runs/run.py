@@ -29,8 +29,8 @@ from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, warnings_object
+from airrace.runs.stage_data import Splits
 from airrace.runs.stage_view import (
-    Splits,
     StageView,
     downgrade_stale,
     is_certified,

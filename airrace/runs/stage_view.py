@@ -1,10 +1,10 @@
-"""A finished stage of a run: its flight, its verdict, and its tables of gate splits and sensitivities."""
+"""A finished stage of a run: its flight, its verdict, and how it is shown, exported and simulated."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, overload
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -13,26 +13,22 @@ from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
-from airrace.parameters import ParameterGroup
 from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
-from airrace.procedure.result import GateSplit, StageResult, Status
+from airrace.procedure.result import StageResult, Status
 from airrace.procedure.stage import Stage
-from airrace.report.sections import sensitivities_table
-from airrace.resources import extra
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
-from airrace.runs.brief import Brief
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
-from airrace.runs.output import write_or_return, write_text
-from airrace.sensitivity import Sensitivity
+from airrace.runs.output import write_or_return
+from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
-from airrace.views.stage_tables import certificate_table, splits_table
+from airrace.views.stage_tables import certificate_table
 from airrace.views.tables import Column, Table
 
 if TYPE_CHECKING:
@@ -43,143 +39,6 @@ if TYPE_CHECKING:
     from airrace.optimal_control.problem import Iterate, Problem
     from airrace.results.duals import ConstraintMultipliers, NamedArray
     from airrace.runs.safety_case import SafetyCase
-
-
-@dataclass(frozen=True, repr=False)
-class Splits(Sequence[GateSplit]):
-    """The passings of a flight in their order; each is a `GateSplit` in SI units and radians.
-
-    Examples:
-        >>> run.splits[0].name, run.splits[-1].name
-        ('0:entry', '1:exit')
-        >>> abs(run.splits[-1].time - run.race_time) < 1e-9
-        True
-
-    Attributes:
-        rows: one per passing.
-    """
-
-    rows: tuple[GateSplit, ...]
-
-    @overload
-    def __getitem__(self, index: int) -> GateSplit: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> "Splits": ...
-
-    def __getitem__(self, index: int | slice) -> "GateSplit | Splits":
-        return Splits(self.rows[index]) if isinstance(index, slice) else self.rows[index]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __iter__(self) -> Iterator[GateSplit]:
-        return iter(self.rows)
-
-    def to_dataframe(self) -> "DataFrame":
-        """Return the table that `airrace export csv --splits` writes, one row per passing, as a data frame of pandas.
-
-        Columns name their units; angles are in degrees, speeds in m/s and in knots.
-
-        Raises:
-            UsageError: pandas is not installed.
-        """
-        return splits_table(self.rows).dataframe("passage")
-
-    def to_csv(self, path: str | Path | None = None) -> str:
-        """Return the table that `airrace export csv --splits` writes, as comma-separated values.
-
-        Args:
-            path: a file to be written; None for none.
-
-        Returns:
-            The text.
-
-        Raises:
-            StorageError: the system refused.
-        """
-        text = splits_table(self.rows).csv(".10g")
-        if path is not None:
-            write_text(Path(path), text)
-        return text
-
-    def __repr__(self) -> str:
-        return splits_table(self.rows).text()
-
-    def to_html(self) -> str:
-        """Return the table as HTML, as notebooks show it."""
-        return splits_table(self.rows).html()
-
-    def _repr_html_(self) -> str:
-        return self.to_html()
-
-
-SENSITIVITIES_SHOWN = 30
-"""The largest number of sensitivities that are shown; a data frame has all of them."""
-
-
-@dataclass(frozen=True, repr=False)
-class Sensitivities(Mapping[str, Sensitivity]):
-    """The sensitivities of a stage by the keys of `set`, the largest first.
-
-    Examples:
-        >>> sensitivities = run.sensitivities(by="rules")
-        >>> sensitivities["rules.n_z_max"].per_unit < 0.0
-        True
-
-    Attributes:
-        by_key: one per number that can be changed alone.
-    """
-
-    by_key: Mapping[str, Sensitivity]
-
-    def __getitem__(self, key: str) -> Sensitivity:
-        return self.by_key[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.by_key)
-
-    def __len__(self) -> int:
-        return len(self.by_key)
-
-    def to_dataframe(self) -> "DataFrame":
-        """Return all sensitivities as a data frame of pandas, one row per key.
-
-        An entry is empty where the inputs allow no value to that side.
-
-        Raises:
-            UsageError: pandas is not installed.
-        """
-        pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
-        rows = {key: one.as_object() for key, one in self.by_key.items()}
-        return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
-
-    def __repr__(self) -> str:
-        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).text()
-
-    def _repr_html_(self) -> str:
-        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
-
-
-def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Sensitivities:
-    """Return the sensitivities of a stage.
-
-    Args:
-        inputs: what the run was given.
-        result: the stage.
-        by: only the numbers of this group; None for all.
-
-    Raises:
-        UsageError: there is no such group, or course or aircraft were built in Python.
-        NotCertified: the stage is no optimum, certified or solved.
-    """
-    from airrace.sensitivity.lagrangian import sensitivities  # takes compiled functions, which no reader of runs needs
-
-    known = {group.value: group for group in ParameterGroup}
-    if by is not None and by not in known:
-        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
-    groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
-    return Sensitivities(sensitivities(inputs, result, groups=groups))
 
 
 STAGES = (

@@ -21,7 +21,7 @@ from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.cues import Action, Pull, RollAction, cues_of, turning_points
 from airrace.results.derivation import complete_histories
 from airrace.results.flight import PATH_ATTITUDE
-from airrace.runs.brief import Brief
+from airrace.runs.stage_data import Brief
 from airrace.trajectory import Array
 from airrace.views.stage_tables import action_table, cue_text, place_text
 from airrace.views.tables import UNITS

@@ -1,0 +1,240 @@
+"""Data of a stage as sequences and mappings that are shown as tables: cues, gate splits and sensitivities."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from airrace.errors import UsageError
+from airrace.inputs import Inputs
+from airrace.parameters import ParameterGroup
+from airrace.procedure.result import GateSplit, StageResult
+from airrace.report.sections import sensitivities_table
+from airrace.resources import extra
+from airrace.results import Flight
+from airrace.results.cues import Cue, cues_of
+from airrace.runs.json_objects import flight_object
+from airrace.runs.output import write_text
+from airrace.sensitivity import Sensitivity
+from airrace.views.stage_tables import NOTE, action_table, cue_table, cue_text, place_text, splits_table
+from airrace.views.tables import RACE, Table, Units
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, repr=False)
+class Brief(Sequence[Cue]):
+    """The cues of a flight in the order in which they begin; each is a `Cue` in SI units and radians.
+
+    Examples:
+        >>> brief = run.brief()
+        >>> brief[0].leg.name
+        '1:vertical'
+
+    Attributes:
+        flight: whose cues they are.
+        cues: in order.
+    """
+
+    flight: Flight
+    cues: tuple[Cue, ...]
+
+    @classmethod
+    def of(cls, flight: Flight) -> "Brief":
+        """Return the briefing of a flight; empty where that knows neither load factor nor attitude."""
+        return cls(flight, cues_of(flight))
+
+    @overload
+    def __getitem__(self, index: int) -> Cue: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Brief": ...
+
+    def __getitem__(self, index: int | slice) -> "Cue | Brief":
+        return Brief(self.flight, self.cues[index]) if isinstance(index, slice) else self.cues[index]
+
+    def __len__(self) -> int:
+        return len(self.cues)
+
+    def __iter__(self) -> Iterator[Cue]:
+        return iter(self.cues)
+
+    @property
+    def lines(self) -> list[str]:
+        """One line per cue, e.g. `6.68 s, 52 m before c1: roll right 6° -> 88°, 0.4 s`."""
+        return [f"{', '.join(filter(None, (f'{one.time:.2f} s', place_text(one))))}: {cue_text(one)}" for one in self]
+
+    def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
+        """Return the table that `airrace brief` prints, in ASCII where `unicode` is False."""
+        title = f"{self.flight.label}: what the pilot does, leg by leg"
+        return cue_table(self.cues, title, units=units, notes=[NOTE], unicode=unicode)
+
+    def as_object(self) -> dict[str, object]:
+        """Return the object that `airrace brief --json` prints: one entry of `actions` per row of the CSV."""
+        return {**flight_object(self.flight), "actions": action_table(self.cues).objects()}
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return the table that `airrace brief --csv` prints, one row per action, as a data frame of pandas.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return action_table(self.cues).dataframe("time_s")
+
+    def to_csv(self, path: str | Path | None = None) -> str:
+        """Return the table that `airrace brief --csv` prints, as comma-separated values.
+
+        Args:
+            path: a file to be written; None for none.
+
+        Raises:
+            StorageError: the system refused.
+        """
+        text = action_table(self.cues).csv(".10g")
+        if path is not None:
+            write_text(Path(path), text)
+        return text
+
+    def __repr__(self) -> str:
+        return self.table().text()
+
+    def _repr_html_(self) -> str:
+        return self.table().html()
+
+
+@dataclass(frozen=True, repr=False)
+class Splits(Sequence[GateSplit]):
+    """The passings of a flight in their order; each is a `GateSplit` in SI units and radians.
+
+    Examples:
+        >>> run.splits[0].name, run.splits[-1].name
+        ('0:entry', '1:exit')
+        >>> abs(run.splits[-1].time - run.race_time) < 1e-9
+        True
+
+    Attributes:
+        rows: one per passing.
+    """
+
+    rows: tuple[GateSplit, ...]
+
+    @overload
+    def __getitem__(self, index: int) -> GateSplit: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Splits": ...
+
+    def __getitem__(self, index: int | slice) -> "GateSplit | Splits":
+        return Splits(self.rows[index]) if isinstance(index, slice) else self.rows[index]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[GateSplit]:
+        return iter(self.rows)
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return the table that `airrace export csv --splits` writes, one row per passing, as a data frame of pandas.
+
+        Columns name their units; angles are in degrees, speeds in m/s and in knots.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return splits_table(self.rows).dataframe("passage")
+
+    def to_csv(self, path: str | Path | None = None) -> str:
+        """Return the table that `airrace export csv --splits` writes, as comma-separated values.
+
+        Args:
+            path: a file to be written; None for none.
+
+        Returns:
+            The text.
+
+        Raises:
+            StorageError: the system refused.
+        """
+        text = splits_table(self.rows).csv(".10g")
+        if path is not None:
+            write_text(Path(path), text)
+        return text
+
+    def __repr__(self) -> str:
+        return splits_table(self.rows).text()
+
+    def to_html(self) -> str:
+        """Return the table as HTML, as notebooks show it."""
+        return splits_table(self.rows).html()
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+
+SENSITIVITIES_SHOWN = 30
+"""The largest number of sensitivities that are shown; a data frame has all of them."""
+
+
+@dataclass(frozen=True, repr=False)
+class Sensitivities(Mapping[str, Sensitivity]):
+    """The sensitivities of a stage by the keys of `set`, the largest first.
+
+    Examples:
+        >>> sensitivities = run.sensitivities(by="rules")
+        >>> sensitivities["rules.n_z_max"].per_unit < 0.0
+        True
+
+    Attributes:
+        by_key: one per number that can be changed alone.
+    """
+
+    by_key: Mapping[str, Sensitivity]
+
+    def __getitem__(self, key: str) -> Sensitivity:
+        return self.by_key[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.by_key)
+
+    def __len__(self) -> int:
+        return len(self.by_key)
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return all sensitivities as a data frame of pandas, one row per key.
+
+        An entry is empty where the inputs allow no value to that side.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
+        rows = {key: one.as_object() for key, one in self.by_key.items()}
+        return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
+
+    def __repr__(self) -> str:
+        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).text()
+
+    def _repr_html_(self) -> str:
+        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
+
+
+def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Sensitivities:
+    """Return the sensitivities of a stage.
+
+    Args:
+        inputs: what the run was given.
+        result: the stage.
+        by: only the numbers of this group; None for all.
+
+    Raises:
+        UsageError: there is no such group, or course or aircraft were built in Python.
+        NotCertified: the stage is no optimum, certified or solved.
+    """
+    from airrace.sensitivity.lagrangian import sensitivities  # takes compiled functions, which no reader of runs needs
+
+    known = {group.value: group for group in ParameterGroup}
+    if by is not None and by not in known:
+        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
+    groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
+    return Sensitivities(sensitivities(inputs, result, groups=groups))
