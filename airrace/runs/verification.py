@@ -10,11 +10,11 @@ import math
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import fields
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from airrace.errors import CheckpointError, InputError, NotCertified, SolverCrash
-from airrace.logs.log_flight import LogFlight, flight_of_part
 from airrace.logs.recording import Recording
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.procedure import run as procedure
@@ -30,6 +30,9 @@ from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
 from airrace.runs.run import RunState, current_versions, library_versions
 from airrace.trajectory import Array
+
+if TYPE_CHECKING:
+    from airrace.logs.log_flight import LogFlight
 
 
 @record
@@ -490,12 +493,14 @@ def confirm_log(view: LogView, *, versions: bool = True) -> Confirmation:
     return Confirmation(False, in_one_sentence(clauses)) if clauses else Confirmation(True)
 
 
-def flight_again(view: LogView) -> LogFlight:
+def flight_again(view: LogView) -> "LogFlight":
     """Return the flight that follows from the stored log.
 
     Raises:
         InputError: none does.
     """
+    from airrace.logs.log_flight import flight_of_part  # takes what smooths, which runs do not need
+
     log = view.recorded.log
     if missing := [name for name in ("x", "y", "height") if name not in log.columns]:
         raise CheckpointError(f"the stored log has no column {missing[0]!r}")
@@ -516,7 +521,7 @@ def flight_again(view: LogView) -> LogFlight:
     return flight_of_part(part, inputs.race, label=view.recorded.label, penalties=inputs.penalties, noise=noise)
 
 
-def _log_discrepancies(view: LogView, again: LogFlight) -> Iterator[str]:
+def _log_discrepancies(view: LogView, again: "LogFlight") -> Iterator[str]:
     """Yield a clause for everything that is stored otherwise than it follows from the log."""
     stored, flight = view.recorded, again.flight
     for mine, its in zip(stored.passings, flight.crossings, strict=False):
