@@ -1,4 +1,4 @@
-"""The user block in front of the HDF5 image: it proves that the image is whole before anything interprets it.
+"""Files of runs and logs, written and read: an HDF5 image, and a user block in front that proves that it is whole.
 
 HDF5's own reader can crash or hang on damaged bytes, so they never reach it. The block takes 512 bytes, the
 smallest size HDF5 skips while it looks for its signature; any HDF5 program still opens the file.

@@ -1,4 +1,4 @@
-"""The texts of flights: two on one clock, a flight log, and sensitivities."""
+"""The texts of a flight log, and those of sensitivities as a table and as CSV."""
 
 import math
 import textwrap

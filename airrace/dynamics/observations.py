@@ -29,10 +29,9 @@ Over ground, the distance from an area is negative within it, so that there is a
 
     d = sqrt(max(d_ground, 0)^2 + (h - h_crowd)^2)
 
-The room between a wing and a pylon when it is abeam of that, seen from a moment shortly before or after.
-
-A wing that crosses the line between two pylons askew is abeam of one of them some hundredths of a second before, and of
-the other one after. With the position `c`, velocity `v`, acceleration `a` and half wing `w` of the moment, the pylon at
+The room between a wing and a pylon when it is abeam of that is seen from a moment shortly before or after. A wing that
+crosses the line between two pylons askew is abeam of one of them some hundredths of a second before, and of the other
+one after. With the position `c`, velocity `v`, acceleration `a` and half wing `w` of the moment, the pylon at
 `P` is abeam where `(P - c(t)) . v(t) = 0`, all horizontal, on `c(t) = c + v t + a t^2 / 2`; three Newton steps from
 zero find it. With the normal `n` to the right of the path there, and `w(t) = w + w' t + w" t^2 / 2` as long as `w`,
 

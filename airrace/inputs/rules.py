@@ -1,5 +1,6 @@
-"""The rules of a race in a track file: its limits, those of its pilot, margins from them and a reserve; and the presets
-of seasons (`airrace/rules/1`).
+"""The rules of a race in a track file: limits, those of the pilot, margins, a reserve, penalties; presets of seasons.
+
+A preset is a file of the language `airrace/rules/1` that comes along.
 """
 
 import difflib

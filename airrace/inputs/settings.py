@@ -1,5 +1,6 @@
-"""The languages `airrace/settings/1` and `airrace/batch/1`: how a race is solved, by default as the procedure has it,
-and of which races a batch consists.
+"""The languages `airrace/settings/1` and `airrace/batch/1`: how a race is solved, and of which races a batch consists.
+
+Every key of the settings is optional; the defaults are the procedure's own.
 """
 
 import dataclasses

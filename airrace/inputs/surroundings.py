@@ -32,7 +32,7 @@ class SurroundingsLimits:
         same_place: the distance below which two corners are one, m.
         rounding: the excess over a distance that is put down to rounding and not reported, m.
         square: the side of the squares of a box, m; those of a long one are larger, so that there are no more
-            than `SQUARES`. At most they are 1.7 times as long, as the number of them is rounded.
+            than `squares_max`. At most they are 1.7 times as long, as the number of them is rounded.
         squares_max: the largest number of squares along one side of a box.
         height_max: the greatest height of an obstacle, m.
         box_max: the greatest length and width of a box, m.

@@ -1,4 +1,4 @@
-"""Our aircraft in JSBSim: single motions, and an optimum that is put back onto its path at every full second.
+"""Our aircraft in JSBSim: single motions, an optimum put back onto its path every second, and random accelerations.
 
     R_OB = R_OKbar R_BKbar^T        V_B = R_BKbar V_K e_x
 
@@ -11,11 +11,10 @@ Between the nodes deflections are linear, and the throttle follows its command:
 What is left is mostly JSBSim's rate of alpha, which lags by one step: in a hard pull-up 8 mm after a second, half of
 that with half the step, and 0.5 mm for an aircraft without `C_malphadot`.
 
-Accelerations of JSBSim and of the six-dof model in random states, at the same geopotential height.
-
-Both are ISA. Ours falls with the height h itself; JSBSim's with the geopotential height `R h / (R + h)`, for the
-standard was written for a gravity that weakens with height. At 1000 m that is 0.16 m, or 1.5e-5 of the density. The
-rest, 2.7e-6, is in the digits of the gas constant.
+Accelerations in random states are compared at the same geopotential height. The density of both is ISA. Ours falls with
+the height h itself; JSBSim's with the geopotential height `R h / (R + h)`, for the standard was written for a gravity
+that weakens with height. At 1000 m that is 0.16 m, or 1.5e-5 of the density. The rest, 2.7e-6, is in the digits of the
+gas constant.
 """
 
 import dataclasses

@@ -1,8 +1,7 @@
 """An aircraft identified from recorded flights: drag, power and wind by output error, and the greatest roll rate.
 
-In the method of output error the path obeys the point mass, its lift alone is free.
-
-It is the most probable path, as of `smoothing`, but its speed follows from the aircraft's drag and thrust:
+In the method of output error the path obeys the point mass, its lift alone is free. It is the most probable path, as
+of `smoothing`, but its speed follows from the aircraft's drag and thrust:
 
     r' = v      v' = u - e (e . u) + g0 (e_D + n_x e)      u' = j - e (u . e')      j' = -j / lag - e (j . e') + noise
 

@@ -193,11 +193,10 @@ def _codec(name: str) -> str:
 def _parse(
     path: str, content: bytes, take: Callable[[Element, int], None] = lambda element, line: None, only: str = ""
 ) -> Element | None:
-    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML. Every element is taken
-    as it ends, with its last line.
+    """Return the root of a document, as `xml_tree` does; raise an ExpatError where it is no XML.
 
-    Where only elements of one name are to be read (`only`) with what they hold, all others are taken empty and there is
-    no root: whatever else a document holds needs no memory.
+    Every element is taken as it ends, with its last line. Where only elements of one name are to be read (`only`) with
+    what they hold, all others are taken empty and there is no root: whatever else a document holds needs no memory.
     """
     encoding = None
     if (declared := _DECLARED.match(content)) and (known := _codec(declared[1].decode())) in _MULTIBYTE:

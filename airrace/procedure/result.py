@@ -286,7 +286,7 @@ class StageResult:
         provenance: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         search: which other routes were tried; empty in all stages but the one that explores.
-        suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
+        suggested_changes: what would resolve the conflicts for which no flight was found, the least of each first.
         alternatives: flights of this stage on other routes that hold, slower ones, which go through all stages as well.
         notes: what users should know although the stage holds.
         pylon_conditions: that it was solved with; none where the rules ask for none.

@@ -9,11 +9,10 @@ The rules measure the distance of the wing tips from the pylons of a gate at the
 between the pylons. The wing of an aircraft that crosses this line askew reaches it some hundredths of a second before
 or after, and may be closer to a pylon then. Nothing at all keeps the wing away from the pylons of other gates.
 
-The distances of a flight from everything on its course as named histories: at every instant, in metres.
-
-`distance_pylon_g1` and `distance_obstacle_mast` are those of the wing; `distance_crowd_stands`,
-`distance_safety_line_shore`, `distance_airspace`, `distance_floor` and `distance_ceiling` are those of the aircraft's
-centre, negative beyond a line or a border. They follow from position and attitude, and no file stores them.
+As histories they have names and are distances at every instant, in metres: `distance_pylon_g1` and
+`distance_obstacle_mast` are those of the wing; `distance_crowd_stands`, `distance_safety_line_shore`,
+`distance_airspace`, `distance_floor` and `distance_ceiling` are those of the aircraft's centre, negative beyond a line
+or a border. They follow from position and attitude, and no file stores them.
 """
 
 import re

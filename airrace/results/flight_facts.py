@@ -1,8 +1,8 @@
-"""Facts of a flight in numbers: of every leg time, load factors, heights, speeds, roll rate, energy and clearances; and
-the load factors that it sustains for longer than pilots tolerate them, a check of a flight and no limit.
+"""Facts of a flight in numbers: its legs, and the load factors that it sustains for longer than pilots tolerate them.
 
-The durations are those of the table of tolerances of experienced persons in S. R. Mohler, *G effects on the pilot
-during aerobatics*, FAA-AM-72-28, July 1972; at 8 g it names a blackout, at -3 g pain.
+Sustained load factors are a check of a flight and no limit. Their durations are those of the table of tolerances of
+experienced persons in S. R. Mohler, *G effects on the pilot during aerobatics*, FAA-AM-72-28, July 1972; at 8 g it
+names a blackout, at -3 g pain.
 """
 
 import math

@@ -1,5 +1,6 @@
-"""Aircraft of one's own: the figures of a flight manual, the file that is estimated from them or fitted, in which every
-number names the relation it comes from, and the comparison of an aircraft with its manual.
+"""Aircraft of one's own: figures of a flight manual, an aircraft's file made from them, the two compared.
+
+In the file, be it estimated or fitted, every number names the relation it comes from.
 """
 
 import json

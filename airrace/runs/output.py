@@ -1,4 +1,7 @@
-"""Flights as they are asked for: a file, and a stage of the run in it."""
+"""The files of a command: flights as they are asked for, `RUN.h5:STAGE`, and outputs, refused early or written whole.
+
+An output is refused where it exists, where the command reads it, or where nothing can be written.
+"""
 
 import io
 import os
@@ -49,7 +52,9 @@ def ensure_free(path: Path, *, force: bool, hint: str = "", sources: Iterable[So
     """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
-        suggested change: what to do besides `--force`, a clause.
+        path: the file.
+        force: whether it may exist.
+        hint: stands before the advice to overwrite it with `--force`, and ends in a space.
         sources: see `ensure_unread`.
 
     Raises:

@@ -1,5 +1,6 @@
-"""The Monte Carlo simulation of closed-loop flights along an optimum, batch by batch on threads, and what it tells:
-counts with confidence intervals, and the scatter at every gate and on every leg.
+"""The Monte Carlo simulation of closed-loop flights along an optimum, batch by batch on threads, and what it tells.
+
+That is counts with confidence intervals, and the scatter at every gate and on every leg.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Views: courses and runs as people see them, from above and as the live view of a run under way."""
+"""Views: courses, runs and flights as people see them, in tables, on a terminal, in figures and as SVG."""

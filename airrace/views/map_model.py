@@ -1,5 +1,4 @@
-"""The map of a course: gates, pylons, people, lines, borders, wind, and tracks, also in colours. All pictures of it are
-drawn from this.
+"""The map from which all pictures of a course are drawn: gates, pylons, people, lines, borders, wind, coloured tracks.
 
 Places are north and east of the track's origin, m.
 """

@@ -1,10 +1,10 @@
-"""The rolls of a flight from one side to the other, and each of them the other way.
+"""Other attitudes of a flight: its rolls from one side to the other, each the other way, and its turns, tilted.
 
 A roll leads through level or through inverted flight, a full turn about the velocity apart. Where an aircraft pulls
 down, banked beyond the vertical, it can do so on either side. Pushed up upside down it can be pulled up upright. Each
 choice is a local optimum of its own.
 
-The tilting of turns about the straight line between their ends: slanted at first, over the top when upright.
+Turns are tilted about the straight line between their ends: slanted at first, over the top when upright.
 """
 
 import itertools

@@ -3,15 +3,15 @@
 Everything is set up in time linear in the number of stages, and anew for every solve, so that fatrop keeps no options
 or bounds that belong to another one.
 
-The check of fatrop's ABI: before the first solve, is its C interface laid out as expected?
-
-A field that another release inserts into a struct would not be an error to ctypes: callbacks would be called in each
-other's places and results would be read from beside where they stand. So before the first solve of a process a problem
-with a known answer is solved, which takes a few milliseconds: a state x and a control u over one interval,
+A field that another release of fatrop inserts into a struct would not be an error to ctypes: callbacks would be called
+in each other's places and results would be read from beside where they stand. So before the first solve of a process a
+problem with a known answer is solved, which takes a few milliseconds: a state x and a control u over one interval,
 
     minimise u^2 + x_1^2   subject to   x_0 = 1,   x_1 = x_0 + u,   0 <= x_1 <= 5,
 
 with the optimum u = -1/2, x_1 = 1/2.
+
+What fatrop prints meanwhile is read, for it tells where fatrop creeps, see `CreepingLimits`.
 """
 
 import ctypes
