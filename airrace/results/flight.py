@@ -285,10 +285,6 @@ class Flight:
         """
         return self.histories[name].basis
 
-    def with_label(self, label: str) -> "Flight":
-        """Return the same flight under another name."""
-        return replace(self, source=replace(self.source, label=label))
-
     def at(self, times: Sequence[float] | Array) -> "Flight":
         """Return the same flight over other times.
 

@@ -81,10 +81,15 @@ def circle(seconds: float = 20.0) -> Flight:
     return circling(rovinj(), seconds=seconds)
 
 
+def labelled(flight: Flight, label: str) -> Flight:
+    """The same flight under another label."""
+    return with_(flight, source=with_(flight.source, label=label))
+
+
 @functools.cache
 def whole_page() -> str:
     """A page about a circle, with a slower one beside it."""
-    return flight_page([circle(), circle(25.0).with_label("slower")])
+    return flight_page([circle(), labelled(circle(25.0), "slower")])
 
 
 def renamed(name: str) -> Flight:

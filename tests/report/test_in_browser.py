@@ -10,7 +10,7 @@ import pytest
 from browser_pages import READY_MS, SIZES, TIMES, VIEWS, Opened, opened
 from example_flights import half_cuban, windy
 from playwright.sync_api import Browser
-from report_pages import HOSTILE, everything_flown, renamed
+from report_pages import HOSTILE, everything_flown, labelled, renamed
 
 import airrace
 from airrace.frames import rotation
@@ -75,7 +75,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
 def test_hostile_names_are_shown_and_nothing_is_executed(chromium: Browser, tmp_path: Path, number: int) -> None:
     flight = renamed(HOSTILE[number])
     page = tmp_path / "hostile.html"
-    page.write_text(flight_page([flight, flight.with_label(f"{flight.label} too")]), encoding="utf-8")
+    page.write_text(flight_page([flight, labelled(flight, f"{flight.label} too")]), encoding="utf-8")
     one = opened(chromium, page, "tablet")
     assert one.run("() => document.querySelector('h1').textContent") == HOSTILE[number]
     assert one.run("() => document.title") == " ".join(HOSTILE[number].split())

@@ -16,7 +16,7 @@ import pytest
 from example_flights import circling, half_cuban, windy
 from hypothesis import given
 from hypothesis import strategies as st
-from report_pages import HOSTILE, circle, dense, everything_flown, read, renamed, unpack, whole_page
+from report_pages import HOSTILE, circle, dense, everything_flown, labelled, read, renamed, unpack, whole_page
 from typer.testing import CliRunner, Result
 
 import airrace
@@ -59,7 +59,7 @@ def test_nothing_in_the_page_is_loaded_and_nothing_runs_but_its_own_script() -> 
 
 
 def test_the_envelope_is_of_the_first_flight_on_its_clock_and_nothing_where_it_is_not_known() -> None:
-    first, second = circle(), circle(25.0).with_label("slower")
+    first, second = circle(), labelled(circle(25.0), "slower")
     scatter = Mock(spec=SafetyResult, clock=first.time + 0.0, envelope=np.full((5, 4, len(first.time)), np.nan))
     scatter.envelope[1], scatter.envelope[3] = -1.0, 2.0
     scatter.envelope[3, 1, 0] = np.nan
@@ -83,7 +83,7 @@ def test_hostile_names_are_shown_as_they_are_and_make_no_elements(name: str) -> 
     assert parsed.texts["title"][0] == name
     assert parsed.texts["h1"] == [name]
     assert f"3:{name}" in parsed.texts["button"]
-    beside = read(flight_page([circle(), circle(25.0).with_label(name)]))
+    beside = read(flight_page([circle(), labelled(circle(25.0), name)]))
     assert any(name in text for text in beside.texts["td"])
     assert len(beside.named("script")) == 2
 
@@ -100,7 +100,7 @@ def test_names_of_any_letters_change_nothing_beside_them() -> None:
 def test_a_race_of_one_minute_takes_less_than_four_megabytes() -> None:
     flights = [
         dense(half_cuban().flight(), 60.0),
-        *(dense(windy().flight(), 60.0).with_label(str(i)) for i in range(3)),
+        *(labelled(dense(windy().flight(), 60.0), str(i)) for i in range(3)),
     ]
     assert len(flight_page(flights).encode()) < 4_000_000
     assert len(json.dumps(contents(*flights[:2]))) < 1_500_000
@@ -181,7 +181,7 @@ def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
 
 
 def test_the_format_is_as_its_documentation_has_it() -> None:
-    page = contents(circle(), circle(25.0).with_label("slower"))
+    page = contents(circle(), labelled(circle(25.0), "slower"))
     assert page["format"] == FORMAT
     assert list(page) == ["format", "course", "flights", "strips", "colours", "differences"]
     assert list(page["course"]) == [
@@ -252,16 +252,16 @@ def test_a_flight_that_misses_its_last_passing_has_no_race_time() -> None:
 
 
 def test_labels_are_as_short_as_tells_flights_of_one_file_apart() -> None:
-    one, two = circle().with_label("a:six-dof"), circle().with_label("a:point-mass")
+    one, two = labelled(circle(), "a:six-dof"), labelled(circle(), "a:point-mass")
     assert short_labels([one, two]) == ["six-dof", "point-mass"]
-    assert short_labels([one, two.with_label("b:point-mass")]) == ["a:six-dof", "b:point-mass"]
-    assert short_labels([circle().with_label("a")]) == ["a"]
+    assert short_labels([one, labelled(two, "b:point-mass")]) == ["a:six-dof", "b:point-mass"]
+    assert short_labels([labelled(circle(), "a")]) == ["a"]
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_survive_and_hold_nothing_that_could_end_a_script(name: str) -> None:
     flight = renamed(name)
-    text = text_of(flight, flight.with_label(f"{flight.label} again"))
+    text = text_of(flight, labelled(flight, f"{flight.label} again"))
     assert not set("<>&") & set(text)
     assert text.isascii()
     page = json.loads(text)
