@@ -5,6 +5,8 @@ import { Placing, Plan } from "./plan.js";
 
 const RETRY_MS = 1000;
 
+// A link that is lost is tried again for ever; what comes back is the whole state, so that nothing depends on what was
+// missed.
 class Link {
   constructor({ show, status, tell }) {
     Object.assign(this, { show, status, tell });
