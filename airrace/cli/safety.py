@@ -210,11 +210,11 @@ def footprint(
 
 def _texts(found: "Footprint", flight: "Flight") -> Iterator[str]:
     """Yield tables of falls, glides and people, and what they are not; at most 80 columns wide."""
-    from airrace.views.safety_views import facts, falls_table, people_table
+    from airrace.views.safety_views import falls_table, footprint_facts, people_table
 
     yield render(falls_table(found, flight), columns=PAGE)
     people = people_table(found, flight)
     if people.rows:
         yield render(replace(people, notes=()), columns=PAGE)
     yield from (textwrap.fill(note, PAGE) for note in people.notes)
-    yield "\n".join(textwrap.fill(fact, PAGE, subsequent_indent="  ") for fact in facts(found, flight))
+    yield "\n".join(textwrap.fill(fact, PAGE, subsequent_indent="  ") for fact in footprint_facts(found, flight))

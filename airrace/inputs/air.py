@@ -16,8 +16,8 @@ from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
 from airrace.records import record
 
-PATH: KeyPath = ("environment", "wind")
-WIND = dotted(PATH)
+WIND_PATH: KeyPath = ("environment", "wind")
+WIND = dotted(WIND_PATH)
 SPEED, OTHER_SPEED, ORIGIN = f"{WIND}.speed_kt", f"{WIND}.speed_m_s", f"{WIND}.from_deg"
 
 
@@ -52,13 +52,13 @@ class WindEntry(Schema):
     def build(self, reporter: Reporter) -> StaticWind:
         """Return the wind; it is only of use if nothing was reported."""
         if self.speed_kt is None and self.speed_m_s is None:
-            reporter.key(PATH, "missing; a wind needs `speed_kt` or `speed_m_s`")
+            reporter.key(WIND_PATH, "missing; a wind needs `speed_kt` or `speed_m_s`")
         if self.speed_kt is not None and self.speed_m_s is not None:
-            reporter.key((*PATH, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
+            reporter.key((*WIND_PATH, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
         # A key that the profile does not use would have no effect, silently.
         for key, value, profile in (("exponent", self.exponent, "power"), ("roughness_m", self.roughness_m, "log")):
             if value is not None and self.profile != profile:
-                reporter.key((*PATH, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
+                reporter.key((*WIND_PATH, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
         given = {"reference_height": self.reference_height_m, "exponent": self.exponent, "roughness": self.roughness_m}
         wind = StaticWind(
             origin=math.radians(self.from_deg),
@@ -68,7 +68,7 @@ class WindEntry(Schema):
         )
         if wind.profile is Profile.LOG and wind.reference_height <= wind.roughness:
             message = f"must be above the roughness of {wind.roughness:g} m in a log profile"
-            reporter.value((*PATH, "reference_height_m"), message)
+            reporter.value((*WIND_PATH, "reference_height_m"), message)
         return wind
 
 

@@ -51,7 +51,7 @@ from airrace.track.polygons import area, edges
 
 LEAST_COSINE = 0.1
 """The least cosine of a prescribed bank at which a steady turn is asked for (1): it takes 10 g there, none beyond."""
-NAMES = frozenset(one.name for one in (LOAD_FACTOR, ONSET, ROLL_RATE, TURN_EXCESS, TURN_LACK))
+PILOT_NAMES = frozenset(one.name for one in (LOAD_FACTOR, ONSET, ROLL_RATE, TURN_EXCESS, TURN_LACK))
 """The quantities by which a pilot's limits hold at passages."""
 NEAR_GROUND = "load factor near the ground"
 
@@ -127,7 +127,9 @@ class PilotConditions:
 
 def without_pilot(boundary: Boundary) -> Boundary:
     """Return the boundary of a passage without what `PilotConditions` has added to it."""
-    return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in NAMES})
+    return dataclasses.replace(
+        boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in PILOT_NAMES}
+    )
 
 
 def _near_ground(

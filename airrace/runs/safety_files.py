@@ -43,7 +43,14 @@ from airrace.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewe
 from airrace.standard_streams import STANDARD
 from airrace.views.drawing import Figure, ensure_drawable, figure_address, save_figure
 from airrace.views.plain_text import escape_html
-from airrace.views.safety_views import envelope_figure, facts, falls_table, footprint_figure, people_table, wind_text
+from airrace.views.safety_views import (
+    envelope_figure,
+    falls_table,
+    footprint_facts,
+    footprint_figure,
+    people_table,
+    wind_text,
+)
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.views.tables import Column, Table, Value
 
@@ -69,7 +76,7 @@ NOT_CONSIDERED = (
 """What no number of the document contains, a sentence each."""
 NO_CROWD = "No crowd is given: the course names no people; distances from them and falls onto them were not looked at"
 IN_WINDS = "in each wind an optimum of its own, and flights along it; all else is that of the run's own wind"
-_NUMBERS = (Column("number"), Column("value", form=".6g"), Column("unit"))
+_NUMBER_COLUMNS = (Column("number"), Column("value", form=".6g"), Column("unit"))
 
 
 def safety_document(
@@ -231,7 +238,7 @@ def _loads(flight: Flight) -> Iterator[str]:
 def _falls(footprint: Footprint, flight: Flight) -> Iterator[str]:
     yield table_block(replace(falls_table(footprint, flight), title="The longest ways over ground"))
     yield table_block(people_table(footprint, flight))
-    yield list_block(facts(footprint, flight))
+    yield list_block(footprint_facts(footprint, flight))
 
 
 def _assumptions(result: SafetyResult) -> Table:
@@ -286,7 +293,7 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
     rules = ("rules", "gate_defaults", "margins", "environment")
     for title, groups in (("Rules, gates, margins, air", rules), ("Aircraft", ("aircraft",))):
         rows = [(one.key, one.value, one.unit) for one in numbers if one.key.partition(".")[0] in groups]
-        yield table_block(Table(title, _NUMBERS, rows), columns=True)
+        yield table_block(Table(title, _NUMBER_COLUMNS, rows), columns=True)
 
 
 def _documents(run: RunState) -> list[tuple[str, StoredDocument]]:

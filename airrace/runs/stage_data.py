@@ -1,4 +1,4 @@
-"""Data of a stage as sequences and mappings that are shown as tables: cues, gate splits and sensitivities."""
+"""What a stage or a log tells as sequences and mappings shown as tables: cues, gate splits, and sensitivities."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

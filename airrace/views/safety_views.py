@@ -110,7 +110,7 @@ def people_table(found: Footprint, flight: Flight) -> Table:
     return Table("impacts and people", _PEOPLE, rows, [_HOW_TO_READ if rows else NO_PEOPLE])
 
 
-def facts(found: Footprint, flight: Flight) -> list[str]:
+def footprint_facts(found: Footprint, flight: Flight) -> list[str]:
     """Return the numbers that a footprint rests on, and what it is not, a sentence each."""
     shortest, longest = found.reach.distance.min(), found.reach.distance.max()
     glide = f"without power: {found.glide.ratio:.1f} to 1 at {found.glide.speed / KNOT:.0f} kt ({found.glide_source})"

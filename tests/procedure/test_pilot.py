@@ -14,7 +14,7 @@ from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
 from airrace.planning.plan import Race
-from airrace.procedure.formulation import NAMES, NEAR_GROUND
+from airrace.procedure.formulation import NEAR_GROUND, PILOT_NAMES
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.settings import MeshSettings
@@ -80,13 +80,13 @@ def test_the_roll_rate_is_that_of_the_model_and_the_onset_that_of_its_load_facto
 @pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)
 def test_every_stage_has_the_limits_and_without_a_preset_none_has_any(stage: Stage) -> None:
     plain, limited = problem_of(SMALL, stage), problem_of(flown_by(DISPLAY), stage)
-    assert all(not NAMES & one.bounds.keys() for one in plain.boundaries)
+    assert all(not PILOT_NAMES & one.bounds.keys() for one in plain.boundaries)
     along = [[[one.name for one in leg.watches if one.at is None] for leg in race.phases] for race in (plain, limited)]
     assert along == [[[]] * len(plain.phases), [[NEAR_GROUND]] * len(limited.phases)]
     gates = {"roll_rate"} if stage is Stage.POINT_MASS else {"roll_rate", "onset"}
     ends = {"load_factor", "turn_excess", "turn_lack"}
     expected = [gates | ends, gates, gates, gates | ends]
-    assert [NAMES & one.bounds.keys() for one in limited.boundaries] == expected
+    assert [PILOT_NAMES & one.bounds.keys() for one in limited.boundaries] == expected
     assert [one.bounds["roll_rate"].upper for one in limited.boundaries] == [0.0, *2 * [DISPLAY.roll_rate], 0.0]
 
 
@@ -95,7 +95,7 @@ def test_no_steady_turn_is_asked_for_on_edge() -> None:
     edge = dataclasses.replace(SMALL.course.passages[2], speed=first.speed)
     race = dataclasses.replace(SMALL, course=dataclasses.replace(SMALL.course, passages=(edge, between[0], last)))
     problem = problem_of(flown_by(DISPLAY, race))
-    assert NAMES & problem.start.bounds.keys() == {"roll_rate", "load_factor"}
+    assert PILOT_NAMES & problem.start.bounds.keys() == {"roll_rate", "load_factor"}
 
 
 @pytest.mark.parametrize("pilot", [RACE_PILOT, DISPLAY], ids=["race", "display"])
@@ -134,10 +134,10 @@ def test_an_infeasible_race_names_the_pilot() -> None:
     named = dict(without_one_limit(problem_of(flown_by(RACE_PILOT)), 1))
     assert {NEAR_GROUND, "the pilot's limits at gates"} <= named.keys()
     free = named["the pilot's limits at gates"]
-    assert all(not NAMES & one.bounds.keys() for one in free.boundaries)
+    assert all(not PILOT_NAMES & one.bounds.keys() for one in free.boundaries)
     assert "the pilot's limits at gates" not in dict(without_one_limit(problem_of(SMALL), 1))
     start_alone = problem_of(flown_by(PilotLimits(steady_start=True, turn_tolerance=0.5)))
-    assert not NAMES & dict(without_one_limit(start_alone, 1))["the pilot's limits at gates"].start.bounds.keys()
+    assert not PILOT_NAMES & dict(without_one_limit(start_alone, 1))["the pilot's limits at gates"].start.bounds.keys()
 
 
 @pytest.mark.slow
