@@ -121,7 +121,8 @@ def search_routes(
         elite = _elite(search.run(starts, solved).flights, course, max(budget.elite, alternatives))
         if elite:
             report_progress(f"{len(elite)} route{'s' * (len(elite) > 1)} compared on a finer mesh")
-        finals = _with_best_rolls(search, _refine(pool, session, elite))
+        finals = _distinct(_refine(pool, session, elite), course)
+        finals = _distinct(_with_best_rolls(search, finals), course)
         found = search.result()
     seconds = time.perf_counter() - began
 
@@ -144,11 +145,15 @@ def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
 
 def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
+    near = [one for one in flights if one.race_time <= flights[0].race_time + SETTINGS.elite_lag]
+    return _distinct(near, course)[:most]
+
+
+def _distinct(flights: Sequence[CoarseSolution], course: Course) -> list[CoarseSolution]:
+    """Return the flights, the fastest first, without those that take the route of a faster one."""
     chosen: list[CoarseSolution] = []
     segments = segments_of(course)
     for flight in flights:
-        if flight.race_time > flights[0].race_time + SETTINGS.elite_lag or len(chosen) == most:
-            break
         if all(differing(one, flight, segments) for one in chosen):
             chosen.append(flight)
     return chosen

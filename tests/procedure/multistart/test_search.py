@@ -31,13 +31,13 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
 from airrace.procedure.result import Route, Silent, StageResult, Status
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import SearchEffort, Settings
+from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
@@ -128,6 +128,21 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
     assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
     assert improved.routes[0].text == tight.routes[0].text
+
+
+def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    budget = dataclasses.replace(BUDGET, iterations=0)
+    assert len(search_with(budget, HALF_CUBAN).starts) > 1
+    finer: list[CoarseSolution] = []
+
+    def lead_to_the_first(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
+        finer.append(coarse)
+        return finer[0]
+
+    monkeypatch.setattr("airrace.procedure.multistart.multistart.solve_finer", lead_to_the_first)
+    found = search_with(budget, HALF_CUBAN)
+    assert len(finer) > 1
+    assert len(found.starts) == 1
 
 
 def test_loop_that_is_left_is_told() -> None:
