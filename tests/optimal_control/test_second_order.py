@@ -274,6 +274,31 @@ def test_the_same_point_is_a_minimum_before_the_conjugate_point_on_every_mesh(in
     assert not direction.any()
 
 
+@pytest.mark.parametrize(("seconds", "expected"), [(1e-2, Curvature.INDEFINITE), (1e-4, Curvature.SINGULAR)])
+def test_a_saddle_of_stages_that_solvers_do_not_see_is_none(
+    seconds: float, expected: Curvature, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The swing in a short part of a second of rest, its cost weighed so that all are as curved."""
+    whole = swing(SADDLE / seconds**2, 10)
+    states, rate = whole.system.states, Quantity("u", "rad/s", scale=np.pi / seconds)
+    rest = Phase("rest", uniform(10), exactly(1.0 - seconds), bounds={"u": exactly(0.0)})
+    brief = replace(whole.phases[0], duration=exactly(seconds))
+    cost = replace(states[1], scale=1.0 / seconds)
+    problem = replace(
+        whole,
+        system=replace(whole.system, states=(states[0], cost), controls=(rate,)),
+        phases=(rest, brief),
+        objective=replace(whole.objective, terminal={"cost": 0.02 * seconds**2}),
+    )
+    guess = interpolate(problem, [1.0 - seconds, seconds], [[0.0] * 3] * 2, [0.0])
+    solution = solve(problem, guess, solver="ipopt", options=SolverOptions(tolerance=1e-12))
+    verdict, _ = judged(problem, solution)
+    assert verdict.curvature is expected
+    monkeypatch.setattr(second_order_module, "TOLERANCES", replace(TOLERANCES, share_min=0.0))
+    verdict, _ = judged(problem, solution)
+    assert verdict.curvature is Curvature.INDEFINITE
+
+
 def test_a_step_along_the_direction_leads_to_less_and_to_a_minimum() -> None:
     problem = swing(SADDLE)
     saddle = solved(problem, "ipopt", 0.0)
