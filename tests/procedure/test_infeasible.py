@@ -27,7 +27,11 @@ from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
 from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS, Repair, conflict_location
 from airrace.procedure.infeasibility.diagnose import TRIAL, TrialFlight, validate
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
-from airrace.procedure.infeasibility.local_infeasibility import find_local_infeasibility
+from airrace.procedure.infeasibility.local_infeasibility import (
+    WINDOWS_MAX,
+    diagnose_window,
+    find_local_infeasibility,
+)
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
@@ -232,6 +236,27 @@ def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: b
 
 def names(problem: Problem, phase: int) -> Sequence[str]:
     return [phase.name for phase in problem.phases[phase - 2 : phase + 3]]
+
+
+def test_limits_are_looked_at_around_other_gaps_where_the_legs_around_the_largest_are_feasible() -> None:
+    problem, made = sixteen()
+    end = Iterate(made.durations, made.state.copy(), made.control)
+    for phase, gap in ((9, 2000.0), (10, 1500.0), (3, 1000.0)):
+        end.state[0, problem.first_node[phase] + 1] += gap
+    used = session("solved", "stuck", "solved")
+    told = diagnose_window(used, problem, end, made, "")
+    assert told is not None
+    assert told.startswith(f"the limits contradict each other at {problem.phases[3].name}; without the limit of ")
+    first, second = (one for _, _, one in asked(used)[:2])
+    assert [phase.name for phase in first.phases] == names(problem, 9)
+    assert [phase.name for phase in second.phases] == names(problem, 3)
+
+
+def test_few_windows_are_looked_at_before_nothing_is_said() -> None:
+    problem, made = sixteen()
+    used = session("solved")
+    assert diagnose_window(used, problem, made, made, "") is None
+    assert len(asked(used)) == WINDOWS_MAX
 
 
 def test_a_single_solver_contradicts_nothing() -> None:
