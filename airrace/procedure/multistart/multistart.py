@@ -146,14 +146,16 @@ def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
 def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
     near = [one for one in flights if one.race_time <= flights[0].race_time + SETTINGS.elite_lag]
-    return _distinct(near, course)[:most]
+    return _distinct(near, course, most)
 
 
-def _distinct(flights: Sequence[CoarseSolution], course: Course) -> list[CoarseSolution]:
-    """Return the flights, the fastest first, without those that take the route of a faster one."""
+def _distinct(flights: Sequence[CoarseSolution], course: Course, most: int | None = None) -> list[CoarseSolution]:
+    """Return so many flights, the fastest first, without those that take the route of a faster one."""
     chosen: list[CoarseSolution] = []
     segments = segments_of(course)
     for flight in flights:
+        if len(chosen) == most:
+            break
         if all(differing(one, flight, segments) for one in chosen):
             chosen.append(flight)
     return chosen
