@@ -212,7 +212,7 @@ class NativeKernel:
         }
         results, entry = [np.zeros(intervals * size) for size in sizes[part]], self.entries[part]
         if isinstance(entry, DirectionalHessian):
-            return entry.bind(arguments, results, threads, counting or intervals), results
+            return entry.bind(arguments, results, threads, intervals if counting is None else counting), results
         return entry.bind(arguments, results, _threads_for(calls, self.lanes, threads), calls), results
 
 
@@ -276,10 +276,10 @@ class Observations:
     def kernel(self, values: ca.Function) -> Callee:
         """Return the kernel of the values (x, b) that a problem observes."""
         if values not in self._kernels:
-            self._kernels[values] = self._made(values)
+            self._kernels[values] = self._make(values)
         return self._kernels[values]
 
-    def _made(self, values: ca.Function) -> Callee:
+    def _make(self, values: ca.Function) -> Callee:
         if self._native is not None:
             try:
                 return native_observation(self._native, values)

@@ -51,8 +51,8 @@ class CurvatureTolerances:
             square. It is relaxed with the size of the multipliers, as the KKT error is. A change that large
             then costs less than 5e-5 s, a hundredth of the 5 ms to which race times are certified.
         share_min: the least share of the duration for which a stage counts where a saddle is told (1). Solvers do not
-            see the curvature of shorter ones: predictor-corrector steps add 1e-6 to the diagonal. On one of 40
-            generated courses a direction of twelve such stages, of curvature -0.012, gained 4e-7 s by a whole scale.
+            see the curvature of shorter ones: predictor-corrector steps add 1e-6 to the diagonal. On a
+            generated course a direction of twelve such stages, of curvature -0.012, gained 4e-7 s by a whole scale.
         rank: the size of what is left of a row of length 1 below which it depends on others, or no u can keep
             it (1).
         stiff: the cost of a change of the states by 1 from which on they are held, in the objective's unit. Of

@@ -361,6 +361,16 @@ def test_iterations_of_both_solvers_are_reported_however_they_arrive(piece: int)
     ]
 
 
+def test_the_last_of_many_iterations_is_reported_once_and_those_between_are_not() -> None:
+    replies = Replies()
+    reader = ProgressReader(replies, 1e9)  # type: ignore[arg-type]  (only its `send` is used)
+    reader.write(IPOPT)
+    assert [one.number for one in replies.sent] == [1]
+    reader.report()
+    reader.report()
+    assert [one.number for one in replies.sent] == [1, 280]
+
+
 def test_all_else_that_solvers_print_is_dropped() -> None:
     summary = "Number of Iterations....: 12\n  compute search dir                    0.009899\n1.0e+00 1.0e+00 \n"
     assert read(summary + "fatrop                                  0.016844   57.7%\n") == []

@@ -25,7 +25,7 @@ REACH = 2
 """The number of legs before and after the infeasible one in a window."""
 WINDOWS_MAX = 4
 """The number of windows that are looked at, at most: where limits contradict each other on one leg, a solver may leave
-the largest gap on another. On one of 40 generated courses it was four legs away."""
+the largest gap on another. On a generated course it was four legs away."""
 POSITION = ("along", "right", "height", "x", "y", "z")
 """The names of the conditions on the position."""
 LIMITS = (
