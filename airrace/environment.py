@@ -33,7 +33,8 @@ import math
 from collections.abc import Sequence
 from enum import Enum
 
-from airrace.frames import Scalar, exp, log, power, smooth_maximum, sqrt
+from airrace.elementary import exp, log, power, smooth_maximum, sqrt
+from airrace.frames import Scalar
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from airrace.elementary import power, smooth_clip, smooth_maximum
 from airrace.environment import (
     K1,
     K3,
@@ -34,7 +35,6 @@ from airrace.environment import (
     temperature,
     updraft,
 )
-from airrace.frames import power, smooth_clip, smooth_maximum
 
 # geopotential height (m), temperature (K), pressure (Pa), density (kg/m3) [ICAO Doc 7488, US Standard Atmosphere 1976]
 STANDARD = (

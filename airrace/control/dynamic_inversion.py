@@ -35,9 +35,10 @@ import casadi as ca
 from airrace.control.path_following import Commands, clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors_of_motion
+from airrace.elementary import cos, maximum, minimum, sin, sqrt
 from airrace.environment import g0
 from airrace.errors import UsageError
-from airrace.frames import Scalar, cos, maximum, minimum, sin, sqrt
+from airrace.frames import Scalar
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.system import System, column, named_symbols

@@ -26,8 +26,9 @@ import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors
+from airrace.elementary import atan2, cos, maximum, minimum, sin, sqrt
 from airrace.environment import g0
-from airrace.frames import Scalar, atan2, cos, maximum, minimum, normalise, product, rotation, sin, sqrt
+from airrace.frames import Scalar, normalise, product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record

@@ -27,8 +27,9 @@ from collections.abc import Sequence
 
 from airrace.aircraft import AircraftParameters, InnerLoopParameters, Lift
 from airrace.dynamics.outer_loop import FlightPathState
+from airrace.elementary import smooth_clip, sqrt
 from airrace.environment import RHO_ISA, Weather, g0
-from airrace.frames import Matrix, Scalar, smooth_clip, sqrt
+from airrace.frames import Matrix, Scalar
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.records import record
 

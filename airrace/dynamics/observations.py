@@ -51,6 +51,7 @@ import casadi as ca
 from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE
+from airrace.elementary import atan2, cos, maximum, minimum, sin, smooth_clip, smooth_maximum, sqrt
 from airrace.environment import (
     Air,
     AtmosphereParameters,
@@ -61,7 +62,7 @@ from airrace.environment import (
     g0,
     pressure,
 )
-from airrace.frames import Scalar, atan2, cos, maximum, minimum, rotation, sin, smooth_clip, smooth_maximum, sqrt
+from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import Observation, column, named_symbols

@@ -21,7 +21,8 @@ import casadi as ca
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE
-from airrace.frames import Scalar, maximum, product, rotation, smooth_maximum
+from airrace.elementary import maximum, smooth_maximum
+from airrace.frames import Scalar, product, rotation
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.system import Observation, column, named_symbols

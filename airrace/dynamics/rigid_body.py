@@ -28,8 +28,9 @@ import dataclasses
 
 from airrace.aircraft import Aircraft, InnerLoopParameters, Mode, inner_loop_parameters
 from airrace.dynamics.aerodynamics import Airflow, drag_coefficient
+from airrace.elementary import atan2, cos, sin, sqrt
 from airrace.environment import RHO_ISA, g0
-from airrace.frames import Matrix, Scalar, atan2, cos, sin, sqrt
+from airrace.frames import Matrix, Scalar
 from airrace.records import record
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]

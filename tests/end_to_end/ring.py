@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.frames import sqrt
+from airrace.elementary import sqrt
 from airrace.inputs.kinds.kind import CompositeElement, ElementPart, GateDefaultsEntry, KindEntry, register
 from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
 from airrace.parameters import Parameter, attribute_parameter
