@@ -50,9 +50,12 @@ class CurvatureTolerances:
         zero: the curvature that counts as zero, in the objective's unit for a change of one scale in the mean
             square. It is relaxed with the size of the multipliers, as the KKT error is. A change that large
             then costs less than 5e-5 s, a hundredth of the 5 ms to which race times are certified.
-        share_min: the least share of the duration for which a stage counts where a saddle is told (1). Solvers do not
-            see the curvature of shorter ones: predictor-corrector steps add 1e-6 to the diagonal. On a
-            generated course a direction of twelve such stages, of curvature -0.012, gained 4e-7 s by a whole scale.
+        gain_min: the least gain, in the objective's unit, by a change of one scale along a direction of negative
+            curvature that tells a saddle. Solvers do not see less: predictor-corrector steps add 1e-6 to the diagonal.
+            On two generated courses a direction of one stage, and one of twelve, each of some ms, had a curvature of
+            -0.01 and gained 5e-7 and 4e-7 s.
+        spikes_max: how many directions of less gain are passed over in the search for one that tells a saddle.
+        spike: the part of a direction's largest change from which on a stage belongs to it (1).
         rank: the size of what is left of a row of length 1 below which it depends on others, or no u can keep
             it (1).
         stiff: the cost of a change of the states by 1 from which on they are held, in the objective's unit. Of
@@ -65,7 +68,9 @@ class CurvatureTolerances:
     """
 
     zero: float = 1e-4
-    share_min: float = 1e-4
+    gain_min: float = 1e-6
+    spikes_max: int = 20
+    spike: float = 0.1
     rank: float = 1e-6
     stiff: float = 1e6
     weakly_active_ratio: float = 100.0
@@ -142,13 +147,12 @@ def judge(
     found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
     if found is not None:
         curvature, least = Curvature.SINGULAR, min(form.curvature(found), threshold)  # however the direction is rounded
-        seen = replace(form, weights=np.maximum(form.weights, TOLERANCES.share_min))
-        less = direction_below(seen, -saddle)
+        less = direction_below(form, -saddle)
         if less is not None:
-            found, least = less, min(seen.curvature(less), -saddle)
-            negative = direction_below(replace(seen, active=equal | active | weak), -saddle)
-            if negative is not None and seen.curvature(negative) < -saddle:  # a saddle only where it is measured
-                curvature, found, least = Curvature.INDEFINITE, negative, seen.curvature(negative)
+            found, least = less, min(form.curvature(less), -saddle)
+            negative = descent_direction(replace(form, active=equal | active | weak), saddle)
+            if negative is not None:
+                curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
     phase, quantity = ("", "") if found is None else _place(layout, found)
     verdict = SecondOrder(
         curvature=curvature,
@@ -217,9 +221,12 @@ class StageQuadratic:
 
     def curvature(self, direction: Array) -> float:
         """Return the curvature along a direction, shape (n_w,)."""
+        return -2.0 * self.gain(direction) / float(np.repeat(self.weights, self.sizes) @ direction**2)
+
+    def gain(self, direction: Array) -> float:
+        """Return what a step gains, of shape (n_w,), in the objective's unit."""
         moved = [one for one in zip(_blocks(direction, self.sizes), self.hessians, strict=True) if one[0].any()]
-        cost = sum(float(z @ H @ z) for z, H in moved)
-        return cost / float(np.repeat(self.weights, self.sizes) @ direction**2)
+        return -0.5 * sum(float(z @ H @ z) for z, H in moved)
 
     @property
     def hessians(self) -> list[Array]:
@@ -246,6 +253,23 @@ def direction_below(form: StageQuadratic, shift: float) -> Array | None:
     for F, gain in zip(form.steps[stage:], gains, strict=True):
         direction.append(gain @ (F @ direction[-1]))
     return np.concatenate(direction)
+
+
+def descent_direction(form: StageQuadratic, saddle: float) -> Array | None:
+    """Return a direction of less curvature than `-saddle` that gains enough to tell a saddle; None where none does.
+
+    One that gains too little is made to count for more, so that the others are seen.
+    """
+    for _ in range(TOLERANCES.spikes_max):
+        found = direction_below(form, -saddle)
+        if found is None or not form.curvature(found) < -saddle:  # a saddle only where it is measured
+            return None
+        direction = found / np.abs(found).max()
+        if form.gain(direction) > TOLERANCES.gain_min:
+            return direction
+        inside = [bool((np.abs(z) > TOLERANCES.spike).any()) for z in _blocks(direction, form.sizes)]
+        form = replace(form, weights=np.where(inside, 4.0 * form.weights, form.weights))
+    return None
 
 
 class _StartOfDirection(NamedTuple):

@@ -17,7 +17,13 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
-from airrace.optimal_control.second_order import TOLERANCES, StageQuadratic, direction_below, second_order
+from airrace.optimal_control.second_order import (
+    TOLERANCES,
+    StageQuadratic,
+    descent_direction,
+    direction_below,
+    second_order,
+)
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers import solver as solver_module
 from airrace.optimal_control.solvers.interface import SolverOptions
@@ -294,9 +300,29 @@ def test_a_saddle_of_stages_that_solvers_do_not_see_is_none(
     solution = solve(problem, guess, solver="ipopt", options=SolverOptions(tolerance=1e-12))
     verdict, _ = judged(problem, solution)
     assert verdict.curvature is expected
-    monkeypatch.setattr(second_order_module, "TOLERANCES", replace(TOLERANCES, share_min=0.0))
+    monkeypatch.setattr(second_order_module, "TOLERANCES", replace(TOLERANCES, gain_min=0.0))
     verdict, _ = judged(problem, solution)
     assert verdict.curvature is Curvature.INDEFINITE
+
+
+@pytest.mark.usefixtures("recursion")
+def test_stages_that_gain_next_to_nothing_hide_no_saddle() -> None:
+    """Ten stages whose controls each cost -1e-3 u^2, and a short one behind them of -5e-7 u^2 that is more curved."""
+
+    def form(cost: float) -> StageQuadratic:
+        hessian = [np.diag([1.0, one]) for one in (*[2.0 * cost] * 10, -1e-6)]
+        nothing = [np.zeros((0, 2)) for _ in hessian]
+        whole = form_of(hessian, [np.eye(2)[:1]] * 10, nothing, [np.zeros(2, dtype=np.bool_) for _ in hessian])
+        return replace(whole, weights=np.array([*[0.1] * 10, 1e-5]))
+
+    first = direction_below(form(-1e-3), -0.01)
+    assert first is not None
+    assert np.flatnonzero(first).tolist() == [21]
+    assert form(-1e-3).gain(first / np.abs(first).max()) == pytest.approx(5e-7)
+    telling = descent_direction(form(-1e-3), 0.01)
+    assert telling is not None
+    assert form(-1e-3).gain(telling) == pytest.approx(1e-3)
+    assert descent_direction(form(1e-3), 0.01) is None
 
 
 def test_a_step_along_the_direction_leads_to_less_and_to_a_minimum() -> None:
