@@ -132,31 +132,56 @@ def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
     assert attempt.status == solution.status == f"nearly; {MEASURED}"
 
 
+class Exhausted(Canned):
+    """A service whose solves run out of iterations after a gain of time, s, at points of some violation."""
+
+    gained, violation = 1.0, 1e-3
+
+    def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
+        found = super().solve(problem, guess, **rest)
+        faster = dataclasses.replace(guess, durations=guess.durations - self.gained / len(guess.durations))
+        kkt = KktError(self.violation, 1.0, 0.0)
+        return dataclasses.replace(found, ending=Ending.ITERATION_LIMIT, iterate=faster, kkt=kkt)
+
+
 @pytest.mark.parametrize(
     ("gained", "violation", "descents"),
     [
         (1.0, 1e-3, LIMITS.descents_max),  # on its way down
         (0.5 * LIMITS.descent, 1e-3, 0),  # at a standstill
-        (1.0, 0.1, 0),  # far from feasible
+        (1.0, LIMITS.nearly_feasible, 0),  # far from feasible
     ],
 )
 def test_a_solve_that_ran_out_of_iterations_on_its_way_down_is_continued(
     gained: float, violation: float, descents: int
 ) -> None:
-    class Descending(Canned):
-        def solve(self, problem: Problem, guess: Iterate, **rest: Any) -> Solution:
-            found = super().solve(problem, guess, **rest)
-            faster = dataclasses.replace(guess, durations=guess.durations - gained / len(guess.durations))
-            kkt = KktError(violation, 1.0, 0.0)
-            return dataclasses.replace(found, ending=Ending.ITERATION_LIMIT, iterate=faster, kkt=kkt)
-
-    used = SolverSession(Descending("stuck"), Settings(), Silent())
+    service = Exhausted("stuck")
+    service.gained, service.violation = gained, violation
+    used = SolverSession(service, Settings(), Silent())
     problem, made = small()
     used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     own = ["all phases", *["all phases, farther down"] * descents]
     assert [one.purpose for one in used.attempts] == own * 2  # by both solvers
     barriers = [one.barrier for _, one, _ in asked(used)]
     assert barriers == [InitialBarrier.COLD.value, *[InitialBarrier.COARSE.value] * descents] * 2
+
+
+@pytest.mark.parametrize("barrier", [InitialBarrier.OTHER_MESH, InitialBarrier.OTHER_STAGE])
+def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: InitialBarrier) -> None:
+    service = Exhausted("stuck")
+    service.gained = -1.0  # a guess of another plant may be too fast
+    used = SolverSession(service, Settings(), Silent())
+    problem, made = small()
+    layout = Layout(problem)
+    known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
+    used.solve(problem, made, "all phases", barrier=barrier, multipliers=known)
+    assert [one.purpose for one in used.attempts[:3]] == ["all phases", "all phases, farther down", "all phases"]
+    assert [one is None for one in service.known[:3]] == [False, False, True]
+    assert asked(used)[1][1].barrier == InitialBarrier.OTHER_STAGE.value
+    assert asked(used)[1][1].algorithm == "line-search"
+    fewer = SolverSession(Exhausted("stuck"), Settings(), Silent())
+    fewer.solve(problem, made, "all phases", barrier=barrier, multipliers=known, iterations_max=50)
+    assert [one.purpose for one in fewer.attempts] == ["all phases"] * 3
 
 
 @pytest.mark.parametrize("passing", [False, True])
