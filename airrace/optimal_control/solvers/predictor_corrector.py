@@ -137,6 +137,7 @@ class Parameters:
 
 
 PARAMETERS = Parameters()
+SOLVED = "solved by predictor-corrector steps"
 
 
 class _OneSidedBounds:
@@ -272,7 +273,7 @@ class _Solve:
             lam_g=lam_g,
             objective=self._functions.f,
             ending=ending,
-            status="solved by predictor-corrector steps",
+            status=SOLVED if ending is Ending.OPTIMAL else f"predictor-corrector steps: {ending.value}",
             success=ending is Ending.OPTIMAL,
             iterations=iterations,
             derivative_seconds=self._functions.seconds,
