@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_iterate, random_point
@@ -12,7 +13,8 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import divide, limits_of, transfer_multipliers
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers import predictor_corrector
 from airrace.optimal_control.solvers.fatrop.stages import (
     INEQUALITIES,
@@ -26,6 +28,8 @@ from airrace.optimal_control.solvers.interface import Bounds, Multipliers, Solve
 from airrace.optimal_control.solvers.predictor_corrector import StageSystem
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.optimal_control.sparse_assembly import COOBuilder, Entries, Memory, StageAssembly, unique_rows
+from airrace.quantities import Interval, Quantity
+from airrace.system import System
 from airrace.trajectory import Array
 
 STEPS = "predictor-corrector"
@@ -103,6 +107,31 @@ def test_steps_go_on_as_long_as_they_lead_downhill(
     )
     monkeypatch.setattr(predictor_corrector, "PARAMETERS", few)
     assert (STEPS in solved(problem, slow, multipliers).status) is led_on
+
+
+@pytest.mark.parametrize(("slope", "curvature"), [(4e-7, -2e-6), (5.7e-7, -3e-6), (8e-7, -3e-6)])
+def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, curvature: float) -> None:
+    """Its step is so long that slack times multiplier, predicted to second order, would stay."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p", 0)
+    idle = u[1] - 0.41
+    rates = ca.Function("rates", [x, u, p], [ca.vertcat(u[0], 4.0 * (slope + 0.5 * curvature * idle) * idle)])
+    states = Quantity("x", "1"), Quantity("cost", "1")
+    system = System("idle", states, (Quantity("u", "1"), Quantity("idle", "1", lower=0.0, upper=1.0)), (), rates)
+    exactly = Interval.exactly
+    problem = Problem(
+        system=system,
+        parameters=(),
+        start=Boundary("start", bounds={"x": exactly(1.0), "cost": exactly(0.0)}),
+        phases=(Phase("only", uniform(4), exactly(1.0), end=Boundary("end", bounds={"x": exactly(0.0)})),),
+        objective=Objective(time=0.0, regularisation={"u": 1.0}, terminal={"cost": 1.0}),
+        scheme=RK4,
+    )
+    layout = Layout(problem)
+    state, control = np.array([np.linspace(1.0, 0.0, 5), np.zeros(5)]), np.array([[-1.0] * 4, [0.41] * 4])
+    known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
+    found = solved(problem, Iterate(np.array([1.0]), state, control), known, barrier=1e-8, tolerance=1e-7)
+    assert STEPS in found.status
+    assert found.iterations <= 5
 
 
 @pytest.mark.parametrize(("near", "barrier"), [(True, 1e-5), (False, 1e-2)])

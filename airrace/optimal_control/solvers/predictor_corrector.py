@@ -351,7 +351,8 @@ class _Solve:
         ahead = float(point.advance(predicted, primal, dual).products.mean())
         barrier = max(min(1.0, (ahead / average) ** 3) * average, self._least)
         most = PARAMETERS.spread**2 * max(average, barrier)
-        second_order = np.clip(predicted.products, -most, most)
+        least = -np.maximum(0.5 * point.products, barrier)  # less would keep a product that is too large where it is
+        second_order = np.clip(predicted.products, least, most)
         step = self._step(point, residuals, barrier - point.products - second_order)
         return point.advance(*self._correct(point, step, barrier))
 
