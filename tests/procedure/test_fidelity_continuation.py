@@ -223,7 +223,7 @@ def test_run_resumed_behind_any_stage_goes_on_in_every_bit_as_before(kept: int, 
 
 
 def test_run_ends_with_the_stage_that_fails() -> None:
-    hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=4))
+    hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=2))
     rest = list(
         optimize(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=solve_stages(SMALL)[:1], progress=Silent())
     )
