@@ -293,7 +293,8 @@ class FidelityContinuation:
 
     def refine_route(self, found: CoarseSolution, session: SolverSession) -> StageResult:
         """Return the point mass's optimum from a rough one."""
-        start = Start(found.flight, found.problem, found.iterate, InitialBarrier.OTHER_STAGE)
+        barrier = InitialBarrier.COARSE
+        start = Start(found.flight, found.problem, found.iterate, barrier, multipliers=found.multipliers)
         return self._optimum_from(start, session)
 
     def _optimum_from(self, start: Start, session: SolverSession) -> StageResult:

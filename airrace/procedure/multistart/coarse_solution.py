@@ -14,11 +14,11 @@ import numpy as np
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mesh_refinement import resample
+from airrace.optimal_control.mesh_refinement import resample, transfer_multipliers
 from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import estimate_defect
-from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
@@ -42,6 +42,7 @@ class CoarseSettings:
         tolerance: of the solver (1).
         stall_seconds: longest time for an iteration, s; it takes a thousandth of that.
         iterations_max: of a solve. Those that converge take 30 to 60; one that fails is not allowed more.
+        known_iterations_max: of one from an optimum on another mesh with its multipliers, before one without them.
         baseline_iterations_max: of the start without a search, which must not be lost by it. All solves of a point
             mass without a search, the mesh check among them, took 69 to 203 iterations on most of 14 generated
             courses, 367 on one and 638 and 939 on two.
@@ -57,6 +58,7 @@ class CoarseSettings:
     tolerance: float = 1e-5
     stall_seconds: float = 20.0
     iterations_max: int = 120
+    known_iterations_max: int = 40
     baseline_iterations_max: int = 400
     share_min: float = 0.7
     error_max: float = 0.01
@@ -77,6 +79,7 @@ class InitialGuess:
         barrier: the first value of the barrier parameter.
         is_baseline: whether the race would be started like this without a search. It gets a larger iteration budget
             and, as its mesh is a finer one, is solved again from the optimum on that.
+        before: the optimum on another mesh from which it comes, with its multipliers; None if nothing is known.
     """
 
     flight: StageProblem
@@ -84,6 +87,7 @@ class InitialGuess:
     guess: Iterate
     barrier: InitialBarrier
     is_baseline: bool = False
+    before: "CoarseSolution | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +98,14 @@ class CoarseSolution:
         flight: with the plan that it started from.
         problem: on its mesh.
         iterate: the flight.
-        multipliers: of the constraints, shape (n_g,).
+        multipliers: of all limits.
         errors: what each phase is too fast for its mesh alone, s; shape (n,).
     """
 
     flight: StageProblem
     problem: Problem
     iterate: Iterate
-    multipliers: Array
+    multipliers: Multipliers
     errors: Array
 
     @property
@@ -117,7 +121,7 @@ class CoarseSolution:
     @cached_property
     def costates(self) -> Array:
         """The costates at the ends of the intervals, s per unit of each state; shape (n_x, N)."""
-        return costates(Layout(self.problem), self.multipliers)
+        return costates(Layout(self.problem), self.multipliers.constraints)
 
 
 def planned_guess(flight: StageProblem, plan: Plan, barrier: InitialBarrier) -> InitialGuess:
@@ -139,21 +143,31 @@ def solve_coarse(service: SolverService, start: InitialGuess) -> CoarseSolution 
     if found is None or not start.is_baseline:
         return found
     counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
+    return _solve_with_refinement(service, on_other_mesh(found, counts)) or found
+
+
+def on_other_mesh(found: CoarseSolution, counts: Sequence[int]) -> InitialGuess:
+    """Return a rough optimum on another mesh, with so many intervals per phase, to be solved again."""
     mesh, iterate = resample(found.problem.mesh, found.iterate, counts)
-    return _solve_with_refinement(service, InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE)) or found
+    return InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE, before=found)
 
 
 def _solve_with_refinement(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
     mesh, iterate, barrier = list(start.mesh), start.guess, start.barrier
     iterations = SETTINGS.baseline_iterations_max if start.is_baseline else SETTINGS.iterations_max
-    found: CoarseSolution | None = None
+    found, before = None, start.before
     for _ in range(SETTINGS.meshes_max):
         problem = start.flight.problem(mesh)
-        solution = try_solve(service, problem, iterate, barrier, iterations)
+        solution: Solution | None = None
+        if before is not None:
+            known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
+            solution = try_solve(service, problem, iterate, barrier, SETTINGS.known_iterations_max, known)
+        if solution is None or not solution.success:
+            solution = try_solve(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
             return found
-        multipliers, errors = solution.multipliers.constraints, objective_error(problem, solution)
-        found = CoarseSolution(start.flight, problem, solution.iterate, multipliers, errors)
+        errors = objective_error(problem, solution)
+        found = before = CoarseSolution(start.flight, problem, solution.iterate, solution.multipliers, errors)
         counts: list[int] = []
         for phase, seconds, error in zip(mesh, found.iterate.durations.tolist(), errors.tolist(), strict=True):
             wanted, accurate = intervals(seconds), abs(error) <= SETTINGS.error_max
@@ -172,6 +186,7 @@ def try_solve(
     iterate: Iterate,
     barrier: InitialBarrier,
     iterations: int = SETTINGS.iterations_max,
+    multipliers: Multipliers | None = None,
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
 
@@ -180,10 +195,19 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value)
+    algorithm = "line-search" if multipliers is None else "predictor-corrector"
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm=algorithm)
     stall = SETTINGS.stall_seconds
     try:
-        return service.solve(problem, iterate, solver="fatrop", options=options, threads=1, stall_seconds=stall)
+        return service.solve(
+            problem,
+            iterate,
+            solver="fatrop",
+            options=options,
+            multipliers=multipliers,
+            threads=1,
+            stall_seconds=stall,
+        )
     except SolverTimeout:
         return None
     except SolverEnded:

@@ -22,7 +22,13 @@ from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.planning.plan import plan, plan_from_solution
 from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, intervals, solve_coarse
+from airrace.procedure.multistart.coarse_solution import (
+    CoarseSolution,
+    InitialGuess,
+    intervals,
+    on_other_mesh,
+    solve_coarse,
+)
 from airrace.procedure.multistart.search import LOCAL, SAVED_MIN, Search, SearchBudget, SearchResult, planned_starts
 from airrace.procedure.multistart.segments import (
     Segment,
@@ -132,8 +138,8 @@ def search_routes(
         pace = budget.planning_radius.scale(flight.plan.cruise)
         return _report(found, finals[number], course, pace, seconds)
 
-    barrier = InitialBarrier.OTHER_STAGE
-    routes = tuple(Start(one.flight, one.problem, one.iterate, barrier) for one in finals)
+    barrier = InitialBarrier.COARSE
+    routes = tuple(Start(one.flight, one.problem, one.iterate, barrier, multipliers=one.multipliers) for one in finals)
     return FoundRoutes(routes, report, sum(_is_near(one, finals[0]) for one in finals))
 
 
@@ -172,8 +178,7 @@ def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettin
     fine = replace(mesh, interval=min(mesh.interval, SETTINGS.interval))
     wanted = counts_of(coarse.iterate.durations.tolist(), fine)
     counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
-    finer, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
-    return solve_coarse(service, InitialGuess(coarse.flight, finer, iterate, InitialBarrier.COARSE)) or coarse
+    return solve_coarse(service, on_other_mesh(coarse, counts)) or coarse
 
 
 def _with_best_rolls(search: Search, finals: list[CoarseSolution]) -> list[CoarseSolution]:
