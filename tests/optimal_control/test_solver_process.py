@@ -111,7 +111,7 @@ def test_worker_killed_in_mid_solve_is_a_solver_crash_and_the_next_solve_has_a_n
     with SolverService() as service:
         first = worker_of(before)
         with pytest.raises(SolverCrash, match="died"):
-            solve_by(service, on_iteration=lambda _: psutil.Process(first).kill())
+            solve_by(service, rest_to_rest(2000), on_iteration=lambda _: psutil.Process(first).kill())
         wait_until_gone(first)
         assert solve_by(service).success
         assert worker_of(before) != first
