@@ -137,7 +137,6 @@ class Parameters:
 
 
 PARAMETERS = Parameters()
-SOLVED = "solved by predictor-corrector steps"
 
 
 class _OneSidedBounds:
@@ -268,12 +267,13 @@ class _Solve:
         return self._result(point.w, self._multipliers(point), ending, iteration)
 
     def _result(self, w: Array, lam_g: Array, ending: Ending, iterations: int) -> SolverResult:
+        steps = "predictor-corrector steps"
         return SolverResult(
             w=w,
             lam_g=lam_g,
             objective=self._functions.f,
             ending=ending,
-            status=SOLVED if ending is Ending.OPTIMAL else f"predictor-corrector steps: {ending.value}",
+            status=f"solved by {steps}" if ending is Ending.OPTIMAL else f"{steps}: {ending.value}",
             success=ending is Ending.OPTIMAL,
             iterations=iterations,
             derivative_seconds=self._functions.seconds,

@@ -130,8 +130,7 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
 HAND_OVER = 20
 """The number of iterations after which fatrop hands over a solve with known multipliers.
 
-Where predictor-corrector steps had run out of iterations, fatrop took 18 to 21 from where they had led, and they seldom
-end on their own.
+From where predictor-corrector steps had run out of iterations, it ended three of five such solves in 18 to 21.
 """
 
 
