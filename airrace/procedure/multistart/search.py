@@ -223,11 +223,13 @@ class Search:
                 no new trial.
             different: the segments whose route is to be changed first.
         """
+        left: list[EvaluatedMove] = []
         for number in range(self._budget.iterations):
             self._report(f"other {what}, {number + 1}: {best.race_time:.2f} s so far")
             generator = MoveGenerator(best, self._course, self._budget.planning_radius.scale(self._pace))
             changed = {phase for one in different for phase in range(one.first, one.last)}
-            better = self._improve(best, generator, propose(generator, changed))
+            changed |= {phase for one in left for phase in one.move.changed}
+            better, left = self._improve(best, generator, propose(generator, changed))
             if better is None:
                 break
             different, best = differing(best, better, generator.segments), better
@@ -241,15 +243,19 @@ class Search:
         moves = [one for one in around if one.plan_penalty <= self._budget.plan_penalty_max]
         return moves + self._from_other_starts(first, generator) if begins else moves
 
-    def _improve(self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]) -> CoarseSolution | None:
-        """Return a faster flight, from some moves; None if none was found."""
+    def _improve(
+        self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]
+    ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
+        """Return a faster flight, from some moves, None if none was found; and the moves that save time but are not in it."""
         improving = self._improving(
             [one for one in moves if one.recurs or (one.segment.number, one.kind) not in self._tabu]
         )
         improving += self._improving(
             [again for one in improving for again in generator.replicate_in_other_laps(one, one.move.kind)]
         )
-        return self._combine(base, sorted(improving, key=lambda one: -one.saved)) if improving else None
+        if not improving:
+            return None, []
+        return self._combine(base, sorted(improving, key=lambda one: -one.saved))
 
     def _improving(self, moves: Sequence[Move]) -> list[EvaluatedMove]:
         """Evaluate all moves, and return those that save time."""
@@ -279,8 +285,10 @@ class Search:
                     known.append((flight, group))
         return [generator.from_flight(flight, group) for flight, group in known]
 
-    def _combine(self, base: CoarseSolution, moves: Sequence[EvaluatedMove]) -> CoarseSolution | None:
-        """Fly all moves that do not overlap jointly, and some alone, and return the fastest flight that gains time.
+    def _combine(
+        self, base: CoarseSolution, moves: Sequence[EvaluatedMove]
+    ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
+        """Fly all moves that do not overlap jointly, and some alone; return the fastest flight and the moves left out.
 
         The best move is solved alone because moves may not go together.
         """
@@ -291,7 +299,8 @@ class Search:
         groups = [together] if len(together) == 1 else [together, together[:1]]
         groups += [[one] for one in moves if one not in together][: self._budget.alternatives]
         jobs = [(self._with_moves(base, group), base, group) for group in groups]
-        found: list[CoarseSolution] = []
+        best: CoarseSolution | None = None
+        left: list[EvaluatedMove] = []
         joint = self._pool.work(jobs, lambda service, job: apply_moves(service, *job))
         for group, coarse in zip(groups, joint, strict=True):
             if coarse is None:
@@ -299,9 +308,9 @@ class Search:
                 continue
             self._joint += group
             self._flights.append(coarse)
-            if coarse.race_time < base.race_time - 0.0005:
-                found.append(coarse)
-        return min(found, key=lambda one: one.race_time, default=None)
+            if coarse.race_time < (best or base).race_time - (0.0 if best else 0.0005):
+                best, left = coarse, [one for one in moves if one not in group]
+        return best, left
 
     def _with_moves(self, base: CoarseSolution, group: Sequence[EvaluatedMove]) -> StageProblem:
         """Return the model with the plan of a flight in which some moves are made."""
