@@ -272,7 +272,7 @@ class _Homotopy:
         start = concatenate([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"
         barrier = InitialBarrier.COLD if before is None else InitialBarrier.PIECES
-        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value)
+        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, algorithm="predictor-corrector")
         solution = self.session.attempt(problem, start, purpose, self.session.settings.solver.primary, options)
         if solution is None or not solution.success:
             return None

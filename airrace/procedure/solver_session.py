@@ -293,10 +293,9 @@ class SolverSession:
         """
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        algorithm = "line-search" if multipliers is None else "predictor-corrector"
         judged = not (rough or passing)
         options = SolverOptions(
-            max(chosen.tolerance, rough), most, barrier.value, algorithm=algorithm, curvature=judged
+            max(chosen.tolerance, rough), most, barrier.value, algorithm="predictor-corrector", curvature=judged
         )
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers or self.solvers, options, multipliers, barrier.near_optimum):

@@ -18,8 +18,7 @@ class SolverOptions:
         barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
             that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
         exact: whether bounds hold as they are, which fatrop relaxes by 1e-8.
-        algorithm: `predictor-corrector` for a start with known multipliers, such as those of another stage; fatrop's
-            line search is asked where these steps fail.
+        algorithm: which comes first; with `predictor-corrector` fatrop's line search is asked where these steps fail.
         curvature: whether the curvature of an optimum is judged, and a saddle is left where there is a way down.
     """
 

@@ -1,8 +1,8 @@
-"""Predictor-corrector steps of an interior point method, from a point near the optimum with known multipliers.
+"""Predictor-corrector steps of an interior point method, for a guess whose multipliers may be known.
 
 Mehrotra's method [Mehrotra 1992] with Gondzio's corrections [Gondzio 1996] on the nonlinear program, its derivatives
-taken anew at every iterate. Near an optimum that takes less than half of fatrop's iterations, whose steps are cut short
-by slacks that vanish. There is no line search: a number on the diagonal [Levenberg 1944, Marquardt 1963] keeps steps
+taken anew at every iterate. That takes less than half of fatrop's iterations, whose steps are cut short by slacks that
+vanish. There is no line search: a number on the diagonal [Levenberg 1944, Marquardt 1963] keeps steps
 as short as the program is trusted, which leads along valleys that are curved and nearly flat, such as the choice of a
 bank where there is no lift. Where steps lead nowhere it gives up, and another solver has to be asked.
 
@@ -202,14 +202,16 @@ class PredictorCorrector:
         self._functions = functions
         self._system = StageSystem(functions.assembly)
 
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array, options: SolverOptions) -> SolverResult:
+    def solve(
+        self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None, options: SolverOptions
+    ) -> SolverResult:
         """Solve from a guess.
 
         Args:
             guess: of the unknowns, shape (n_w,).
             bounds: of unknowns and constraints.
             p: the parameters.
-            multipliers: of (g, w), shape (n_g + n_w,); those of equalities are not asked for.
+            multipliers: of (g, w), shape (n_g + n_w,); those of equalities are not asked for. None if nothing is known.
             options: tolerance, first value of the barrier parameter, number of iterations.
 
         Raises:
@@ -217,6 +219,8 @@ class PredictorCorrector:
         """
         self._functions.p[:] = p
         self._functions.forget()
+        if multipliers is None:
+            multipliers = np.zeros(len(self._functions.g) + len(guess))
         return _Solve(self._functions, self._system, bounds, options).solve(guess, multipliers)
 
 

@@ -137,10 +137,10 @@ From where predictor-corrector steps had run out of iterations, it ended three o
 class Fatrop(Solver):
     """The Riccati-structured interior point method fatrop (Vanroye et al.).
 
-    With the native library, predictor-corrector steps come first where the options say so and multipliers are known.
-    Elsewhere fatrop hands over to them a solve with known multipliers after `HAND_OVER` iterations, and any solve where
-    it creeps (`CreepingDetector`). Where they fail fatrop goes on, or IPOPT where it creeps. Who goes on begins with
-    iterate, multipliers and barrier; all of them together have the iterations of the options.
+    With the native library, predictor-corrector steps come first where the options say so. Fatrop hands over to them a
+    solve with known multipliers after `HAND_OVER` iterations, and any solve where it creeps (`CreepingDetector`). Where
+    they fail fatrop goes on, or IPOPT where it creeps. Who goes on begins with iterate, multipliers and barrier; all of
+    them together have the iterations of the options.
     """
 
     begins_with_multipliers = True
@@ -181,10 +181,10 @@ class Fatrop(Solver):
             results: those that were yielded, which leave the others fewer iterations.
         """
         near, first = self._near, HAND_OVER
+        if near is not None and self._options.algorithm == "predictor-corrector":
+            yield near.solve(guess, bounds, p, known, self._options)
         if known is None or near is None:
             first = self._options.iterations_max
-        elif self._options.algorithm == "predictor-corrector":
-            yield near.solve(guess, bounds, p, known, self._options)
         reached = self._fatrop.solve(guess, bounds, p, known, max_iter=min(first, self._left(results)))
         yield reached
         while reached.ending in (Ending.CREEPING, Ending.ITERATION_LIMIT):

@@ -195,8 +195,7 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    algorithm = "line-search" if multipliers is None else "predictor-corrector"
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm=algorithm)
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm="predictor-corrector")
     stall = SETTINGS.stall_seconds
     try:
         return service.solve(

@@ -34,7 +34,6 @@ class MoveSettings:
         turn_min: from which on the opposite turn is proposed, rad. Shorter ones that were forced to the other side, on
             Rovinj, came back to where they were.
         long_turn: from which on a way over the top is proposed, rad.
-        reach: time before and after a roll that its window holds, s.
         fewest: number of intervals of a phase from which on they are left out of a window, and that stay in it at
             least: the end fixes eleven states, which two intervals behind a gate cannot reach.
         high: rise above both ends from which on a turn is no longer flat, m.
@@ -44,7 +43,6 @@ class MoveSettings:
     """
 
     margin: int = 2
-    reach: float = 3.5
     fewest: int = 4
     turn_min: float = math.radians(60.0)
     long_turn: float = math.radians(100.0)
@@ -112,8 +110,8 @@ class MoveGenerator:
         for one in rerolls(base.problem, base.iterate):
             inside = [each for each in self.segments if one.first < nodes[each.last] and nodes[each.first] < one.last]
             own, segment = range(inside[0].first, inside[-1].last), inside[0]
-            begin = bisect.bisect_left(time, time[one.first] - SETTINGS.reach)
-            end = min(bisect.bisect_left(time, time[one.last] + SETTINGS.reach), len(time) - 1)
+            begin = bisect.bisect_left(time, time[one.first] - one.reach)
+            end = min(bisect.bisect_left(time, time[one.last] + one.reach), len(time) - 1)
             first = min(own[0], bisect.bisect_right(nodes[1:-1], begin))
             last = max(own[-1], bisect.bisect_left(nodes[1:-1], end)) + 1
             if changed.isdisjoint(range(first, last)):

@@ -1,7 +1,7 @@
 """Other attitudes of a flight: its rolls from one side to the other, each the other way, and its turns, tilted.
 
 A roll leads through level or through inverted flight, a full turn about the velocity apart. Where an aircraft pulls
-down, banked beyond the vertical, it can do so on either side. Pushed up upside down it can be pulled up upright. Each
+down, banked beyond the vertical, it can do so on either side. What is pushed can be pulled, half a roll away. Each
 choice is a local optimum of its own.
 
 Turns are tilted about the straight line between their ends: slanted at first, over the top when upright.
@@ -36,7 +36,9 @@ class RollSettings:
             meanwhile.
         roll_max: longest roll that is reversed, s; through level flight it may be a weave, which needs no roll.
         blend: time in which a guess changes sides before and after a pull-down, s.
-        upside_down: shortest time under negative load factors upside down that is flown upright, s.
+        push_min: shortest time under negative load factors that is pulled instead, s.
+        reach, push_reach: time before and after a roll, or what is pulled, that a window holds, s. Pulled, a Half
+            Cuban Eight is 16 ms faster and all of it 9 m lower: 7 s lead back to the push.
     """
 
     banked: float = math.sin(math.radians(30.0))
@@ -44,7 +46,9 @@ class RollSettings:
     pull_down_max: float = 2.5
     roll_max: float = 2.0
     blend: float = 0.4
-    upside_down: float = 0.4
+    push_min: float = 0.4
+    reach: float = 3.5
+    push_reach: float = 10.0
 
 
 SETTINGS = RollSettings()
@@ -76,17 +80,21 @@ class Reversal:
 
 @record
 class Reroll:
-    """A flight with one roll the other way; `first` and `last` are the nodes between which it differs."""
+    """A flight with one roll the other way.
+
+    `first` and `last` are the nodes between which it differs, `reach` is what a window holds before and after, s.
+    """
 
     first: int
     last: int
     kind: str
     flight: Iterate
+    reach: float = SETTINGS.reach
 
 
 def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield a flight with each of its rolls the other way, in turn, in the order of the nodes."""
-    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_upright(problem, iterate)]
+    found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_pulled(problem, iterate)]
     yield from sorted(found, key=lambda one: (one.first, one.last))
 
 
@@ -133,21 +141,22 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added))
 
 
-def _upright(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
-    """Yield each stretch flown upside down under negative load factors flown upright, with the same lift."""
+def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
+    """Yield each stretch that is pushed, under negative load factors, pulled half a roll away with the same lift."""
     time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION])
-    for first, last in _runs((rotation(list(iterate.state[QUATERNION]))[2][2] < 0.0) & (load < 0.0)):
-        if time[last] - time[first] < SETTINGS.upside_down:
+    for first, last in _runs(load < 0.0):
+        if time[last] - time[first] < SETTINGS.push_min:
             continue
-        added = np.zeros_like(time)
+        added, half = np.zeros_like(time), 0.0
         for node in (first, last):
             from_node = np.clip((time - time[node]) / SETTINGS.blend, -1.0, 1.0)
             around = np.flatnonzero(np.abs(from_node) < 1.0)
             rolled = bank[around[-1]] - bank[around[0]]
-            added -= math.copysign(0.5 * math.pi, rolled) * (1.0 + np.sin(0.5 * math.pi * from_node))
-        upright = _roll_over(problem, iterate, added)
-        upright.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
-        yield Reroll(first, last, "upright instead of inverted", upright)
+            half = -half if half and abs(rolled) < 0.5 * math.pi else -math.copysign(0.5 * math.pi, rolled)
+            added += half * (1.0 + np.sin(0.5 * math.pi * from_node))
+        pulled = _roll_over(problem, iterate, added)
+        pulled.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
+        yield Reroll(first, last, "pull instead of push", pulled, SETTINGS.push_reach)
 
 
 def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:

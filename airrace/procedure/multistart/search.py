@@ -246,7 +246,7 @@ class Search:
     def _improve(
         self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]
     ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
-        """Return a faster flight, from some moves, None if none was found; and the moves that save time but are not in it."""
+        """Return a faster flight from some moves, None if there is none, and those that save time but are not in it."""
         improving = self._improving(
             [one for one in moves if one.recurs or (one.segment.number, one.kind) not in self._tabu]
         )
