@@ -295,7 +295,7 @@ class SolverSession:
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
         judged = not (rough or passing)
         options = SolverOptions(
-            max(chosen.tolerance, rough), most, barrier.value, algorithm="predictor-corrector", curvature=judged
+            max(chosen.tolerance, rough), most, barrier.value, algorithm=barrier.algorithm, curvature=judged
         )
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers or self.solvers, options, multipliers, barrier.near_optimum):
@@ -418,6 +418,7 @@ def _tries(
     known_max = LIMITS.known_iterations_max if near else LIMITS.stage_iterations_max
     sooner = replace(options, iterations_max=min(options.iterations_max, known_max))
     farther = replace(options, barrier=max(options.barrier, InitialBarrier.COARSE.value)) if near else options
+    farther = replace(farther, algorithm="line-search")
     for solver in solvers:
         known = multipliers is not None and SOLVERS[solver].begins_with_multipliers
         if known:

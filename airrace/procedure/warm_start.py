@@ -18,7 +18,7 @@ from airrace.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.optimal_control.solvers.interface import Algorithm, Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult
 from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
 from airrace.quantities import Quantity
@@ -50,6 +50,11 @@ class InitialBarrier(Enum):
     of 31 in one case, and 47 instead of 43 in another."""
     COARSER_MESH = 1e-6
     """An optimum on a coarser mesh."""
+
+    @property
+    def algorithm(self) -> Algorithm:
+        """What is asked first: from far off, steps without a line search end on needless detours now and then."""
+        return "line-search" if self is InitialBarrier.COLD else "predictor-corrector"
 
     @property
     def near_optimum(self) -> bool:

@@ -79,7 +79,8 @@ def test_too_few_iterations_are_not_converged() -> None:
     assert result.outcome is Status.NOT_CONVERGED
     assert result.certificate is None
     joint = [one for one in result.attempts if one.purpose.startswith("all")]
-    assert [one.solver for one in joint] == ["fatrop", "fatrop", "ipopt", "ipopt"]
+    from_starts = [one.solver for one in joint if "farther down" not in one.purpose]
+    assert from_starts == ["fatrop", "fatrop", "ipopt", "ipopt"]
     assert all(one.iterations <= 6 for one in joint)
 
 

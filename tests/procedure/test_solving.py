@@ -252,7 +252,8 @@ def test_settings_reach_the_solver() -> None:
     problem, made = small()
     used.solve(problem, made, "all phases", barrier=InitialBarrier.COARSE)
     # The fallback is the primary solver here: it is asked once.
-    expected = SolverOptions(1e-5, 7, InitialBarrier.COARSE.value, curvature=True)
+    barrier = InitialBarrier.COARSE
+    expected = SolverOptions(1e-5, 7, barrier.value, algorithm=barrier.algorithm, curvature=True)
     assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", expected)]
 
 

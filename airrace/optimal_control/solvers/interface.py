@@ -7,6 +7,8 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.records import record
 from airrace.trajectory import Array
 
+Algorithm = Literal["line-search", "predictor-corrector"]
+
 
 @record
 class SolverOptions:
@@ -26,7 +28,7 @@ class SolverOptions:
     iterations_max: int = 500
     barrier: float = 0.1
     exact: bool = False
-    algorithm: Literal["line-search", "predictor-corrector"] = "line-search"
+    algorithm: Algorithm = "line-search"
     curvature: bool = False
 
 

@@ -18,7 +18,7 @@ from airrace.optimal_control.mesh_refinement import resample, transfer_multiplie
 from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import estimate_defect
-from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
+from airrace.optimal_control.solvers.interface import Algorithm, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
@@ -77,8 +77,8 @@ class InitialGuess:
         mesh: that the guess is on.
         guess: where the solver begins.
         barrier: the first value of the barrier parameter.
-        is_baseline: whether the race would be started like this without a search. It gets a larger iteration budget
-            and, as its mesh is a finer one, is solved again from the optimum on that.
+        is_baseline: whether the race would be started like this without a search. It is solved by the same algorithm
+            with a larger iteration budget and, as its mesh is a finer one, again from the optimum on that.
         before: the optimum on another mesh from which it comes, with its multipliers; None if nothing is known.
     """
 
@@ -163,7 +163,9 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
             known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
             solution = try_solve(service, problem, iterate, barrier, SETTINGS.known_iterations_max, known)
         if solution is None or not solution.success:
-            solution = try_solve(service, problem, iterate, barrier, iterations)
+            steps = before is None and (not start.is_baseline or barrier.algorithm == "predictor-corrector")
+            algorithm: Algorithm = "predictor-corrector" if steps else "line-search"
+            solution = try_solve(service, problem, iterate, barrier, iterations, algorithm=algorithm)
         if solution is None or not solution.success:
             return found
         errors = objective_error(problem, solution)
@@ -187,6 +189,7 @@ def try_solve(
     barrier: InitialBarrier,
     iterations: int = SETTINGS.iterations_max,
     multipliers: Multipliers | None = None,
+    algorithm: Algorithm = "predictor-corrector",
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
 
@@ -195,7 +198,7 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm="predictor-corrector")
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm=algorithm)
     stall = SETTINGS.stall_seconds
     try:
         return service.solve(

@@ -89,7 +89,7 @@ class Reroll:
     last: int
     kind: str
     flight: Iterate
-    reach: float = SETTINGS.reach
+    reach: float
 
 
 def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
@@ -122,7 +122,7 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         share = np.clip((time - time[first]) / (time[last] - time[first]), 0.0, 1.0)
         added = turn * share**2 * (3.0 - 2.0 * share)
         kind = f"roll through {'level' if one.inverted else 'inverted'}"
-        yield Reroll(one.first, one.last, kind, _roll_over(problem, iterate, added))
+        yield Reroll(one.first, one.last, kind, _roll_over(problem, iterate, added), SETTINGS.reach)
 
 
 def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
@@ -138,7 +138,7 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         away = np.maximum(np.maximum(time[first] - time, time - time[last]), 0.0)
         nearest = math.remainder(float(bank[(first + last) // 2]), math.tau) - bank[(first + last) // 2]
         added = -2.0 * (bank + nearest) * np.clip(1.0 - away / SETTINGS.blend, 0.0, 1.0)
-        yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added))
+        yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added), SETTINGS.reach)
 
 
 def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:

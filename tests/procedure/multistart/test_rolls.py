@@ -14,6 +14,7 @@ from airrace.frames import quaternion, rotation
 from airrace.planning.plan import Race
 from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.procedure.multistart import moves
+from airrace.procedure.multistart import rolls as roll_moves
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.rolls import LOAD_FACTOR_ROW, ROLL_RATE_ROW, rerolls, reversals
@@ -21,6 +22,8 @@ from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
 from airrace.trajectory import Array
+
+PULLED = "pull instead of push"
 
 
 def attitudes(banks: Array) -> Array:
@@ -58,6 +61,8 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
     own = base.iterate.state
     for one in rerolls(base.problem, base.iterate):
         state = one.flight.state
+        if one.kind == PULLED:
+            continue
         other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE_ROW)]
         assert state[other_rows] == pytest.approx(own[other_rows])
         for here, there in zip(rotation(list(own[QUATERNION])), rotation(list(state[QUATERNION])), strict=True):
@@ -67,18 +72,19 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
         assert cosine[-1] == pytest.approx(-1.0 if one.kind.startswith("roll") else 1.0)
 
 
-@pytest.mark.parametrize("onward", [1.0, -1.0], ids=["rolls on", "rolls back"])
+@pytest.mark.parametrize(
+    ("within", "behind"), [(170.0, 340.0), (170.0, 20.0), (20.0, 20.0)], ids=["rolls on", "rolls back", "pushes over"]
+)
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_is_flown_upside_down_is_flown_upright_with_the_same_lift(side: float, onward: float) -> None:
+def test_what_is_pushed_is_pulled_with_the_same_lift(side: float, within: float, behind: float) -> None:
     base = planned_coarse_solution(SMALL)
     state, nodes = base.iterate.state.copy(), np.arange(base.iterate.state.shape[1])
     middle = len(nodes) // 2
-    inverted = abs(nodes - middle) <= 8
-    bank = side * np.where(inverted, 170.0, np.where(nodes < middle, 20.0, 20.0 if onward < 0.0 else 340.0))
-    state[QUATERNION] = attitudes(bank)
-    state[LOAD_FACTOR_ROW] = np.where(inverted, -1.5, 1.5)
+    pushed = abs(nodes - middle) <= 8
+    state[QUATERNION] = attitudes(side * np.where(pushed, within, np.where(nodes < middle, 20.0, behind)))
+    state[LOAD_FACTOR_ROW] = np.where(pushed, -1.5, 1.5)
     own = dataclasses.replace(base.iterate, state=state)
-    (found,) = [one for one in rerolls(base.problem, own) if one.kind == "upright instead of inverted"]
+    (found,) = [one for one in rerolls(base.problem, own) if one.kind == PULLED]
     assert (found.first, found.last) == (middle - 8, middle + 8)
     there = found.flight.state
     assert (there[LOAD_FACTOR_ROW] > 0.0).all()
@@ -87,6 +93,8 @@ def test_what_is_flown_upside_down_is_flown_upright_with_the_same_lift(side: flo
     )
     away = abs(abs(nodes - middle) - 8) > 3
     assert lift[:, away] == pytest.approx(own_lift[:, away], abs=1e-9)
+    cosine = (there[QUATERNION] * state[QUATERNION]).sum(axis=0)
+    assert cosine[-1] * cosine[0] == pytest.approx(-1.0 if behind == 340.0 else 1.0)
 
 
 @pytest.mark.parametrize("node", [0, -1])
@@ -130,7 +138,8 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
     """With two intervals between a gate and eleven fixed states there is no step, and fatrop looks for one for ever."""
     base, left_out, rest = planned_coarse_solution(SLALOM), 0, [math.inf]
     for reach in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
-        monkeypatch.setattr(moves, "SETTINGS", dataclasses.replace(moves.SETTINGS, reach=reach))
+        settings = dataclasses.replace(roll_moves.SETTINGS, reach=reach, push_reach=reach)
+        monkeypatch.setattr(roll_moves, "SETTINGS", settings)
         for one in rolls(base, SLALOM):
             ends = zip((one.pieces[0], one.pieces[-1]), one.spare, strict=True)
             rest += [piece.control.shape[1] - spare for piece, spare in ends if spare]

@@ -33,6 +33,7 @@ from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
+from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
 from airrace.procedure.result import Route, Silent, StageResult, Status
@@ -131,8 +132,10 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
 
 
 def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    base = planned_coarse_solution(SLALOM)
+    other = next(one for one in rerolls(base.problem, base.iterate) if one.kind.startswith("roll"))
+    solved = [base, dataclasses.replace(base, iterate=other.flight)]
     budget = dataclasses.replace(BUDGET, iterations=0)
-    assert len(search_with(budget, HALF_CUBAN).starts) > 1
     finer: list[CoarseSolution] = []
 
     def lead_to_the_first(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
@@ -140,8 +143,9 @@ def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: 
         return finer[0]
 
     monkeypatch.setattr("airrace.procedure.multistart.multistart.solve_finer", lead_to_the_first)
-    found = search_with(budget, HALF_CUBAN)
-    assert len(finer) > 1
+    with open_session() as session:
+        found = search_routes(prepared(SLALOM), SLALOM.course, session, budget, starts=[], solved=solved)
+    assert len(finer) == 2
     assert len(found.starts) == 1
 
 
