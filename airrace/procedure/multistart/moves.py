@@ -19,7 +19,6 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, interva
 from airrace.procedure.multistart.rolls import rerolls, tilt_turn
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move
-from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
 from airrace.track.course import Course, Turning
 
@@ -118,8 +117,7 @@ class MoveGenerator:
                 continue
             pieces = [phase_piece(one.flight, base.problem, index) for index in range(first, last)]
             spare = (self._spare(first, begin - nodes[first]), self._spare(last - 1, nodes[last] - end))
-            barrier = InitialBarrier.PIECES
-            yield Move(base, first, last, flight, pieces, segment, one.kind, barrier=barrier, spare=spare, own=own)
+            yield Move(base, first, last, flight, pieces, segment, one.kind, spare=spare, own=own)
 
     def _spare(self, phase: int, count: int) -> int:
         """Return how many of so many intervals at an end of a phase need not be in a window."""

@@ -259,8 +259,7 @@ class Search:
 
     def _improving(self, moves: Sequence[Move]) -> list[EvaluatedMove]:
         """Evaluate all moves, and return those that save time."""
-        barrier = InitialBarrier.PIECES if self._budget.local else None
-        found = self._pool.work(moves, lambda service, move: evaluate(service, move, barrier))
+        found = self._pool.work(moves, evaluate)
         for move, evaluated in zip(moves, found, strict=True):
             if evaluated is None or evaluated.saved < -TABU_LOSS:
                 self._tabu.add((move.segment.number, move.kind))

@@ -49,7 +49,6 @@ class Move:
         segment: whose route changes.
         kind: what is different.
         plan_penalty: by how much its plan takes longer than the flight's own, s.
-        barrier: the first value of the barrier parameter with which its window is solved.
         spare: numbers of intervals at the start of the first phase and at the end of the last that stay as they are.
         own: the phases that are put into the flight; None for all of the window. Others only give way.
     """
@@ -62,7 +61,6 @@ class Move:
     segment: Segment
     kind: str
     plan_penalty: float = 0.0
-    barrier: InitialBarrier = InitialBarrier.COLD
     spare: tuple[int, int] = (0, 0)
     own: range | None = None
 
@@ -103,16 +101,15 @@ class EvaluatedMove:
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def evaluate(service: SolverService, move: Move, barrier: InitialBarrier | None = None) -> EvaluatedMove | None:
+def evaluate(service: SolverService, move: Move) -> EvaluatedMove | None:
     """Return the fastest flight through a window near its guess; None if there is none within the budget.
 
     Args:
         service: what solves.
         move: the window.
-        barrier: the first value of the barrier parameter; None for the move's.
     """
     window = _Window.of(move)
-    solution = try_solve(service, window.problem, window.guess, barrier or move.barrier, ITERATIONS_MAX)
+    solution = try_solve(service, window.problem, window.guess, InitialBarrier.PIECES, ITERATIONS_MAX)
     if solution is None or not solution.success:
         return None
     base, found, problem = move.base, solution.iterate, window.problem
