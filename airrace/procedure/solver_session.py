@@ -417,8 +417,8 @@ def _tries(
     """
     known_max = LIMITS.known_iterations_max if near else LIMITS.stage_iterations_max
     sooner = replace(options, iterations_max=min(options.iterations_max, known_max))
-    farther = replace(options, barrier=max(options.barrier, InitialBarrier.COARSE.value)) if near else options
-    farther = replace(farther, algorithm="line-search")
+    least = InitialBarrier.COARSE.value if near else 0.0
+    farther = replace(options, barrier=max(options.barrier, least), algorithm="line-search")
     for solver in solvers:
         known = multipliers is not None and SOLVERS[solver].begins_with_multipliers
         if known:

@@ -89,6 +89,11 @@ class InitialGuess:
     is_baseline: bool = False
     before: "CoarseSolution | None" = None
 
+    @property
+    def algorithm(self) -> Algorithm:
+        """What is asked first where no multipliers are known."""
+        return self.barrier.algorithm if self.is_baseline else "predictor-corrector"
+
 
 @dataclass(frozen=True, eq=False)
 class CoarseSolution:
@@ -163,8 +168,7 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
             known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
             solution = try_solve(service, problem, iterate, barrier, SETTINGS.known_iterations_max, known)
         if solution is None or not solution.success:
-            steps = before is None and (not start.is_baseline or barrier.algorithm == "predictor-corrector")
-            algorithm: Algorithm = "predictor-corrector" if steps else "line-search"
+            algorithm = start.algorithm if before is None else "line-search"
             solution = try_solve(service, problem, iterate, barrier, iterations, algorithm=algorithm)
         if solution is None or not solution.success:
             return found
