@@ -430,7 +430,10 @@ class FidelityContinuation:
         flight, course = self.flight(Stage.POINT_MASS), self._race.course
         paces = (flight.plan.cruise, *(one.scale(flight.plan.cruise) for one in budget.radii))
         roomy = (plan_with_room(course, plan(course, pace)) for pace in paces)
-        return [planned_guess(flight, one, InitialBarrier.COLD) for one in roomy if one is not None]
+        starts = [None if one is None else planned_guess(flight, one, InitialBarrier.COLD) for one in roomy]
+        if starts[0] is not None:  # from which a run without a search starts, too
+            starts[0] = dataclasses.replace(starts[0], is_baseline=True)
+        return [one for one in starts if one is not None]
 
     def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
         """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""

@@ -24,7 +24,7 @@ from airrace.optimal_control.solvers.fatrop.stages import (
     Stages,
     scale_by_multipliers,
 )
-from airrace.optimal_control.solvers.interface import Bounds, Multipliers, SolverOptions
+from airrace.optimal_control.solvers.interface import Algorithm, Bounds, Multipliers, SolverOptions
 from airrace.optimal_control.solvers.predictor_corrector import StageSystem
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution
 from airrace.optimal_control.sparse_assembly import COOBuilder, Entries, Memory, StageAssembly, unique_rows
@@ -42,11 +42,11 @@ def solved(
     multipliers: Multipliers | None = None,
     barrier: float = 1e-5,
     *,
-    near: bool = True,
+    algorithm: Algorithm = "predictor-corrector",
     tolerance: float = 1e-8,
 ) -> Solution:
     kernels = casadi_kernels(problem.system, problem.scheme)
-    options = SolverOptions(tolerance, 200, barrier, algorithm="predictor-corrector" if near else "line-search")
+    options = SolverOptions(tolerance, 200, barrier, algorithm=algorithm)
     prepared = PreparedProblem(Layout(problem), kernels, "fatrop", options, threads=1)
     found = prepared.solve(Layout(problem), guess, multipliers)
     assert found.success
@@ -79,12 +79,13 @@ def test_steps_lead_to_the_optimum_that_fatrop_finds_in_fewer_iterations(
     assert found.multipliers.constraints == pytest.approx(expected.multipliers.constraints, abs=1e-3)
 
 
-def test_fatrop_is_asked_where_steps_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("known", [False, True])
+def test_fatrop_is_asked_where_steps_give_up(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, guess, multipliers = bisect_all("everything")
     expected = solved(problem, guess, multipliers)
     few = replace(predictor_corrector.PARAMETERS, iterations_max=1)
     monkeypatch.setattr(predictor_corrector, "PARAMETERS", few)
-    found = solved(problem, guess, multipliers)
+    found = solved(problem, guess, multipliers if known else None)
     assert STEPS not in found.status
     assert found.iterations > 1
     assert found.objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
@@ -134,19 +135,21 @@ def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, 
     assert found.iterations <= 5
 
 
-@pytest.mark.parametrize(("near", "barrier"), [(True, 1e-5), (False, 1e-2)])
-def test_multipliers_that_mislead_do_not_change_the_optimum(near: bool, barrier: float) -> None:
+@pytest.mark.parametrize(("algorithm", "barrier"), [("predictor-corrector", 1e-5), ("line-search", 1e-2)])
+def test_multipliers_that_mislead_do_not_change_the_optimum(algorithm: Algorithm, barrier: float) -> None:
     problem, guess, multipliers = bisect_all("everything")
     expected = solved(problem, guess, multipliers)
     wrong = Multipliers(-multipliers.constraints[::-1].copy(), 0.3 * np.ones_like(multipliers.bounds))
-    found = solved(problem, guess, wrong, barrier, near=near)
+    found = solved(problem, guess, wrong, barrier, algorithm=algorithm)
     assert found.objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
 
 
 @pytest.mark.parametrize("known", [False, True])
 def test_steps_come_first_where_the_options_say_so(known: bool) -> None:
     problem, guess, multipliers = bisect_all("everything")
-    first, other = (solved(problem, guess, multipliers if known else None, near=near) for near in (True, False))
+    known_multipliers = multipliers if known else None
+    first = solved(problem, guess, known_multipliers)
+    other = solved(problem, guess, known_multipliers, algorithm="line-search")
     assert STEPS in first.status
     assert STEPS not in other.status
     assert first.objective == pytest.approx(other.objective, abs=LIMITS_KEPT)
@@ -162,7 +165,7 @@ BARRIER = 1e-4
 def solve_from(
     problem: Problem, guess: Iterate, multipliers: Multipliers | None = None, barrier: float = 0.1
 ) -> Solution:
-    return solved(problem, guess, multipliers, barrier, near=False, tolerance=1e-9)
+    return solved(problem, guess, multipliers, barrier, algorithm="line-search", tolerance=1e-9)
 
 
 def known(values: list[float], multipliers: list[float]) -> InitialPoint:

@@ -12,6 +12,7 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
+from airrace.procedure.solver_session import LIMITS
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.track.course import ClearanceRule
@@ -81,6 +82,7 @@ def test_too_few_iterations_are_not_converged() -> None:
     joint = [one for one in result.attempts if one.purpose.startswith("all")]
     from_starts = [one.solver for one in joint if "farther down" not in one.purpose]
     assert from_starts == ["fatrop", "fatrop", "ipopt", "ipopt"]
+    assert len(joint) <= len(from_starts) + 2 * LIMITS.descents_max
     assert all(one.iterations <= 6 for one in joint)
 
 

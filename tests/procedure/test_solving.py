@@ -218,6 +218,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert isinstance(used.service, Canned)
     assert used.service.known == [known, None]
     assert [options.iterations_max for _, options, _ in asked(used)] == [LIMITS.known_iterations_max, 500]
+    assert [options.algorithm for _, options, _ in asked(used)] == ["predictor-corrector", "line-search"]
     assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]  # before the fallback is asked
     failing = session("infeasible")
     failing.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
@@ -252,9 +253,10 @@ def test_settings_reach_the_solver() -> None:
     problem, made = small()
     used.solve(problem, made, "all phases", barrier=InitialBarrier.COARSE)
     # The fallback is the primary solver here: it is asked once.
-    barrier = InitialBarrier.COARSE
-    expected = SolverOptions(1e-5, 7, barrier.value, algorithm=barrier.algorithm, curvature=True)
-    assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", expected)]
+    used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
+    near = SolverOptions(1e-5, 7, InitialBarrier.COARSE.value, algorithm="predictor-corrector", curvature=True)
+    cold = SolverOptions(1e-5, 7, InitialBarrier.COLD.value, algorithm="line-search", curvature=True)
+    assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", near), ("ipopt", cold)]
 
 
 def test_timings_add_up_and_begin_anew_with_every_stage() -> None:

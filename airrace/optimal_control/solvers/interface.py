@@ -20,7 +20,7 @@ class SolverOptions:
         barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
             that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
         exact: whether bounds hold as they are, which fatrop relaxes by 1e-8.
-        algorithm: which comes first; with `predictor-corrector` fatrop's line search is asked where these steps fail.
+        algorithm: which is asked first; fatrop's line search is asked where predictor-corrector steps fail.
         curvature: whether the curvature of an optimum is judged, and a saddle is left where there is a way down.
     """
 

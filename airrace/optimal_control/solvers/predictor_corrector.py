@@ -2,9 +2,9 @@
 
 Mehrotra's method [Mehrotra 1992] with Gondzio's corrections [Gondzio 1996] on the nonlinear program, its derivatives
 taken anew at every iterate. That takes less than half of fatrop's iterations, whose steps are cut short by slacks that
-vanish. There is no line search: a number on the diagonal [Levenberg 1944, Marquardt 1963] keeps steps
-as short as the program is trusted, which leads along valleys that are curved and nearly flat, such as the choice of a
-bank where there is no lift. Where steps lead nowhere it gives up, and another solver has to be asked.
+vanish. There is no line search: a number on the diagonal [Levenberg 1944, Marquardt 1963] keeps steps as short as the
+program is trusted, which leads along valleys that are curved and nearly flat, such as the choice of a bank where there
+is no lift. Where steps lead nowhere it gives up, and another solver has to be asked.
 
 The Newton step is the native Riccati recursion, `riccati.c`. For it the matrices of all stages are dense and lie one
 behind the other. Constraints besides the gaps (rows) and simple bounds enter with weights, which an interior point

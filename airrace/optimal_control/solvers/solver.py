@@ -137,10 +137,11 @@ From where predictor-corrector steps had run out of iterations, it ended three o
 class Fatrop(Solver):
     """The Riccati-structured interior point method fatrop (Vanroye et al.).
 
-    With the native library, predictor-corrector steps come first where the options say so. Fatrop hands over to them a
-    solve with known multipliers after `HAND_OVER` iterations, and any solve where it creeps (`CreepingDetector`). Where
-    they fail fatrop goes on, or IPOPT where it creeps. Who goes on begins with iterate, multipliers and barrier; all of
-    them together have the iterations of the options.
+    With the native library, predictor-corrector steps come first where the options say so; where they fail fatrop
+    begins with the same guess. It hands over to them a solve with known multipliers after `HAND_OVER` iterations, and
+    any solve where it creeps (`CreepingDetector`). Where they fail then, it goes on, or IPOPT where it creeps, with
+    iterate, multipliers and barrier. All of them together have the iterations of the options, first steps without
+    multipliers half of these.
     """
 
     begins_with_multipliers = True
@@ -152,7 +153,7 @@ class Fatrop(Solver):
         self._functions = functions
 
     @cached_property
-    def _near(self) -> PredictorCorrector | None:
+    def _steps(self) -> PredictorCorrector | None:
         return PredictorCorrector(self._functions) if available(self._functions.assembly) else None
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
@@ -180,18 +181,19 @@ class Fatrop(Solver):
             known: multipliers of constraints and bounds; None if nothing is known of them.
             results: those that were yielded, which leave the others fewer iterations.
         """
-        near, first = self._near, HAND_OVER
-        if near is not None and self._options.algorithm == "predictor-corrector":
-            yield near.solve(guess, bounds, p, known, self._options)
-        if known is None or near is None:
+        steps, first = self._steps, HAND_OVER
+        if steps is not None and self._options.algorithm == "predictor-corrector":
+            most = self._options.iterations_max // (2 if known is None else 1)
+            yield steps.solve(guess, bounds, p, known, replace(self._options, iterations_max=most))
+        if known is None or steps is None:
             first = self._options.iterations_max
         reached = self._fatrop.solve(guess, bounds, p, known, max_iter=min(first, self._left(results)))
         yield reached
         while reached.ending in (Ending.CREEPING, Ending.ITERATION_LIMIT):
             options = replace(self._options, barrier=reached.barrier, iterations_max=self._left(results))
             known = np.concatenate([reached.lam_g, reached.lam_w])
-            if near is not None:
-                yield near.solve(reached.w, bounds, p, known, options)
+            if steps is not None:
+                yield steps.solve(reached.w, bounds, p, known, options)
             left = self._left(results)
             if reached.ending is Ending.CREEPING:
                 ipopt = Ipopt(self._functions, replace(options, iterations_max=left), resumes=True)

@@ -35,10 +35,11 @@ class RollSettings:
         pull_down_max: longest time for which an aircraft that could do so on either side pulls down, s; else it turns
             meanwhile.
         roll_max: longest roll that is reversed, s; through level flight it may be a weave, which needs no roll.
-        blend: time in which a guess changes sides before and after a pull-down, s.
-        push_min: shortest time under negative load factors that is pulled instead, s.
-        reach, push_reach: time before and after a roll, or what is pulled, that a window holds, s. Pulled, a Half
-            Cuban Eight is 16 ms faster and all of it 9 m lower: 7 s lead back to the push.
+        blend: time in which a guess changes sides before and after a pull-down or a push, s.
+        push, push_min: load factor (1) that is reached under negative load factors that are pulled instead, and the
+            shortest time of these, s.
+        reach, push_reach: time before and after a roll, or a push, that a window holds, s. Pulled, a Half Cuban Eight
+            is 16 ms faster and 9 m lower throughout; with 7 s its window leads back to the push.
     """
 
     banked: float = math.sin(math.radians(30.0))
@@ -46,6 +47,7 @@ class RollSettings:
     pull_down_max: float = 2.5
     roll_max: float = 2.0
     blend: float = 0.4
+    push: float = -0.5
     push_min: float = 0.4
     reach: float = 3.5
     push_reach: float = 10.0
@@ -80,7 +82,7 @@ class Reversal:
 
 @record
 class Reroll:
-    """A flight with one roll the other way.
+    """A flight with one roll the other way, or one pull or push otherwise.
 
     `first` and `last` are the nodes between which it differs, `reach` is what a window holds before and after, s.
     """
@@ -93,7 +95,7 @@ class Reroll:
 
 
 def rerolls(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
-    """Yield a flight with each of its rolls the other way, in turn, in the order of the nodes."""
+    """Yield a flight with each of its rolls the other way, each pull and push otherwise, in the order of the nodes."""
     found = [*_other_ways(problem, iterate), *_other_sides(problem, iterate), *_pulled(problem, iterate)]
     yield from sorted(found, key=lambda one: (one.first, one.last))
 
@@ -145,15 +147,17 @@ def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each stretch that is pushed, under negative load factors, pulled half a roll away with the same lift."""
     time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION])
     for first, last in _runs(load < 0.0):
-        if time[last] - time[first] < SETTINGS.push_min:
+        if time[last] - time[first] < SETTINGS.push_min or load[first : last + 1].min() > SETTINGS.push:
             continue
-        added, half = np.zeros_like(time), 0.0
-        for node in (first, last):
-            from_node = np.clip((time - time[node]) / SETTINGS.blend, -1.0, 1.0)
-            around = np.flatnonzero(np.abs(from_node) < 1.0)
-            rolled = bank[around[-1]] - bank[around[0]]
-            half = -half if half and abs(rolled) < 0.5 * math.pi else -math.copysign(0.5 * math.pi, rolled)
-            added += half * (1.0 + np.sin(0.5 * math.pi * from_node))
+        shares = np.clip((time - time[[[first], [last]]]) / SETTINGS.blend, -1.0, 1.0)
+        around = (np.flatnonzero(np.abs(one) < 1.0) for one in shares)
+        rolled = [float(bank[nodes[-1]] - bank[nodes[0]]) for nodes in around]
+        # Where it rolls it stops doing so; where it does not, it rolls back the way it comes, at first through level.
+        into, out = (-math.copysign(1.0, one) if abs(one) > 0.5 * math.pi else 0.0 for one in rolled)
+        if not (into or out):
+            into = -math.copysign(1.0, math.remainder(float(bank[first]), math.tau))
+        signs = np.array([into or -out, out or -into])
+        added = 0.5 * math.pi * signs @ (1.0 + np.sin(0.5 * math.pi * shares))
         pulled = _roll_over(problem, iterate, added)
         pulled.state[LOAD_FACTOR_ROW, first : last + 1] *= -1.0
         yield Reroll(first, last, "pull instead of push", pulled, SETTINGS.push_reach)

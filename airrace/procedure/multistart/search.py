@@ -64,7 +64,7 @@ class SearchBudget:
         alternatives: how many moves that overlap better ones are solved jointly as well, each for itself.
         elite: how many flights are compared on the mesh on which the winner's mesh check begins.
         homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
-        local: whether the flight is near an optimum, so that windows are. Then a place that several laps pass by the
+        local: whether the flight is near an optimum. Then a place that several laps pass by the
             same route is tried in the first of them, windows that keep the route are not solved jointly, and other
             shapes are left out: on Rovinj and Chiba all windows with them led back to the same shape.
     """
@@ -164,6 +164,7 @@ class Search:
         self._flight, self._course, self._pace = flight, course, flight.plan.cruise
         self._budget, self._pool, self._report = budget, pool, report
         self._flights: list[CoarseSolution] = []
+        self._starts: list[CoarseSolution] = []
         self._moves: list[EvaluatedMove] = []
         self._joint: list[EvaluatedMove] = []
         self._tabu: set[tuple[int, str]] = set()
@@ -173,7 +174,8 @@ class Search:
         """Try starts, then improve the best of the flights that they lead to, and of those that are solved already."""
         self._report(f"{len(starts) + len(solved)} starts, solved coarsely")
         found = [*self._pool.work(starts, solve_coarse), *solved]
-        self._flights = [one for one in found if one is not None]
+        self._starts = [one for one in found if one is not None]
+        self._flights = list(self._starts)
         self._failed = len(found) - len(self._flights)
         if self._flights:
             self.improve(min(self._flights, key=lambda one: one.race_time))
@@ -219,8 +221,8 @@ class Search:
         Args:
             best: the flight to begin with.
             what: is changed, in words.
-            propose: returns moves, from the phases whose route differs from when moves were tried last; the others need
-                no new trial.
+            propose: returns moves whose windows hold some of these phases: their route differs from when moves were
+                tried last, or one that saves time there was left out.
             different: the segments whose route is to be changed first.
         """
         left: list[EvaluatedMove] = []
@@ -236,17 +238,17 @@ class Search:
         return best
 
     def _other_routes(self, first: CoarseSolution, generator: MoveGenerator, changed: Set[int]) -> list[Move]:
-        """Return other routes through the segments of a flight; around the first those of the other starts as well."""
+        """Return other routes through the segments of a flight, those of the other starts among them."""
         begins = generator.base is first
         distinct = generator.distinct_segments() if begins and self._budget.local else None
         around = generator.moves(changed, shapes=not self._budget.local, segments=distinct)
         moves = [one for one in around if one.plan_penalty <= self._budget.plan_penalty_max]
-        return moves + self._from_other_starts(first, generator) if begins else moves
+        return [*moves, *self._from_other_starts(generator, changed)]
 
     def _improve(
         self, base: CoarseSolution, generator: MoveGenerator, moves: Sequence[Move]
     ) -> tuple[CoarseSolution | None, list[EvaluatedMove]]:
-        """Return a faster flight from some moves, None if there is none, and those that save time but are not in it."""
+        """Return a faster flight from some moves, and those that save time but are not in it; None if there is none."""
         improving = self._improving(
             [one for one in moves if one.recurs or (one.segment.number, one.kind) not in self._tabu]
         )
@@ -272,14 +274,16 @@ class Search:
         inside = one.inside(segments_of(self._course))
         return all(same_route(one.as_solution, here, one.move.base, there) for here, there in inside)
 
-    def _from_other_starts(self, base: CoarseSolution, generator: MoveGenerator) -> list[Move]:
-        """Return the routes of other flights where they differ from the best.
+    def _from_other_starts(self, generator: MoveGenerator, changed: Set[int]) -> list[Move]:
+        """Return the routes of the starts where they differ from the best flight, if that has changed there.
 
         Neighbouring segments are taken together, and each route once.
         """
         known: list[tuple[CoarseSolution, list[Segment]]] = []
-        for flight in self._flights:
-            for group in neighbours(differing(base, flight, generator.segments)):
+        for flight in self._starts:
+            for group in neighbours(differing(generator.base, flight, generator.segments)):
+                if changed.isdisjoint(range(group[0].first, group[-1].last)):
+                    continue
                 if not any(group == theirs and not differing(flight, other, group) for other, theirs in known):
                     known.append((flight, group))
         return [generator.from_flight(flight, group) for flight, group in known]
@@ -298,8 +302,7 @@ class Search:
         groups = [together] if len(together) == 1 else [together, together[:1]]
         groups += [[one] for one in moves if one not in together][: self._budget.alternatives]
         jobs = [(self._with_moves(base, group), base, group) for group in groups]
-        best: CoarseSolution | None = None
-        left: list[EvaluatedMove] = []
+        found: list[tuple[CoarseSolution, Sequence[EvaluatedMove]]] = []
         joint = self._pool.work(jobs, lambda service, job: apply_moves(service, *job))
         for group, coarse in zip(groups, joint, strict=True):
             if coarse is None:
@@ -307,9 +310,12 @@ class Search:
                 continue
             self._joint += group
             self._flights.append(coarse)
-            if coarse.race_time < (best or base).race_time - (0.0 if best else 0.0005):
-                best, left = coarse, [one for one in moves if one not in group]
-        return best, left
+            if coarse.race_time < base.race_time - 0.0005:
+                found.append((coarse, group))
+        if not found:
+            return None, []
+        best, made = min(found, key=lambda one: one[0].race_time)
+        return best, [one for one in moves if one not in made]
 
     def _with_moves(self, base: CoarseSolution, group: Sequence[EvaluatedMove]) -> StageProblem:
         """Return the model with the plan of a flight in which some moves are made."""

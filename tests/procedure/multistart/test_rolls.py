@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from races import DEGREE, SMALL
 from search_races import SLALOM, open_session, planned_coarse_solution
-from test_moves import each_small_race, own_window
+from test_moves import HALF_CUBAN, each_small_race, own_window
 from transformations import mirrored
 
 from airrace.frames import quaternion, rotation
@@ -59,10 +59,8 @@ def test_bank_that_stays_on_one_side_is_no_roll() -> None:
 def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) -> None:
     base = planned_coarse_solution(race)
     own = base.iterate.state
-    for one in rerolls(base.problem, base.iterate):
+    for one in (one for one in rerolls(base.problem, base.iterate) if one.kind != PULLED):
         state = one.flight.state
-        if one.kind == PULLED:
-            continue
         other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE_ROW)]
         assert state[other_rows] == pytest.approx(own[other_rows])
         for here, there in zip(rotation(list(own[QUATERNION])), rotation(list(state[QUATERNION])), strict=True):
@@ -75,26 +73,29 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
 @pytest.mark.parametrize(
     ("within", "behind"), [(170.0, 340.0), (170.0, 20.0), (20.0, 20.0)], ids=["rolls on", "rolls back", "pushes over"]
 )
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_is_pushed_is_pulled_with_the_same_lift(side: float, within: float, behind: float) -> None:
+def test_what_is_pushed_is_pulled_with_the_same_lift(within: float, behind: float) -> None:
     base = planned_coarse_solution(SMALL)
-    state, nodes = base.iterate.state.copy(), np.arange(base.iterate.state.shape[1])
+    nodes = np.arange(base.iterate.state.shape[1])
     middle = len(nodes) // 2
-    pushed = abs(nodes - middle) <= 8
-    state[QUATERNION] = attitudes(side * np.where(pushed, within, np.where(nodes < middle, 20.0, behind)))
-    state[LOAD_FACTOR_ROW] = np.where(pushed, -1.5, 1.5)
-    own = dataclasses.replace(base.iterate, state=state)
-    (found,) = [one for one in rerolls(base.problem, own) if one.kind == PULLED]
-    assert (found.first, found.last) == (middle - 8, middle + 8)
-    there = found.flight.state
-    assert (there[LOAD_FACTOR_ROW] > 0.0).all()
-    lift, own_lift = (
-        one[LOAD_FACTOR_ROW] * np.array([row[2] for row in rotation(list(one[QUATERNION]))]) for one in (there, state)
-    )
-    away = abs(abs(nodes - middle) - 8) > 3
-    assert lift[:, away] == pytest.approx(own_lift[:, away], abs=1e-9)
-    cosine = (there[QUATERNION] * state[QUATERNION]).sum(axis=0)
-    assert cosine[-1] * cosine[0] == pytest.approx(-1.0 if behind == 340.0 else 1.0)
+    pushed, away = abs(nodes - middle) <= 8, abs(abs(nodes - middle) - 8) > 3
+    banks: list[Array] = []
+    for side in (1.0, -1.0):
+        state = base.iterate.state.copy()
+        state[QUATERNION] = attitudes(side * np.where(pushed, within, np.where(nodes < middle, 20.0, behind)))
+        state[LOAD_FACTOR_ROW] = np.where(pushed, -1.5, 1.5)
+        own = dataclasses.replace(base.iterate, state=state)
+        (found,) = [one for one in rerolls(base.problem, own) if one.kind == PULLED]
+        assert (found.first, found.last) == (middle - 8, middle + 8)
+        there = found.flight.state
+        assert (there[LOAD_FACTOR_ROW] > 0.0).all()
+        R, own_R = (rotation(list(one[QUATERNION])) for one in (there, state))
+        lift = there[LOAD_FACTOR_ROW] * np.array([row[2] for row in R])
+        own_lift = state[LOAD_FACTOR_ROW] * np.array([row[2] for row in own_R])
+        assert lift[:, away] == pytest.approx(own_lift[:, away], abs=1e-9)
+        cosine = (there[QUATERNION] * state[QUATERNION]).sum(axis=0)
+        assert cosine[-1] * cosine[0] == pytest.approx(-1.0 if behind == 340.0 else 1.0)
+        banks.append(np.unwrap(np.arctan2(R[2][1], R[2][2])))
+    assert banks[1] == pytest.approx(-banks[0], abs=1e-9)  # as in the mirror
 
 
 @pytest.mark.parametrize("node", [0, -1])
@@ -146,6 +147,14 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
             left_out += sum(one.spare)
     assert left_out
     assert min(rest) >= moves.SETTINGS.fewest
+
+
+def test_windows_of_pushes_are_wider_than_those_of_rolls() -> None:
+    base, settings = planned_coarse_solution(HALF_CUBAN), roll_moves.SETTINGS
+    (pulled,) = [one for one in rerolls(base.problem, base.iterate) if one.kind == PULLED]
+    assert pulled.reach == settings.push_reach > settings.reach
+    (move,) = [one for one in rolls(base, HALF_CUBAN) if one.kind == PULLED]
+    assert (move.phases, move.changed) == (range(4), range(1))
 
 
 def test_window_that_leaves_out_intervals_saves_nothing_on_the_own_route_and_fits_into_the_flight() -> None:

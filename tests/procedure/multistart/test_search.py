@@ -22,6 +22,7 @@ from search_races import (
     search_point_mass,
     slalom,
 )
+from test_moves import own_window
 from transformations import mirrored
 from waiting import PATIENCE
 
@@ -32,10 +33,12 @@ from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
+from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
 from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK as BUDGET
-from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, SearchBudget
+from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, Search, SearchBudget
+from airrace.procedure.multistart.window import EvaluatedMove
 from airrace.procedure.result import Route, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
@@ -147,6 +150,17 @@ def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: 
         found = search_routes(prepared(SLALOM), SLALOM.course, session, budget, starts=[], solved=solved)
     assert len(finer) == 2
     assert len(found.starts) == 1
+
+
+def test_moves_are_tried_again_where_one_that_saves_time_was_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    base, tried = planned_coarse_solution(SLALOM), list[set[int]]()
+    left = EvaluatedMove(own_window(base, 1, 2), base.iterate, base.problem, 0.1)
+    answers = iter([(base, [left]), (None, [])])
+    monkeypatch.setattr(MoveGenerator, "rolls", lambda _, changed: tried.append(set(changed)) or [])
+    monkeypatch.setattr(Search, "_improve", lambda *_: next(answers))
+    with SolverPool([SolverService()]) as pool:
+        Search(prepared(SLALOM), SLALOM.course, BUDGET, pool, lambda _: None).improve_rolls(base)
+    assert tried == [{0, 1, 2}, {1}]
 
 
 def test_loop_that_is_left_is_told() -> None:
