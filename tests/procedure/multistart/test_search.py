@@ -158,7 +158,7 @@ def test_moves_are_tried_again_where_one_that_saves_time_was_left_out(monkeypatc
     answers = iter([(base, [left]), (None, [])])
     monkeypatch.setattr(MoveGenerator, "rolls", lambda _, changed: tried.append(set(changed)) or [])
     monkeypatch.setattr(Search, "_improve", lambda *_: next(answers))
-    with SolverPool([SolverService()]) as pool:
+    with open_session() as session, session.pool() as pool:
         Search(prepared(SLALOM), SLALOM.course, BUDGET, pool, lambda _: None).improve_rolls(base)
     assert tried == [{0, 1, 2}, {1}]
 
