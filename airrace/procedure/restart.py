@@ -23,7 +23,6 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
@@ -40,7 +39,7 @@ from airrace.procedure.solve_and_refine import (
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import StageProblem, mesh_of
+from airrace.procedure.stage_problem import StageProblem, coarse_mesh, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
@@ -183,9 +182,7 @@ def _on_other_route(
 
 def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> Start:
     """Return a start with some phases as given, and the others as in an optimum on another route."""
-    mesh, stored, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
-    if nodes[optimum.trajectory.first_node].all():
-        mesh, stored = restrict(mesh, stored, nodes)
+    mesh, stored = coarse_mesh(optimum)
     there = whole.flight.problem(mesh)
     sources = [(whole.guess, whole.problem) if index in phases else (stored, there) for index in range(len(mesh))]
     mesh = [problem.phases[index].fractions for index, (_, problem) in enumerate(sources)]

@@ -313,7 +313,7 @@ def solve_certified(session: SolverSession, start: Start, solver: str) -> StageR
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
     state = certified_state(session, start.flight, first, start.barrier, (solver,), start.multipliers)
-    return refine_from(session, start, state)
+    return refine_from(session, start, replace(state, iterations_max=start.iterations_max))
 
 
 def certified_state(
@@ -444,7 +444,7 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     state = RefinementState(
         start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
     )
-    return refine_from(session, start, replace(state, rough=rough))
+    return refine_from(session, start, replace(state, rough=rough, iterations_max=start.iterations_max))
 
 
 def _rough_tolerance(session: SolverSession, number: int) -> float:

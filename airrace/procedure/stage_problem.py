@@ -12,11 +12,12 @@ from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.dynamics.observations import crossing_observation
 from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.frames import angles, rotation
+from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.planning.plan import Plan, Race, plan_from_solution
 from airrace.planning.route_decisions import Waypoint
-from airrace.procedure.fidelity import Fidelity, fidelity_of, stage_model
+from airrace.procedure.fidelity import Fidelity, fidelity_of, iterate_of, stage_model
 from airrace.procedure.formulation import (
     PilotConditions,
     StartAirspeed,
@@ -180,6 +181,14 @@ def trajectory_of(problem: Problem, iterate: Iterate) -> Trajectory:
 def mesh_of(trajectory: Trajectory) -> list[tuple[float, ...]]:
     """Return the fractions of every phase's intervals of a flight."""
     return fractions_of(trajectory.time, trajectory.first_node.tolist())
+
+
+def coarse_mesh(optimum: StageResult) -> tuple[Mesh, Iterate]:
+    """Return an optimum on the mesh from which its own was divided, on its own where there is none."""
+    mesh, iterate, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
+    if nodes.all() or not nodes[optimum.trajectory.first_node].all():
+        return mesh, iterate
+    return restrict(mesh, iterate, nodes)
 
 
 def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ...]]:

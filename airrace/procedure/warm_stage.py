@@ -11,8 +11,6 @@ from dataclasses import replace
 from functools import cached_property
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mesh_refinement import Mesh, restrict
-from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
@@ -27,7 +25,14 @@ from airrace.procedure.solve_and_refine import (
     solve_with_refinement,
 )
 from airrace.procedure.solver_session import Budget, SolverSession
-from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem, StageProblem, formulate, mesh_of
+from airrace.procedure.stage_problem import (
+    OtherStructureError,
+    PerturbedProblem,
+    StageProblem,
+    coarse_mesh,
+    formulate,
+    mesh_of,
+)
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
@@ -154,7 +159,7 @@ class WarmStage:
     ) -> StageResult:
         """Solve a flight from the optimum of another one, by choice on the mesh from which its own was divided."""
         there, flight = (one.with_conditions(known.pylon_conditions) for one in (before, after))
-        mesh, guess = _coarse_mesh(known) if coarse else (mesh_of(known.trajectory), iterate_of(known.trajectory))
+        mesh, guess = coarse_mesh(known) if coarse else (mesh_of(known.trajectory), iterate_of(known.trajectory))
         multipliers = Multipliers(known.constraint_multipliers, known.bound_multipliers)
         whole = there.problem(mesh_of(known.trajectory))
         layout, carried = Layout(whole), None
@@ -167,11 +172,3 @@ class WarmStage:
 
     def _session(self, settings: Settings, service: SolverService) -> SolverSession:
         return SolverSession(service, settings, Silent(), self._threads, budget=replace(self._budget))
-
-
-def _coarse_mesh(optimum: StageResult) -> tuple[Mesh, Iterate]:
-    """Return an optimum on the mesh from which its own was divided, on its own where there is none."""
-    mesh, iterate, nodes = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), optimum.coarser_nodes
-    if nodes.all() or not nodes[optimum.trajectory.first_node].all():
-        return mesh, iterate
-    return restrict(mesh, iterate, nodes)

@@ -67,7 +67,8 @@ class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
     `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are those of the
-    limits as far as they are known, None if nothing is.
+    limits as far as they are known, None if nothing is; `iterations_max` is that of the first solve, None for that of
+    the settings.
     """
 
     flight: StageProblem
@@ -76,6 +77,7 @@ class Start:
     barrier: InitialBarrier
     provenance: StageProvenance = NO_PROVENANCE
     multipliers: Multipliers | None = None
+    iterations_max: int | None = None
 
     def has_guess_of(self, other: "Start") -> bool:
         """Tell whether another start begins with the same guess on the same mesh: where both are trimmed."""
