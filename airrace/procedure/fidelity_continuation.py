@@ -372,12 +372,20 @@ class FidelityContinuation:
         flight, (mesh, iterate) = self.along(optimum.stage, optimum), coarse_mesh(optimum)
         if flight.rooms is None:
             return []
-        refine = solve_certified if optimum.certified else solve_single_mesh
+        refine, race_time = solve_certified if optimum.certified else solve_single_mesh, optimum.trajectory.race_time
+        slowest = race_time + CHOICE.near_tie * self._settings.certificate.race_time_of(race_time)
 
         def solve(session: SolverSession, conditions: tuple[PylonCondition, ...]) -> StageResult | Failure:
             other = flight.with_conditions(conditions)
-            start = Start(other, other.problem(mesh), iterate, InitialBarrier.PIECES, optimum.provenance)
-            start = dataclasses.replace(start, iterations_max=CHOICE.other_side_iterations_max)
+            start = Start(
+                other,
+                other.problem(mesh),
+                iterate,
+                InitialBarrier.PIECES,
+                optimum.provenance,
+                iterations_max=CHOICE.other_side_iterations_max,
+                race_time_max=slowest,
+            )
             return refine(session, start, session.solvers[0])
 
         jobs: list[Callable[[SolverSession], StageResult | Failure]] = []

@@ -286,7 +286,7 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
         return Refined(session, state, solution, optimum)
 
     def following(state: RefinementState, refined: Refined) -> RefinementState | None:
-        if refined.optimum is None or state.number == total:
+        if refined.optimum is None or refined.optimum.race_time > start.race_time_max or state.number == total:
             return None
         after, fine = state.following(refined), refined.optimum.problem.intervals > largest
         return None if fine and after is not None and after.number > state.number else after

@@ -68,7 +68,7 @@ class Start:
 
     `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are those of the
     limits as far as they are known, None if nothing is; `iterations_max` is that of the first solve, None for that of
-    the settings.
+    the settings; an optimum slower than `race_time_max` (s) is of no use, and no mesh follows it.
     """
 
     flight: StageProblem
@@ -78,6 +78,7 @@ class Start:
     provenance: StageProvenance = NO_PROVENANCE
     multipliers: Multipliers | None = None
     iterations_max: int | None = None
+    race_time_max: float = math.inf
 
     def has_guess_of(self, other: "Start") -> bool:
         """Tell whether another start begins with the same guess on the same mesh: where both are trimmed."""

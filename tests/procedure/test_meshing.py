@@ -463,6 +463,27 @@ def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
     assert found.certified is refined
 
 
+@pytest.mark.parametrize(("race_time_max", "refined"), [(1.0, False), (100.0, True)])
+def test_an_optimum_too_slow_to_be_of_use_is_refined_no_more(race_time_max: float, refined: bool) -> None:
+    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
+    with SolverService() as service:
+        session = SolverSession(service, PLAN, Silent())
+        found = solve_and_refine.solve_certified(session, replace(start, race_time_max=race_time_max), "fatrop")
+    assert isinstance(found, StageResult)
+    assert found.certified is refined
+    assert (len(session.attempts) > 1) is refined
+
+
+def test_the_first_solve_has_the_iterations_of_its_start() -> None:
+    flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
+    start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD, iterations_max=3)
+    with SolverService() as service:
+        session = SolverSession(service, PLAN, Silent())
+        assert isinstance(solve_and_refine.solve_certified(session, start, "fatrop"), solve_and_refine.Failure)
+    assert [one.iterations <= 4 for one in session.attempts] == [True]
+
+
 def test_limit_of_a_long_race_grows_with_its_duration() -> None:
     for duration in (1.0, 55.0, 80.0, LONG_RACE):
         assert LIMITS.race_time_of(duration) == LIMITS.race_time
