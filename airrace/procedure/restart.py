@@ -173,10 +173,10 @@ def _on_other_route(
     if not point_mass.holds:
         return None
     whole = continuation.start_along(continued.stage, point_mass, session)
-    start = _splice(whole, continued, around.phases, name)
+    start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
     draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
     first = certified_state(session, start.flight, draft, start.barrier, (primary,), None)
-    found = refine_from(session, start, replace(first, iterations_max=ITERATIONS_MAX, purpose="on another route"))
+    found = refine_from(session, start, replace(first, purpose="on another route"))
     return found if isinstance(found, StageResult) and found.certified else None
 
 
@@ -208,6 +208,7 @@ def _from_optimum(
     assert stored is not None  # there would be an obstacle
     flight = continuation.along(optimum.stage, optimum)
     start, finer = _start(flight, optimum, stored, name)
+    start = replace(start, iterations_max=ITERATIONS_MAX)
     primary = session.solvers[0]
 
     def following(refined: Refined) -> RefinementState:
@@ -241,7 +242,6 @@ def _from_optimum(
         start.multipliers,
         number=-1,
         passing=True,
-        iterations_max=ITERATIONS_MAX,
         purpose=f"from {start.provenance.source}",
     )
     found = refine_from(session, start, first)

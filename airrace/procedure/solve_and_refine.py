@@ -123,7 +123,6 @@ class RefinementState:
         compares: whether the certificate asks for that comparison.
         rough: a looser tolerance, see `SolverSession.solve`.
         passing: likewise.
-        iterations_max: likewise.
         purpose: what is solved for, a clause; by default a refinement of all phases.
         clearance_rounds: how many solves for wings too near to pylons were made on a mesh that was good already.
         nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
@@ -142,7 +141,6 @@ class RefinementState:
     compares: bool = True
     rough: float = 0.0
     passing: bool = False
-    iterations_max: int | None = None
     purpose: str = ""
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
@@ -274,7 +272,7 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
             purpose,
             barrier=state.barrier,
             solvers=state.solvers,
-            iterations_max=state.iterations_max,
+            iterations_max=start.iterations_max if state is first else None,
             rough=state.rough,
             passing=state.passing,
             multipliers=state.multipliers,
@@ -313,7 +311,7 @@ def solve_certified(session: SolverSession, start: Start, solver: str) -> StageR
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
     state = certified_state(session, start.flight, first, start.barrier, (solver,), start.multipliers)
-    return refine_from(session, start, replace(state, iterations_max=start.iterations_max))
+    return refine_from(session, start, state)
 
 
 def certified_state(
@@ -444,7 +442,7 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     state = RefinementState(
         start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
     )
-    return refine_from(session, start, replace(state, rough=rough, iterations_max=start.iterations_max))
+    return refine_from(session, start, replace(state, rough=rough))
 
 
 def _rough_tolerance(session: SolverSession, number: int) -> float:
