@@ -62,7 +62,7 @@ class ChoiceThresholds:
         other_sides_max: how often at most the pylons beside the fastest flight are passed on their other sides,
             one at a time.
         other_side_iterations_max: the largest number of iterations of the first solve on another side. Some that
-            led to a flight took 9 to 19; two that led to none took 900, three times the time of a run from scratch.
+            led to a flight took 9 to 19; two that led to none took 900 together, three times as long as from scratch.
         same_flight: the difference of race times below which two optima from different starts are one, s.
     """
 
@@ -437,11 +437,13 @@ class FidelityContinuation:
         """Return plans with room of the race's own radius and those of the budget."""
         flight, course = self.flight(Stage.POINT_MASS), self._race.course
         paces = (flight.plan.cruise, *(one.scale(flight.plan.cruise) for one in budget.radii))
-        roomy = (plan_with_room(course, plan(course, pace)) for pace in paces)
-        starts = [None if one is None else planned_guess(flight, one, InitialBarrier.COLD) for one in roomy]
-        if starts[0] is not None:  # from which a run without a search starts, too
-            starts[0] = dataclasses.replace(starts[0], is_baseline=True)
-        return [one for one in starts if one is not None]
+        roomy = ((pace, plan_with_room(course, plan(course, pace))) for pace in paces)
+        # A run without a search starts from the first of them, too.
+        return [
+            dataclasses.replace(planned_guess(flight, one, InitialBarrier.COLD), is_baseline=pace is paces[0])
+            for pace, one in roomy
+            if one is not None
+        ]
 
     def _homotopy_beside_plans(self, session: SolverSession) -> StageResult:
         """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it."""
