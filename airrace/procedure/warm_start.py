@@ -36,8 +36,8 @@ class InitialBarrier(Enum):
     COLD = 0.1
     """A guess that may be far off."""
     PIECES = 1e-2
-    """Assembled pieces, or the solution of a neighbouring problem. Windows on Rovinj and Air Race X took predictor-
-    corrector steps as many iterations with 0.1 and with 1e-3, and fatrop more than twice as many."""
+    """Assembled pieces, or the solution of a neighbouring problem. Windows on Rovinj and Air Race X took the steps
+    about as many iterations with 0.1, and fatrop about twice as many."""
     COARSE = 1e-3
     """A coarse solution on another mesh, or the optimum of another stage with its multipliers: of 59 such optima on 10
     courses predictor-corrector steps took 778 iterations, 785 with 1e-2, 912 with 1e-4; fatrop took 990 with 1e-4."""

@@ -1,7 +1,7 @@
 """Predictor-corrector steps of an interior point method, for a guess whose multipliers may be known.
 
 Mehrotra's method [Mehrotra 1992] with Gondzio's corrections [Gondzio 1996] on the nonlinear program, its derivatives
-taken anew at every iterate. That takes less than half of fatrop's iterations, whose steps are cut short by slacks that
+taken anew at every iterate. That takes about half of fatrop's iterations, whose steps are cut short by slacks that
 vanish. There is no line search: a number on the diagonal [Levenberg 1944, Marquardt 1963] keeps steps as short as the
 program is trusted, which leads along valleys that are curved and nearly flat, such as the choice of a bank where there
 is no lift. Where steps lead nowhere it gives up, and another solver has to be asked.
