@@ -330,7 +330,7 @@ class SolverSession:
         race time falls: a roll that changes its place among bang-bang arcs took 1,100 short steps, in which a second
         was gained.
         """
-        barrier = InitialBarrier.OTHER_STAGE if known else InitialBarrier.COARSE
+        barrier = InitialBarrier.OTHER_PROBLEM if known else InitialBarrier.COARSE
         options = replace(options, barrier=barrier.value, algorithm="line-search")
         start = guess
         for _ in range(1 if known else LIMITS.descents_max):

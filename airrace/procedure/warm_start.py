@@ -41,7 +41,7 @@ class InitialBarrier(Enum):
     COARSE = 1e-3
     """A coarse solution on another mesh, or the optimum of another stage with its multipliers: of 59 such optima on 10
     courses predictor-corrector steps took 778 iterations, 785 with 1e-2, 912 with 1e-4; fatrop took 990 with 1e-4."""
-    OTHER_STAGE = 1e-4
+    OTHER_PROBLEM = 1e-4
     """The optimum of another stage without multipliers, or of the same one under other numbers. A larger value leads
     astray and back, in twice the iterations."""
     OTHER_MESH = 1e-5

@@ -166,7 +166,7 @@ def test_a_solve_that_ran_out_of_iterations_on_its_way_down_is_continued(
     assert barriers == [InitialBarrier.COLD.value, *[InitialBarrier.COARSE.value] * descents] * 2
 
 
-@pytest.mark.parametrize("barrier", [InitialBarrier.OTHER_MESH, InitialBarrier.OTHER_STAGE])
+@pytest.mark.parametrize("barrier", [InitialBarrier.OTHER_MESH, InitialBarrier.OTHER_PROBLEM])
 def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: InitialBarrier) -> None:
     service = Exhausted("stuck")
     service.gained = -1.0  # a guess of another plant may be too fast
@@ -177,7 +177,7 @@ def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: Ini
     used.solve(problem, made, "all phases", barrier=barrier, multipliers=known)
     assert [one.purpose for one in used.attempts[:3]] == ["all phases", "all phases, farther down", "all phases"]
     assert [one is None for one in service.known[:3]] == [False, False, True]
-    assert asked(used)[1][1].barrier == InitialBarrier.OTHER_STAGE.value
+    assert asked(used)[1][1].barrier == InitialBarrier.OTHER_PROBLEM.value
     assert asked(used)[1][1].algorithm == "line-search"
     fewer = SolverSession(Exhausted("stuck"), Settings(), Silent())
     fewer.solve(problem, made, "all phases", barrier=barrier, multipliers=known, iterations_max=50)

@@ -55,7 +55,7 @@ def solved_start(*, torn: float = 0.0) -> Start:
     state = iterate.state.copy()
     state[0, -1] += torn
     begun = Iterate(iterate.durations, state, iterate.control)
-    return Start(flight, flight.problem(mesh_of(flown)), begun, InitialBarrier.OTHER_STAGE)
+    return Start(flight, flight.problem(mesh_of(flown)), begun, InitialBarrier.OTHER_PROBLEM)
 
 
 def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], list[str]]:

@@ -134,8 +134,8 @@ From where predictor-corrector steps had run out of iterations, it ended three o
 """
 
 
-class Fatrop(Solver):
-    """The Riccati-structured interior point method fatrop (Vanroye et al.).
+class FatropRelay(Solver):
+    """The Riccati-structured interior point method fatrop (Vanroye et al.), with predictor-corrector steps and IPOPT.
 
     With the native library, predictor-corrector steps come first where the options say so; where they fail fatrop
     begins with the same guess. It hands over to them a solve with known multipliers after `HAND_OVER` iterations, and
@@ -278,7 +278,7 @@ class Ipopt(Solver):
         return self._nlpsols[kinds]
 
 
-SOLVERS: Mapping[str, type[Solver]] = {"fatrop": Fatrop, "ipopt": Ipopt}
+SOLVERS: Mapping[str, type[Solver]] = {"fatrop": FatropRelay, "ipopt": Ipopt}
 """The solvers by the names that settings know."""
 
 

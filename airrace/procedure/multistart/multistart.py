@@ -276,7 +276,7 @@ def search_around(
     flight = replace(point_mass, plan=plan_from_solution(course, point_mass.plan.cruise, optimum.trajectory))
     counts = [intervals(seconds) for seconds in optimum.trajectory.durations.tolist()]
     coarse, iterate = resample(mesh_of(optimum.trajectory), _as_point_mass(flight, source, optimum), counts)
-    (base,) = pool.work([InitialGuess(flight, coarse, iterate, InitialBarrier.OTHER_STAGE)], solve_coarse)
+    (base,) = pool.work([InitialGuess(flight, coarse, iterate, InitialBarrier.OTHER_PROBLEM)], solve_coarse)
     if base is None:
         return None
     search = Search(point_mass, course, LOCAL, pool, lambda _: None)
