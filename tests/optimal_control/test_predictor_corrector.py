@@ -1,5 +1,6 @@
 """Warm starts: known multipliers, the predictor-corrector method and the Riccati recursion that solves its steps."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import casadi as ca
@@ -110,14 +111,12 @@ def test_steps_go_on_as_long_as_they_lead_downhill(
     assert (STEPS in solved(problem, slow, multipliers).status) is led_on
 
 
-@pytest.mark.parametrize(("slope", "curvature"), [(4e-7, -2e-6), (5.7e-7, -3e-6), (8e-7, -3e-6)])
-def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, curvature: float) -> None:
-    """Its step is so long that slack times multiplier, predicted to second order, would stay."""
+def with_idle_control(cost: Callable[[ca.SX], ca.SX], least: float, idle: float) -> Solution:
+    """The optimum of a problem with a control between `least` and 1 that only its cost is of, from a guess of it."""
     x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("p", 0)
-    idle = u[1] - 0.41
-    rates = ca.Function("rates", [x, u, p], [ca.vertcat(u[0], 4.0 * (slope + 0.5 * curvature * idle) * idle)])
+    rates = ca.Function("rates", [x, u, p], [ca.vertcat(u[0], 4.0 * cost(u[1]))])
     states = Quantity("x", "1"), Quantity("cost", "1")
-    system = System("idle", states, (Quantity("u", "1"), Quantity("idle", "1", lower=0.0, upper=1.0)), (), rates)
+    system = System("idle", states, (Quantity("u", "1"), Quantity("idle", "1", lower=least, upper=1.0)), (), rates)
     exactly = Interval.exactly
     problem = Problem(
         system=system,
@@ -128,11 +127,32 @@ def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, 
         scheme=RK4,
     )
     layout = Layout(problem)
-    state, control = np.array([np.linspace(1.0, 0.0, 5), np.zeros(5)]), np.array([[-1.0] * 4, [0.41] * 4])
+    state, control = np.array([np.linspace(1.0, 0.0, 5), np.zeros(5)]), np.array([[-1.0] * 4, [idle] * 4])
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
     found = solved(problem, Iterate(np.array([1.0]), state, control), known, barrier=1e-8, tolerance=1e-7)
     assert STEPS in found.status
-    assert found.iterations <= 5
+    return found
+
+
+@pytest.mark.parametrize(("slope", "curvature"), [(4e-7, -2e-6), (5.7e-7, -3e-6), (8e-7, -3e-6)])
+def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, curvature: float) -> None:
+    """Its step is so long that slack times multiplier, predicted to second order, would stay."""
+
+    def cost(idle: ca.SX) -> ca.SX:
+        return (slope + 0.5 * curvature * (idle - 0.41)) * (idle - 0.41)
+
+    assert with_idle_control(cost, 0.0, 0.41).iterations <= 5
+
+
+def test_steps_to_and_fro_are_damped() -> None:
+    """Newton's method for v + tanh(40 v) / 10 = 0 leads from everywhere but near 0 to 0.1, and from there to -0.1."""
+
+    def cost(v: ca.SX) -> ca.SX:
+        return 1e-4 * (0.5 * v**2 + ca.log(ca.cosh(40.0 * v)) / 400.0)
+
+    found = with_idle_control(cost, -1.0, 0.3)
+    assert found.iterations <= 20
+    assert found.iterate.control[1] == pytest.approx(0.0, abs=1e-2)
 
 
 @pytest.mark.parametrize(("algorithm", "barrier"), [("predictor-corrector", 1e-5), ("line-search", 1e-2)])
