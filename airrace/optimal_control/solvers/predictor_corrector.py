@@ -109,7 +109,7 @@ class Parameters:
         most_damping: the largest one; where it leads to no step either, there is none.
         damping_factor: by which it grows until a step leads to a minimum and is short enough, and falls after a step
             of less than a third of the largest.
-        turns_back, as_long: the cosine of the angle between two steps, and the ratio of their lengths, from which on
+        takes_back, as_long: the cosine of the angle between two steps, and the ratio of their lengths, from which on
             the second takes the first back and damping grows: two points may lead to each other for ever, as where a
             commanded roll rate went to and fro by 0.08 in 60 of 80 steps.
         equality_weight: of the penalty on equalities; what is left of them the next step sees to.
@@ -130,7 +130,7 @@ class Parameters:
     minimum_damping: float = 1e-2
     most_damping: float = 10.0
     damping_factor: float = 4.0
-    turns_back: float = -0.8
+    takes_back: float = -0.8
     as_long: float = 0.5
     equality_weight: float = 1e6
     corrections_max: int = 3
@@ -445,9 +445,11 @@ def _step_lengths(point: _PrimalDualPoint, step: _PrimalDualPoint, reach: float)
 
 
 def _takes_back(moved: Array, before: Array) -> bool:
-    """Tell whether a step takes back that before it."""
-    length, longer = float(np.linalg.norm(moved)), float(np.linalg.norm(before))
-    return float(moved @ before) < PARAMETERS.turns_back * length * longer and length > PARAMETERS.as_long * longer
+    """Tell whether a step takes back the one before it."""
+    lengths = float(np.linalg.norm(moved)), float(np.linalg.norm(before))
+    if lengths[0] <= PARAMETERS.as_long * lengths[1]:
+        return False
+    return float(moved @ before) < PARAMETERS.takes_back * lengths[0] * lengths[1]
 
 
 def _largest(values: Array) -> float:
