@@ -130,8 +130,8 @@ class Parameters:
     minimum_damping: float = 1e-2
     most_damping: float = 10.0
     damping_factor: float = 4.0
-    takes_back: float = -0.8
-    as_long: float = 0.5
+    takes_back: float = -0.9
+    as_long: float = 0.9
     equality_weight: float = 1e6
     corrections_max: int = 3
     step_gain: float = 0.3
