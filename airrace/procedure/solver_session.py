@@ -45,8 +45,8 @@ class SessionLimits:
             another mesh. They took it from 25 to 17 iterations on Rovinj in 5 kt of wind, and 157 where a roll moved
             along its leg. Where they mislead all methods that are asked in turn, it is solved without them.
         stage_iterations_max: the same with multipliers of another stage. Of 59 such solves on ten courses none took
-            more than 28. Where a roll moves by an interval per step, six took 51 to 87 with what goes on from the
-            last one, and 46 to 119 with a limit of 80.
+            more than 28. Where a roll moves by an interval per step, five took 51 to 81 with what goes on from the
+            last one, and 46 to 107 with a limit of 80.
         descents_max: how often a solve without multipliers that ran out of iterations on its way down is continued.
         descent: the time that such a solve has gained so far, s.
         nearly_feasible: the largest violation of the last point of a solve that is continued, scaled (1).

@@ -446,10 +446,8 @@ def _step_lengths(point: _PrimalDualPoint, step: _PrimalDualPoint, reach: float)
 
 def _takes_back(moved: Array, before: Array) -> bool:
     """Tell whether a step takes back the one before it."""
-    lengths = float(np.linalg.norm(moved)), float(np.linalg.norm(before))
-    if lengths[0] <= PARAMETERS.as_long * lengths[1]:
-        return False
-    return float(moved @ before) < PARAMETERS.takes_back * lengths[0] * lengths[1]
+    now, last = float(np.linalg.norm(moved)), float(np.linalg.norm(before))
+    return now > PARAMETERS.as_long * last and float(moved @ before) < PARAMETERS.takes_back * now * last
 
 
 def _largest(values: Array) -> float:
