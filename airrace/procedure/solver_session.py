@@ -42,11 +42,7 @@ class SessionLimits:
         fewest_intervals: the number of intervals that a race is taken to have at least: small ones have time to
             spare.
         known_iterations_max: the largest number of iterations of a solve that begins with the multipliers of
-            another mesh. They took it from 25 to 17 iterations on Rovinj in 5 kt of wind, and 157 where a roll moved
-            along its leg. Where they mislead all methods that are asked in turn, it is solved without them.
-        stage_iterations_max: the same with multipliers of another stage. Of 59 such solves on ten courses none took
-            more than 28. Where a roll moves by an interval per step, five took 51 to 81 with what goes on from the
-            last one, and 46 to 107 with a limit of 80.
+            another mesh or stage. Where they mislead, all solvers are asked without them.
         descents_max: how often a solve without multipliers that ran out of iterations on its way down is continued.
         descent: the time that such a solve has gained so far, s.
         nearly_feasible: the largest violation of the last point of a solve that is continued, scaled (1).
@@ -56,8 +52,7 @@ class SessionLimits:
 
     work_per_interval: int = 5000
     fewest_intervals: int = 100
-    known_iterations_max: int = 200
-    stage_iterations_max: int = 40
+    known_iterations_max: int = 80
     descents_max: int = 2
     descent: float = 0.02
     nearly_feasible: float = 0.1
@@ -417,8 +412,7 @@ def _tries(
     farther away than the barrier parameter was chosen for: with 1e-3 instead of 1e-5 second meshes took 91, 107 and 121
     iterations, and not 206, 189 and 258.
     """
-    known_max = LIMITS.known_iterations_max if near else LIMITS.stage_iterations_max
-    sooner = replace(options, iterations_max=min(options.iterations_max, known_max))
+    sooner = replace(options, iterations_max=min(options.iterations_max, LIMITS.known_iterations_max))
     least = InitialBarrier.COARSE.value if near else 0.0
     farther = replace(options, barrier=max(options.barrier, least), algorithm="line-search")
     for solver in solvers:
