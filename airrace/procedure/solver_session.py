@@ -327,7 +327,8 @@ class SolverSession:
         was gained.
         """
         barrier = InitialBarrier.OTHER_PROBLEM if known else InitialBarrier.COARSE
-        options = replace(options, barrier=barrier.value, algorithm="line-search")
+        most = self.settings.solver.iterations_max
+        options = replace(options, barrier=barrier.value, algorithm="line-search", iterations_max=most)
         start = guess
         for _ in range(1 if known else LIMITS.descents_max):
             if (
