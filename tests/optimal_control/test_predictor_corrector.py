@@ -144,14 +144,22 @@ def test_a_control_that_hardly_matters_keeps_no_product_too_large(slope: float, 
     assert with_idle_control(cost, 0.0, 0.41).iterations <= 5
 
 
-def test_steps_to_and_fro_are_damped() -> None:
+def cycling_cost(v: ca.SX) -> ca.SX:
     """Newton's method for v + tanh(40 v) / 10 = 0 leads from everywhere but near 0 to 0.1, and from there to -0.1."""
+    return 1e-4 * (0.5 * v**2 + ca.log(ca.cosh(40.0 * v)) / 400.0)
 
-    def cost(v: ca.SX) -> ca.SX:
-        return 1e-4 * (0.5 * v**2 + ca.log(ca.cosh(40.0 * v)) / 400.0)
 
-    found = with_idle_control(cost, -1.0, 0.3)
+def test_steps_to_and_fro_are_damped() -> None:
+    found = with_idle_control(cycling_cost, -1.0, 0.3)
     assert found.iterations <= 20
+    assert found.iterate.control[1] == pytest.approx(0.0, abs=1e-2)
+
+
+def test_steps_that_lead_nowhere_begin_again_with_a_larger_barrier_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    parameters = replace(predictor_corrector.PARAMETERS, as_long=np.inf)  # what goes to and fro is not damped
+    monkeypatch.setattr(predictor_corrector, "PARAMETERS", parameters)
+    found = with_idle_control(cycling_cost, -1.0, 0.3)
+    assert parameters.recentred_every < found.iterations <= parameters.recentred_every + 10
     assert found.iterate.control[1] == pytest.approx(0.0, abs=1e-2)
 
 
