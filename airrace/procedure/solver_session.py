@@ -42,7 +42,8 @@ class SessionLimits:
         fewest_intervals: the number of intervals that a race is taken to have at least: small ones have time to
             spare.
         known_iterations_max: the largest number of iterations of a solve that begins with the multipliers of
-            another mesh or stage. Where they mislead, all solvers are asked without them.
+            another mesh or stage. Of 1,102 on 52 courses, the hardest of 206 among them, six took more. Where they
+            mislead, all solvers are asked without them.
         descents_max: how often a solve without multipliers that ran out of iterations on its way down is continued.
         descent: the time that such a solve has gained so far, s.
         nearly_feasible: the largest violation of the last point of a solve that is continued, scaled (1).
@@ -322,9 +323,9 @@ class SolverSession:
     ) -> Solution | None:
         """Go on from where a solve ran out of iterations at nearly feasible points.
 
-        One with known multipliers goes on once, with those that it reached. Without, a solve goes on as long as the
-        race time falls: a roll that changes its place among bang-bang arcs took 1,100 short steps, in which a second
-        was gained.
+        One with known multipliers goes on once, with those that it reached and all iterations of the settings. Without,
+        a solve goes on as long as the race time falls: a roll that changes its place among bang-bang arcs took 1,100
+        short steps, in which a second was gained.
         """
         barrier = InitialBarrier.OTHER_PROBLEM if known else InitialBarrier.COARSE
         most = self.settings.solver.iterations_max

@@ -176,6 +176,8 @@ def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: Ini
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
     used.solve(problem, made, "all phases", barrier=barrier, multipliers=known)
     assert [one.purpose for one in used.attempts[:3]] == ["all phases", "all phases, farther down", "all phases"]
+    most = [options.iterations_max for _, options, _ in asked(used)[:3]]
+    assert most == [LIMITS.known_iterations_max, *[Settings().solver.iterations_max] * 2]
     assert [one is None for one in service.known[:3]] == [False, False, True]
     assert asked(used)[1][1].barrier == InitialBarrier.OTHER_PROBLEM.value
     assert asked(used)[1][1].algorithm == "line-search"

@@ -273,8 +273,8 @@ class _Solve:
                 ending = Ending.ITERATION_LIMIT
                 break
             before = error
-            creeps = iteration > 0 and iteration % PARAMETERS.recentred_every == 0 and error > PARAMETERS.nearly_optimal
-            if creeps and multipliers is not None:
+            recentred = iteration > 0 and iteration % PARAMETERS.recentred_every == 0
+            if recentred and multipliers is not None and error > PARAMETERS.nearly_optimal:
                 point = self._recentre(point, residuals)
                 residuals = self._residuals(point)
                 if residuals is None:
@@ -324,7 +324,7 @@ class _Solve:
         return _PrimalDualPoint(guess, y, e, *_central(slacks, z, self._barrier))
 
     def _recentre(self, point: _PrimalDualPoint, residuals: _Residuals) -> _PrimalDualPoint:
-        """Return the point with slacks and multipliers of the larger barrier parameter."""
+        """Return the point with slacks and multipliers of the barrier parameter that is raised again."""
         slacks, z = _central(point.s + residuals.slacks, point.z, PARAMETERS.recentred_barrier)
         return _PrimalDualPoint(point.w, point.y, point.e, slacks, z)
 
