@@ -138,9 +138,20 @@ def _pilot(pilot: PilotLimits) -> Iterator[list[str]]:
         yield ["onset at gates", f"up to {pilot.onset:g} g/s"]
     if math.isfinite(pilot.roll_rate):
         yield ["roll rate at gates", f"up to {math.degrees(pilot.roll_rate):.3g} deg/s"]
-    ends = [name for name, holds in (("start", pilot.steady_start), ("finish", pilot.steady_finish)) if holds]
-    if ends:
-        yield ["steady turn", f"at the {' and the '.join(ends)}, within {pilot.turn_tolerance:g} g"]
+    if math.isfinite(pilot.sideslip):
+        yield ["sideslip at gates", f"up to {math.degrees(pilot.sideslip):.3g} deg"]
+    if math.isfinite(pilot.n_y):
+        yield ["lateral load factor at gates", f"up to {pilot.n_y:g} g"]
+    if settled := _ends(pilot.settled_start, pilot.settled_finish):
+        yield ["settled", settled]
+    if steady := _ends(pilot.steady_start, pilot.steady_finish):
+        yield ["steady turn", f"{steady}, within {pilot.turn_tolerance:g} g"]
+
+
+def _ends(start: bool, finish: bool) -> str:
+    """Return at which ends of the race something holds; empty where at none."""
+    ends = [name for name, holds in (("at the start", start), ("at the finish", finish)) if holds]
+    return " and ".join(ends)
 
 
 def _surroundings(race: Race) -> Iterator[list[str]]:

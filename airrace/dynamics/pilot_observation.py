@@ -1,4 +1,4 @@
-"""The quantities that a pilot's limits hold of: load factor, its onset and the roll rate, and those of a steady turn.
+"""The quantities that a pilot's limits hold of: load factors, onset, roll rate, sideslip, and those of a steady turn.
 
 In a steady turn the path keeps its climb angle: without side force the vertical part of the lift carries the weight,
 `n_z cos(mu) = cos(gamma)`. With `R_33 = cos(gamma) cos(mu)` the load factor of the turn at a bank is
@@ -50,6 +50,8 @@ ROLL_RATE = Quantity("roll_rate", "rad/s", text="roll rate about the velocity at
 TURN_EXCESS = Quantity("turn_excess", "1", text="load factor above that of a steady turn and its tolerance")
 TURN_LACK = Quantity("turn_lack", "1", text="load factor below that of a steady turn and its tolerance")
 ONSET = Quantity("onset", "1/s", text="onset of the load factor at a crossing")
+LATERAL_LOAD_FACTOR = Quantity("lateral_load_factor", "1", text="lateral load factor at a crossing")
+SIDESLIP = Quantity("sideslip", "rad", scale=0.2, text="sideslip at a crossing")
 LOW_LOAD_FACTOR = Quantity("low_load_factor", "1", scale=5.0, text="load factor near the ground")
 TOLERANCE = Quantity("turn_tolerance", "1", text="largest deviation from the load factor of a steady turn")
 LOW_HEIGHT = Quantity("low_height", "m", scale=100.0, text="height that counts as near the ground")
@@ -62,14 +64,14 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     states, numbers, tolerance = column(x.values()), column(p.values()), ca.SX.sym("tolerance")
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
     by_name: dict[str, Scalar] = dict(zip(x, rates.elements(), strict=True))
-    n_z = _load_factor(model, x, numbers)
+    n_z, n_y, beta_A = (_at_rest(model, x, numbers, name) for name in ("n_z", "n_y", "beta_A"))
     q = [x[name] for name in ATTITUDE]
     R, length = rotation(q), sum(one * one for one in q)
     turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in ATTITUDE])
     level = 1.0 - R[2][0] * R[2][0]
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
-    declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK]
-    values: list[Scalar] = [n_z, 2.0 * turned[1] / length, off - allowed, -off - allowed]
+    declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK, LATERAL_LOAD_FACTOR, SIDESLIP]
+    values: list[Scalar] = [n_z, 2.0 * turned[1] / length, off - allowed, -off - allowed, n_y, beta_A]
     if not any(one.rate_of == "n_z" for one in system.controls):  # its rate follows from the states
         declared.append(ONSET)
         values.append(ca.jtimes(n_z, states, rates))
@@ -84,19 +86,19 @@ def low_flight_observation(model: FlightModel, *, exact: bool) -> Observation:
     height = ca.SX.sym("height")
     above = -x["z"] - height
     relief = maximum(above, 0.0) if exact else smooth_maximum(above, 0.0, LOW_RELIEF.width) - 0.5 * LOW_RELIEF.width
-    values = [_load_factor(model, x, column(p.values())) + LOW_RELIEF.slope * relief]
+    values = [_at_rest(model, x, column(p.values()), "n_z") + LOW_RELIEF.slope * relief]
     name = "low_flight_exact" if exact else "low_flight"
     parameters = [LOW_HEIGHT, *system.parameters]
     return _observation(name, [LOW_LOAD_FACTOR], column(x.values()), parameters, [height, *p.values()], values)
 
 
-def _load_factor(model: FlightModel, x: dict[str, Scalar], numbers: Scalar) -> Scalar:
-    """Return n_z, a state or a path quantity of a model; it depends on no control."""
-    if "n_z" in x:
-        return x["n_z"]
+def _at_rest(model: FlightModel, x: dict[str, Scalar], numbers: Scalar, name: str) -> Scalar:
+    """Return a state or a path quantity of a model that depends on no control."""
+    if name in x:
+        return x[name]
     system = model.system
-    assert system.path_values is not None  # models with angles have load factors among their path quantities
-    row = [one.name for one in system.path].index("n_z")
+    assert system.path_values is not None  # what is no state of a model is one of its path quantities
+    row = [quantity.name for quantity in system.path].index(name)
     return system.path_values(column(x.values()), column([0.0] * len(system.controls)), numbers).elements()[row]
 
 

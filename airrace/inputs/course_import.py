@@ -131,7 +131,7 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         sketch.take_surroundings(mark)
     elements, lap = sketch.elements, sketch.passings()
     track = {
-        "schema": "airrace/track/1",
+        "schema": "airrace/track/2",
         "name": _printable(title),
         "aircraft": "edge540",
         "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},

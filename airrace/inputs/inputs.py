@@ -18,7 +18,7 @@ from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of,
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
 from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, read_preset, tightened
-from airrace.inputs.schema import Schema, language_of, read_mapping, validate
+from airrace.inputs.schema import Schema, language_of, languages_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language
 from airrace.logs.violations import NONE_KNOWN, Penalties
@@ -46,6 +46,7 @@ class Inputs:
         unused_gates: gates that stand in the track file and in no lap, in its order.
         reserve: what is asked of the flight in disturbances; None for nothing.
         margins: of the course, by key.
+        remark: what a reader should know of the language of the track file; empty where there is nothing.
     """
 
     race: Race
@@ -59,6 +60,7 @@ class Inputs:
     unused_gates: tuple[str, ...] = ()
     reserve: ReserveEntry | None = None
     margins: Mapping[str, float] = field(default_factory=dict[str, float])
+    remark: str = ""
 
 
 def load_inputs(
@@ -160,7 +162,7 @@ class DocumentReader:
             prefix, others = (f"{kind}.", ()) if kind in PREFIXED else ("", tuple(f"{one}." for one in PREFIXED))
             reporter = Reporter(root, self.findings, prefix=prefix, others=others)
             language, found = language_of(model), root.scalar("schema")
-            if found == language:
+            if found in languages_of(model):
                 return OpenedDocument(document, reporter)
             if "schema" in root.entries:
                 reporter.value(("schema",), f"expected `schema: {language}`, found `{found}`")
@@ -255,6 +257,7 @@ def _inputs(
                 unused_gates=tuple(name for name in entry.gates if name not in passed) if entry else (),
                 reserve=entry.rules.reserve if entry else None,
                 margins=entry.margins.by_key() if entry else {},
+                remark=entry.remark if entry else "",
             )
     raise InputError(shorten(reader.findings), len(reader.findings))
 

@@ -27,6 +27,9 @@ from airrace.track.gates import Tolerant
 
 FOLDER = resources.files("airrace.inputs") / "presets"
 
+Ends = Literal["none", "start", "finish", "both"]
+PilotPreset = Literal["none", "race", "display"]
+
 Level = Annotated[float, Ge(-10), Le(10)]
 Distance = Annotated[float, Gt(0), Le(5000)]
 
@@ -37,8 +40,8 @@ class PilotEntry(ShorthandSchema):
     what: ClassVar[str] = "the pilot's limits"
     form: ClassVar[str] = "the name of a preset (none, race or display), or a mapping (`key: value` lines)"
     shorthand: ClassVar[str | None] = "preset"
-    preset: Literal["none", "race", "display"] = Field(
-        default="none", description="whose limits hold where no key here says otherwise"
+    preset: PilotPreset | None = optional(
+        "whose limits hold where no key here says otherwise; by default race, in files of airrace/track/1 none"
     )
     n_z_min_low: Level | None = optional("least load factor near the ground")
     low_height_m: Annotated[float, Ge(0), Le(5000)] | None = optional(
@@ -46,26 +49,35 @@ class PilotEntry(ShorthandSchema):
     )
     n_z_min_ends: Level | None = optional("least load factor over start and finish")
     gate_onset_max_g_s: Annotated[float, Gt(0), Le(1000)] | None = optional(
-        "largest rate of the load factor at gates and pylons, either way; the point mass has none"
+        "largest rate of the load factor at gates, pylons, start and finish, either way; the point mass has none"
     )
     gate_roll_rate_max_deg_s: Annotated[float, Gt(0), Le(1000)] | None = optional(
-        "largest roll rate at gates and pylons, to either side"
+        "largest roll rate at gates, pylons, start and finish, to either side"
     )
-    steady_turn: Literal["none", "start", "finish", "both"] | None = optional(
+    gate_sideslip_max_deg: Annotated[float, Gt(0), Le(45)] | None = optional(
+        "largest sideslip at gates, pylons, start and finish, to either side"
+    )
+    gate_n_y_max: Annotated[float, Gt(0), Le(10)] | None = optional(
+        "largest lateral load factor at gates, pylons, start and finish, to either side"
+    )
+    settled: Ends | None = optional(
+        "where the aircraft is settled, as by `start_state` and `finish_state` of the course, whatever these say"
+    )
+    steady_turn: Ends | None = optional(
         "where there is no roll, and the load factor is that of a steady turn at the bank"
     )
     turn_tolerance_g: Annotated[float, Gt(0), Le(10)] | None = optional(
         "largest deviation from the load factor of that turn, by default 0.5"
     )
 
-    def complete(self) -> "PilotEntry":
-        """Return the entry as if the file gave every number of the preset."""
+    def complete(self, default: PilotPreset) -> "PilotEntry":
+        """Return the entry as if the file gave every number of its preset, which is `default` where it names none."""
         own = {key: getattr(self, key) for key in self.model_fields_set}
-        return PILOT_PRESETS[self.preset].model_copy(update=own)
+        return PILOT_PRESETS[self.preset or default].model_copy(update=own)
 
     def build(self) -> PilotLimits:
         """Return the limits of a complete entry."""
-        given, steady = self.arguments(), self.steady_turn
+        given = self.arguments()
         low = LOW_HEIGHT if self.low_height_m is None else self.low_height_m
         return PilotLimits(
             n_z_low=-math.inf if self.n_z_min_low is None else self.n_z_min_low,
@@ -73,9 +85,13 @@ class PilotEntry(ShorthandSchema):
             n_z_ends=-math.inf if self.n_z_min_ends is None else self.n_z_min_ends,
             onset=given.get("gate_onset_max_g_s", math.inf),
             roll_rate=given.get("gate_roll_rate_max_deg_s", math.inf),
-            steady_start=steady in ("start", "both"),
-            steady_finish=steady in ("finish", "both"),
-            turn_tolerance=0.0 if steady in (None, "none") else self.turn_tolerance_g or TURN_TOLERANCE,
+            sideslip=given.get("gate_sideslip_max_deg", math.inf),
+            n_y=given.get("gate_n_y_max", math.inf),
+            settled_start=self.settled in ("start", "both"),
+            settled_finish=self.settled in ("finish", "both"),
+            steady_start=self.steady_turn in ("start", "both"),
+            steady_finish=self.steady_turn in ("finish", "both"),
+            turn_tolerance=0.0 if self.steady_turn in (None, "none") else self.turn_tolerance_g or TURN_TOLERANCE,
         )
 
 
@@ -91,9 +107,11 @@ LOW_HEIGHT = 50.0
 # - least load factors: -1 g is discomfort (FAA-AM-72-28, table of tolerances), so a race pilot does not push below
 #   weightlessness near the ground; a display pilot keeps half of the weight. Over the ends it is no number that a
 #   steady turn asks for as well, or nobody could tell what each of the two limits costs.
+# - sideslip and lateral load factor: a pilot keeps the ball centred; 2 deg and 0.1 g are what little rudder is left.
+# - settled ends: nobody kicks the rudder or pushes the stick in the last tenth of a second to win a millisecond.
 # - onset: 10 g/s is from level flight to the 10 g of the race in 0.9 s; 5 g/s is half of it.
-PILOT_PRESETS = {
-    "none": PilotEntry(),
+PILOT_PRESETS: dict[PilotPreset, PilotEntry] = {
+    "none": PilotEntry(preset="none"),
     "race": PilotEntry(
         preset="race",
         n_z_min_low=0.0,
@@ -101,6 +119,9 @@ PILOT_PRESETS = {
         n_z_min_ends=0.25,
         gate_onset_max_g_s=10.0,
         gate_roll_rate_max_deg_s=90.0,
+        gate_sideslip_max_deg=2.0,
+        gate_n_y_max=0.1,
+        settled="both",
         steady_turn="start",
         turn_tolerance_g=TURN_TOLERANCE,
     ),
@@ -111,6 +132,9 @@ PILOT_PRESETS = {
         n_z_min_ends=0.75,
         gate_onset_max_g_s=5.0,
         gate_roll_rate_max_deg_s=45.0,
+        gate_sideslip_max_deg=2.0,
+        gate_n_y_max=0.1,
+        settled="both",
         steady_turn="both",
         turn_tolerance_g=TURN_TOLERANCE,
     ),
@@ -271,11 +295,12 @@ Keys = TypeVar("Keys", bound=Schema)
 
 
 def with_preset(
-    rules: RulesEntry, gate_defaults: GateDefaultsEntry, reporter: Reporter
+    rules: RulesEntry, gate_defaults: GateDefaultsEntry, default_pilot: PilotPreset, reporter: Reporter
 ) -> tuple[LimitsEntry, GateDefaultsEntry]:
     """Return the rules and gate defaults of a file on top of those of the preset it names.
 
-    The gate defaults are complete but for the range of heights: what neither gives is the language's own.
+    The gate defaults are complete but for the range of heights: what neither gives is the language's own. The pilot's
+    limits are those of `default_pilot` where neither names a preset of them.
     """
     defaults, names = LANGUAGE_DEFAULTS, preset_names()
     limits: LimitsEntry = rules
@@ -287,7 +312,7 @@ def with_preset(
         meant = f" did you mean `{similar[0]}`?" if similar else ""  # and all names: seasons are too alike
         message = f"unknown preset `{rules.preset}`;{meant} known are {', '.join(names)}"
         reporter.value(("rules", "preset"), message)
-    return limits.model_copy(update={"pilot": limits.pilot.complete()}), _overlay(defaults, gate_defaults)
+    return limits.model_copy(update={"pilot": limits.pilot.complete(default_pilot)}), _overlay(defaults, gate_defaults)
 
 
 def _overlay(below: Keys, above: Schema) -> Keys:

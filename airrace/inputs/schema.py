@@ -88,9 +88,14 @@ def keys_of(owner: type[Schema] | None) -> list[str]:
     return [info.alias or key for key, info in owner.model_fields.items()] if owner else []
 
 
+def languages_of(model: type[Schema]) -> tuple[str, ...]:
+    """Return what may stand at `schema` in the documents that a model reads, the newest first."""
+    return tuple(str(language) for language in get_args(model.model_fields["schema_"].annotation))
+
+
 def language_of(model: type[Schema]) -> str:
-    """Return what stands at `schema` in the documents that a model reads, e.g. `airrace/track/1`."""
-    return str(get_args(model.model_fields["schema_"].annotation)[0])
+    """Return what stands at `schema` in new documents that a model reads, e.g. `airrace/track/2`."""
+    return languages_of(model)[0]
 
 
 def inner(annotation: Annotation, part: str | int) -> Annotation:

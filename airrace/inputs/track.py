@@ -1,6 +1,7 @@
-"""The track language `airrace/track/1`, and the builder of the course of such a file.
+"""The track language `airrace/track/2`, and the builder of the course of such a file.
 
-Every key carries its unit. A further part of a course is one more field of `TrackEntry`.
+In the previous language, `airrace/track/1`, no pilot's limits hold where `rules.pilot` is missing. Every key carries
+its unit. A further part of a course is one more field of `TrackEntry`.
 """
 
 import math
@@ -16,7 +17,7 @@ from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
 from airrace.inputs.nodes import LIMITS, Reporter
 from airrace.inputs.places import OriginEntry, Places
-from airrace.inputs.rules import MarginsEntry, RulesEntry, build_rules, with_preset
+from airrace.inputs.rules import MarginsEntry, PilotPreset, RulesEntry, build_rules, with_preset
 from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
     Corners,
@@ -40,7 +41,9 @@ class TrackEntry(Schema):
     # Files are validated as `track_language()`, which knows the kinds of elements.
 
     what: ClassVar[str] = "a track"
-    schema_: Literal["airrace/track/1"] = Field(alias="schema", description="the language of this file")
+    schema_: Literal["airrace/track/2", "airrace/track/1"] = Field(
+        alias="schema", description="the language of this file"
+    )
     name: Annotated[str, Field(min_length=1)] = Field(description="what the race is called")
     source: str = Field(default="", description="where the numbers come from")
     notes: str = Field(default="", description="anything of interest; without effect")
@@ -70,6 +73,21 @@ class TrackEntry(Schema):
     airspace: Corners | None = optional("corners of the convex area of the race, in order")
     course: CourseEntry = Field(description="the order of its passages")
 
+    @property
+    def default_pilot(self) -> PilotPreset:
+        """The preset of the pilot's limits where the file names none."""
+        return "race" if self.schema_ == "airrace/track/2" else "none"
+
+    @property
+    def remark(self) -> str:
+        """What a reader should know of a file of the previous language; empty where there is nothing."""
+        if self.default_pilot == "race" or "pilot" in self.rules.model_fields_set:
+            return ""
+        return (
+            f"in {self.schema_} no pilot's limits hold where `rules.pilot` is missing: say `pilot: race` or "
+            "`pilot: none`; in airrace/track/2 `race` holds"
+        )
+
 
 def track_language() -> type[TrackEntry]:
     """Return the schema of a course file with all kinds of elements, those of extensions included."""
@@ -91,7 +109,7 @@ def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
 
 def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
     """Return the course of a track file; it is only of use if nothing was reported."""
-    limits, gate_defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
+    limits, gate_defaults = with_preset(entry.rules, entry.gate_defaults, entry.default_pilot, reporter)
     rules = build_rules(limits, entry.rules.preset, reporter)
     places = Places(entry.origin, reporter)
     places.check_origin()

@@ -97,7 +97,7 @@ class Variation:
 
 def _complete(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
     """Return a track without fault as if its file gave every number that its preset and the language give it."""
-    limits, defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
+    limits, defaults = with_preset(entry.rules, entry.gate_defaults, entry.default_pilot, reporter)
     environment, wind = entry.environment, entry.environment.wind
     distance = {"distance_m": limits.crowd_distance_m}
     update = {

@@ -88,6 +88,7 @@ class RemarkKind(Enum):
     OBSTACLE = "obstacle"
     AIRSPACE = "airspace"
     ELEMENT = "element"
+    LANGUAGE = "language"
 
     @classmethod
     def of(cls, subject: str) -> "RemarkKind":

@@ -18,8 +18,8 @@ ALPHA_MAX, START_SPEED_MAX = 45.0, 500.0
 """The values up to which the angle of attack (deg) and the start speed (kt) are relaxed."""
 N_Z_MAX, ROLL_RATE_MAX, SPEED_MAX, SPEED_MIN = 25.0, 1000.0, 300.0, 5.0
 """The values up to which an aircraft's limits are relaxed: g, deg/s, m/s."""
-ONSET_MAX, TURN_TOLERANCE_MAX = 1000.0, 10.0
-"""The values up to which a pilot's onset (g/s) and deviation from a steady turn (g) are relaxed."""
+ONSET_MAX, TURN_TOLERANCE_MAX, SIDESLIP_MAX = 1000.0, 10.0, 45.0
+"""The values up to which a pilot's onset (g/s), deviation from a steady turn (g) and sideslip (deg) are relaxed."""
 
 
 def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
@@ -78,6 +78,9 @@ def _rules(race: Race) -> Iterator[Parameter[Race]]:
     yield rule("pilot.gate_onset_max_g_s", "rules.pilot.onset", "the onset at gates", 5.0, ONSET_MAX)
     rolls = math.degrees(own.p)
     yield rule("pilot.gate_roll_rate_max_deg_s", "rules.pilot.roll_rate", "the roll rate at gates", 20.0, rolls)
+    sideslip = "the sideslip at gates"
+    yield rule("pilot.gate_sideslip_max_deg", "rules.pilot.sideslip", sideslip, 2.0, SIDESLIP_MAX)
+    yield rule("pilot.gate_n_y_max", "rules.pilot.n_y", "the lateral load factor at gates", 0.1, own.n_y, 0.01)
     if pilot.steady_start or pilot.steady_finish:
         path, label = "rules.pilot.turn_tolerance", "the tolerance of the steady turn"
         yield rule("pilot.turn_tolerance_g", path, label, 0.5, TURN_TOLERANCE_MAX)

@@ -27,10 +27,12 @@ from airrace.dynamics.observations import (
     with_sight,
 )
 from airrace.dynamics.pilot_observation import (
+    LATERAL_LOAD_FACTOR,
     LOAD_FACTOR,
     LOW_LOAD_FACTOR,
     ONSET,
     ROLL_RATE,
+    SIDESLIP,
     TURN_EXCESS,
     TURN_LACK,
     crossing_observation_of_pilot,
@@ -44,14 +46,16 @@ from airrace.planning.route_decisions import Waypoint
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, side_by_side
-from airrace.track.course import Course, EndState, PilotLimits, Rules, StartSpeed
+from airrace.track.course import Course, PilotLimits, Rules, StartSpeed
 from airrace.track.element import Frame, climb_condition
 from airrace.track.gates import NOT_POSITIVE, POSITIVE, ZERO
 from airrace.track.polygons import area, edges
 
 LEAST_COSINE = 0.1
 """The least cosine of a prescribed bank at which a steady turn is asked for (1): it takes 10 g there, none beyond."""
-PILOT_NAMES = frozenset(one.name for one in (LOAD_FACTOR, ONSET, ROLL_RATE, TURN_EXCESS, TURN_LACK))
+PILOT_NAMES = frozenset(
+    quantity.name for quantity in (LOAD_FACTOR, ONSET, ROLL_RATE, TURN_EXCESS, TURN_LACK, LATERAL_LOAD_FACTOR, SIDESLIP)
+)
 """The quantities by which a pilot's limits hold at passages."""
 NEAR_GROUND = "load factor near the ground"
 
@@ -103,11 +107,17 @@ class PilotConditions:
         """Return the boundary of a passage with what the pilot keeps to there."""
         limits, element = self.limits, waypoint.passage.element
         bounds: dict[str, Interval] = {}
-        if element.stands:
-            rates = {ROLL_RATE.name: limits.roll_rate}
-            if any(one == ONSET for one in self.crossing.quantities):
-                rates[ONSET.name] = limits.onset
-            bounds = {name: symmetric(most) for name, most in rates.items() if math.isfinite(most)}
+        if element.stands or start or finish:
+            magnitudes = {
+                ROLL_RATE.name: limits.roll_rate,
+                ONSET.name: limits.onset,
+                SIDESLIP.name: limits.sideslip,
+                LATERAL_LOAD_FACTOR.name: limits.n_y,
+            }
+            observed = {quantity.name for quantity in self.crossing.quantities}  # a point mass has no onset
+            for name, magnitude in magnitudes.items():
+                if name in observed and math.isfinite(magnitude):
+                    bounds[name] = symmetric(magnitude)
         if (start or finish) and math.isfinite(limits.n_z_ends):
             bounds[LOAD_FACTOR.name] = Interval(lower=limits.n_z_ends)
         if (start and limits.steady_start) or (finish and limits.steady_finish):
@@ -247,8 +257,8 @@ def boundaries(
     for index, following in enumerate(plan.waypoints[1:]):
         if following.passage.roll is not None:
             found[index] = dataclasses.replace(found[index], bounds={**found[index].bounds, **FROM_ZERO})
-    for index, state in ((0, course.start_state), (-1, course.finish_state)):
-        if trim is not None and state is EndState.SETTLED:
+    for index, settled in zip((0, -1), course.settled_ends, strict=True):
+        if trim is not None and settled:
             found[index] = trim.at(found[index])
     return found
 

@@ -34,7 +34,7 @@ from airrace.procedure.stage import Stage
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, at_points
-from airrace.track.course import ClearanceRule, Course, EndState, Passage
+from airrace.track.course import ClearanceRule, Course, Passage
 from airrace.trajectory import Array, Trajectory
 
 RESET_WEIGHT = 1e-7
@@ -153,7 +153,7 @@ def formulate(
         model=model,
         course=course,
         observation=crossing,
-        trim=Trim.of(model, crossing) if EndState.SETTLED in (course.start_state, course.finish_state) else None,
+        trim=Trim.of(model, crossing) if any(course.settled_ends) else None,
         watches=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
@@ -331,7 +331,7 @@ def _kinds_of_conditions(course: Course) -> object:
     has_clearance = rules.clearance is ClearanceRule.FLIGHT or bool(course.obstacles)
     limits = dataclasses.astuple(rules.pilot)
     pilot = [math.isfinite(one) if isinstance(one, float) else one for one in limits]
-    ends = course.start_state, course.finish_state, rules.start_speed
+    ends = course.settled_ends, rules.start_speed
     return passings_of(course), has_clearance, pilot, ends
 
 

@@ -261,4 +261,5 @@ def check_course(inputs: Inputs) -> CourseCheck:
     planned = planned_flight(inputs.race)
     course = inputs.race.course
     remarks = in_order([*review(inputs.race), *forgotten_lines(course), *remarks_on_line(planned)], course)
-    return CourseCheck(inputs, planned, (*unused, *remarks))
+    language = (Remark("", RemarkKind.LANGUAGE, inputs.remark),) if inputs.remark else ()
+    return CourseCheck(inputs, planned, (*language, *unused, *remarks))

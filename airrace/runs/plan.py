@@ -293,6 +293,8 @@ def plan_new_run(
     last = stage_by_name(until)
     if inputs.reserve is not None and last is not procedure.STAGES[-1]:
         raise UsageError(f"a reserve takes {procedure.STAGES[-1].value}, the last stage: leave out --until")
+    if inputs.remark:
+        logger.warning("%s: %s", inputs.track.path, inputs.remark)
     run = new_run(inputs, path)
     before = start.path if isinstance(start, RunState) else start
     ensure_unread([] if path is None else [path], [*documents_of(inputs), before])

@@ -179,8 +179,11 @@ class PilotLimits:
         n_z_low: least load factor near the ground, g.
         low_height: the height up to which that is, above the track's origin, m.
         n_z_ends: least load factor over start and finish, g.
-        onset: largest magnitude of the rate of the load factor at gates and pylons, 1/s.
-        roll_rate: largest magnitude of the roll rate at gates and pylons, rad/s.
+        onset: largest magnitude of the rate of the load factor at gates, pylons, start and finish, 1/s.
+        roll_rate: largest magnitude of the roll rate there, rad/s.
+        sideslip: largest magnitude of the sideslip there, rad.
+        n_y: largest magnitude of the lateral load factor there, g.
+        settled_start, settled_finish: whether the aircraft is settled there, whatever the course says of its ends.
         steady_start, steady_finish: whether start and finish are passed in a steady turn, without rolling.
         turn_tolerance: largest deviation from the load factor of that turn, g.
     """
@@ -190,6 +193,10 @@ class PilotLimits:
     n_z_ends: float = -math.inf
     onset: float = math.inf
     roll_rate: float = math.inf
+    sideslip: float = math.inf
+    n_y: float = math.inf
+    settled_start: bool = False
+    settled_finish: bool = False
     steady_start: bool = False
     steady_finish: bool = False
     turn_tolerance: float = 0.0
@@ -261,6 +268,15 @@ class Course:
     def safety_lines(self) -> tuple[SafetyLine, ...]:
         """All safety lines that hold on some leg, in the order in which they are met; each name once."""
         return tuple({line.name: line for passage in self.passages for line in passage.safety_lines}.values())
+
+    @property
+    def settled_ends(self) -> tuple[bool, bool]:
+        """Whether start and finish are passed in settled flight, as the course or the pilot's limits ask for it."""
+        pilot = self.rules.pilot
+        return (
+            self.start_state is EndState.SETTLED or pilot.settled_start,
+            self.finish_state is EndState.SETTLED or pilot.settled_finish,
+        )
 
     @property
     def has_rolls(self) -> bool:

@@ -333,7 +333,7 @@ def test_at_most_a_hundred_findings_are_told_of_a_document() -> None:
 
 def test_a_finding_quotes_no_more_of_a_file_than_can_be_read() -> None:
     (finding,) = findings_of(edited(TRACK, "schema: airrace/track/1", f"schema: {'x' * 5000}"))
-    assert finding.message == f"expected `schema: airrace/track/1`, found `{'x' * 100}...`"
+    assert finding.message == f"expected `schema: airrace/track/2`, found `{'x' * 100}...`"
     wordy = Finding("t.yaml", 1, 1, "a", f"`b` {'is not what it was and ' * 20} `c`")
     assert shorten([wordy]) == [wordy]
 

@@ -134,7 +134,7 @@ def test_a_preset_may_stand_for_the_rules() -> None:
 
 
 BROKEN: list[tuple[str, tuple[str | int, ...], object]] = [
-    ("track", ("schema",), "airrace/track/2"),
+    ("track", ("schema",), "airrace/track/3"),
     ("track", ("name",), ""),
     ("track", ("nmae",), "x"),
     ("track", ("origin",), None),

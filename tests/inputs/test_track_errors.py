@@ -216,10 +216,10 @@ height_min_m: 100 => height_min_m: 100, height_m: 120
 > 14:71: gates.top.height_m: is exact; not together with `height_min_m` or `height_max_m`
   start_speed_max_kt: 200 =>   start_speed_max_kt: 60
 > 5:23: rules.start_speed_max_kt: must be above 68.03 kt, the least speed of Edge 540 class; is 60
-schema: airrace/track/1 => schema: airrace/track/2
-> 1:9: schema: expected `schema: airrace/track/1`, found `airrace/track/2`
+schema: airrace/track/1 => schema: airrace/track/3
+> 1:9: schema: expected `schema: airrace/track/2`, found `airrace/track/3`
 schema: airrace/track/1\n =>
-> 1:1: schema: missing; the file must begin with `schema: airrace/track/1`
+> 1:1: schema: missing; the file must begin with `schema: airrace/track/2`
 course:\n => environment: {wind: {from_deg: 0}}\ncourse:\n
 > 15:15: environment.wind: missing; a wind needs `speed_kt` or `speed_m_s`
 course:\n => environment: {wind: {from_deg: 0, speed_kt: 1, speed_m_s: 1}}\ncourse:\n
@@ -249,7 +249,7 @@ def test_all_findings_come_at_once() -> None:
 
 def test_a_document_that_is_no_mapping_is_refused() -> None:
     (finding,) = findings_of("- a\n- b\n")
-    assert str(finding) == "t.yaml:1:1: must be a mapping that begins with `schema: airrace/track/1`"
+    assert str(finding) == "t.yaml:1:1: must be a mapping that begins with `schema: airrace/track/2`"
 
 
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"

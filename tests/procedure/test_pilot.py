@@ -19,8 +19,11 @@ from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage import Stage
+from airrace.procedure.stage_problem import history
 from airrace.track.course import PilotLimits
 
+MAGNITUDES = "beta_A", "n_y"
+"""The path quantities of models with angles whose magnitude is limited at gates, start and finish."""
 MESH = 1e-3
 """The time by which races on meshes of their own may differ, s."""
 RACE_PILOT, DISPLAY = (PILOT_PRESETS[name].build() for name in ("race", "display"))
@@ -83,7 +86,9 @@ def test_every_stage_has_the_limits_and_without_a_preset_none_has_any(stage: Sta
     assert all(not PILOT_NAMES & one.bounds.keys() for one in plain.boundaries)
     along = [[[one.name for one in leg.watches if one.at is None] for leg in race.phases] for race in (plain, limited)]
     assert along == [[[]] * len(plain.phases), [[NEAR_GROUND]] * len(limited.phases)]
-    gates = {"roll_rate"} if stage is Stage.POINT_MASS else {"roll_rate", "onset"}
+    gates = {"roll_rate", "lateral_load_factor", "sideslip"}
+    if stage is not Stage.POINT_MASS:
+        gates.add("onset")
     ends = {"load_factor", "turn_excess", "turn_lack"}
     expected = [gates | ends, gates, gates, gates | ends]
     assert [PILOT_NAMES & one.bounds.keys() for one in limited.boundaries] == expected
@@ -95,7 +100,8 @@ def test_no_steady_turn_is_asked_for_on_edge() -> None:
     edge = dataclasses.replace(SMALL.course.passages[2], speed=first.speed)
     race = dataclasses.replace(SMALL, course=dataclasses.replace(SMALL.course, passages=(edge, between[0], last)))
     problem = problem_of(flown_by(DISPLAY, race))
-    assert PILOT_NAMES & problem.start.bounds.keys() == {"roll_rate", "load_factor"}
+    without_turn = {"roll_rate", "load_factor", "lateral_load_factor", "sideslip"}
+    assert PILOT_NAMES & problem.start.bounds.keys() == without_turn
 
 
 @pytest.mark.parametrize("pilot", [RACE_PILOT, DISPLAY], ids=["race", "display"])
@@ -149,6 +155,11 @@ def test_onset_and_roll_rate_hold_at_every_gate_of_the_last_stage() -> None:
     seen, result = motion("raced", Stage.SIX_DOF), optimum_of("raced", Stage.SIX_DOF)
     steps = np.diff(result.trajectory.time)[:, None]
     onset = differentiated(seen.n_z, steps)
+    gates = result.trajectory.first_node
+    sideslip, n_y = (history(prepared(RACES["raced"], Stage.SIX_DOF), result.trajectory, name) for name in MAGNITUDES)
+    assert np.abs(sideslip[gates]).max() <= RACE_PILOT.sideslip + math.radians(0.1)
+    assert np.abs(n_y[gates]).max() <= RACE_PILOT.n_y + 1e-3
+    assert abs(n_y[-1]) <= 1e-6  # the finish is settled
     for node in result.trajectory.first_node[1:].tolist():
         assert abs(seen.p_Kbar[node - 1, -1]) <= RACE_PILOT.roll_rate + 0.02
         assert abs(onset[node - 1, -1]) <= RACE_PILOT.onset + 8.0  # the elevator's own lift as it moves
