@@ -112,7 +112,7 @@ def _leg_conditions(race: Race) -> Iterator[list[str]]:
 def _limits(race: Race) -> Iterator[list[str]]:
     rules, envelope = race.course.rules, race.aircraft.envelope
     start = race.course.passages[0].speed
-    yield ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")]
+    yield ["load factor", _range(rules.n_z_allowed.intersect(envelope.n_z), "g")]
     yield ["speed", _speeds(envelope.V)]
     kind = {StartSpeed.GROUND: "over ground"}.get(rules.start_speed, rules.start_speed.value.replace("_", " "))
     yield ["speed at the start", f"{_speeds(start)}, {kind}" if start.bounded else "free"]

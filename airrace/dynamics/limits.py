@@ -64,7 +64,7 @@ def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
     limits = Limits(
         z=z,
         V_K=aircraft.envelope.V,
-        n_z=aircraft.envelope.n_z.intersect(rules.n_z),
+        n_z=aircraft.envelope.n_z.intersect(rules.n_z_allowed),
         p_Kbar=symmetric(min(aircraft.point_mass.p, rules.p)),
         C_L=Interval(lift.C_L_min, lift.C_L_max).intersect(rules.C_L).intersect(C_L),
         beta_A=symmetric(min(aircraft.drag.beta_A_max, rules.beta_A)),

@@ -43,6 +43,7 @@ class PilotEntry(ShorthandSchema):
     preset: PilotPreset | None = optional(
         "whose limits hold where no key here says otherwise; by default race, in files of airrace/track/1 none"
     )
+    n_z_min: Annotated[float, Ge(-25), Lt(1)] | None = optional("least load factor all along")
     n_z_min_low: Level | None = optional("least load factor near the ground")
     low_height_m: Annotated[float, Ge(0), Le(5000)] | None = optional(
         "height above the origin up to which that is; above it 0.1 g less is asked for per metre"
@@ -80,6 +81,7 @@ class PilotEntry(ShorthandSchema):
         given = self.arguments()
         low = LOW_HEIGHT if self.low_height_m is None else self.low_height_m
         return PilotLimits(
+            n_z_min=-math.inf if self.n_z_min is None else self.n_z_min,
             n_z_low=-math.inf if self.n_z_min_low is None else self.n_z_min_low,
             low_height=0.0 if self.n_z_min_low is None else low,
             n_z_ends=-math.inf if self.n_z_min_ends is None else self.n_z_min_ends,
@@ -104,8 +106,8 @@ LOW_HEIGHT = 50.0
 # - roll rate: wings are level within 10 deg at a gate (race rules 2014-2019), and a pilot has "half of a tenth of a
 #   second" to stop a roll there (P. McLeod, airrace.redbull.com, What it takes). At 90 and 45 deg/s an error of 0.05 s
 #   is 4.5 and 2.3 deg of bank. The aircraft rolls at 420 deg/s (the same page).
-# - least load factors: -1 g is discomfort (FAA-AM-72-28, table of tolerances), so a race pilot does not push below
-#   weightlessness near the ground; a display pilot keeps half of the weight. Over the ends it is no number that a
+# - least load factors: -1 g is discomfort (FAA-AM-72-28, table of tolerances), so no pilot pushes harder, and a race
+#   pilot does not push below weightlessness near the ground; a display pilot keeps half of the weight. Over the ends it is no number that a
 #   steady turn asks for as well, or nobody could tell what each of the two limits costs.
 # - sideslip and lateral load factor: a pilot keeps the ball centred; 2 deg and 0.1 g are what little rudder is left.
 # - settled ends: nobody kicks the rudder or pushes the stick in the last tenth of a second to win a millisecond.
@@ -114,6 +116,7 @@ PILOT_PRESETS: dict[PilotPreset, PilotEntry] = {
     "none": PilotEntry(preset="none"),
     "race": PilotEntry(
         preset="race",
+        n_z_min=-1.0,
         n_z_min_low=0.0,
         low_height_m=LOW_HEIGHT,
         n_z_min_ends=0.25,
@@ -127,6 +130,7 @@ PILOT_PRESETS: dict[PilotPreset, PilotEntry] = {
     ),
     "display": PilotEntry(
         preset="display",
+        n_z_min=-1.0,
         n_z_min_low=0.5,
         low_height_m=LOW_HEIGHT,
         n_z_min_ends=0.75,

@@ -71,6 +71,7 @@ def _rules(race: Race) -> Iterator[Parameter[Race]]:
     fastest = min(START_SPEED_MAX, math.floor(envelope.V.upper / KNOT))
     yield rule("start_speed_max_kt", "passages.0.speed.upper", "start speed", 10.0, fastest)
     pilot = race.course.rules.pilot
+    yield rule("pilot.n_z_min", "rules.pilot.n_z_min", "the load factor", -0.5, envelope.n_z.lower)
     yield rule("pilot.n_z_min_low", "rules.pilot.n_z_low", "the load factor near the ground", -0.5, envelope.n_z.lower)
     yield rule(
         "pilot.n_z_min_ends", "rules.pilot.n_z_ends", "the load factor over start and finish", -0.5, envelope.n_z.lower

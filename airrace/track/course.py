@@ -176,6 +176,7 @@ class PilotLimits:
     """The limits that a pilot keeps to besides those of the race; without a preset there are none.
 
     Attributes:
+        n_z_min: least load factor all along, g.
         n_z_low: least load factor near the ground, g.
         low_height: the height up to which that is, above the track's origin, m.
         n_z_ends: least load factor over start and finish, g.
@@ -188,6 +189,7 @@ class PilotLimits:
         turn_tolerance: largest deviation from the load factor of that turn, g.
     """
 
+    n_z_min: float = -math.inf
     n_z_low: float = -math.inf
     low_height: float = 0.0
     n_z_ends: float = -math.inf
@@ -227,6 +229,11 @@ class Rules:
     clearance: ClearanceRule = ClearanceRule.FLIGHT
     start_speed: StartSpeed = StartSpeed.GROUND
     pilot: PilotLimits = PilotLimits()
+
+    @property
+    def n_z_allowed(self) -> Interval:
+        """The load factors that rules and pilot allow all along, g."""
+        return self.n_z.intersect(Interval(lower=self.pilot.n_z_min))
 
 
 @record

@@ -76,7 +76,7 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
         "aircraft": race.aircraft.name,
         "passages": [_passage(row) for row in rows(race)],
         "limits": {
-            "load_factor_g": _bounds(rules.n_z.intersect(race.aircraft.envelope.n_z)),
+            "load_factor_g": _bounds(rules.n_z_allowed.intersect(race.aircraft.envelope.n_z)),
             "speed_m_s": _bounds(race.aircraft.envelope.V),
             "start_speed_m_s": _bounds(course.passages[0].speed),
             "start_speed": rules.start_speed.value,
@@ -87,6 +87,7 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
             "angle_of_attack_deg": _bounds(rules.alpha_A, math.degrees(1.0)),
         },
         "pilot": {
+            "load_factor_min_g": _finite(rules.pilot.n_z_min),
             "low_load_factor_min_g": _finite(rules.pilot.n_z_low),
             "low_height_m": rules.pilot.low_height,
             "end_load_factor_min_g": _finite(rules.pilot.n_z_ends),

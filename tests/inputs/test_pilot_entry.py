@@ -76,6 +76,7 @@ def test_a_preset_is_named_in_a_word_and_its_keys_are_overridden_one_by_one(name
 
 def test_display_is_nowhere_milder_than_race() -> None:
     race, display = PILOT_PRESETS["race"].build(), PILOT_PRESETS["display"].build()
+    assert display.n_z_min >= race.n_z_min
     assert display.n_z_low >= race.n_z_low
     assert display.n_z_ends >= race.n_z_ends
     assert display.onset <= race.onset
