@@ -24,6 +24,8 @@ COMMAND = (sys.executable, "-P", "-m", "airrace")
 PLAN = ("--guess", "plan")
 POINT_MASS = ("--until", "point-mass", *PLAN)
 WIND = ("--set", "environment.wind.speed_kt=15", "--set")
+WEST_WIND = ("--set", "environment.wind.speed_kt=20", "--set", "environment.wind.from_deg=270")
+NO_FLOOR = ("--set", "rules.floor_m=10")
 NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
 
 FLIGHTS: dict[str, tuple[str, ...]] = {
@@ -37,8 +39,10 @@ FLIGHTS: dict[str, tuple[str, ...]] = {
     "wind_280": ("rovinj_2014", *WIND, "environment.wind.from_deg=280", *POINT_MASS),
     "over_the_top": ("abu_dhabi_2016", *POINT_MASS),
     "flat": ("abu_dhabi_2016", *NO_LINE, *POINT_MASS),
-    "half_cuban_eight": ("half_cuban_eight", *PLAN),
-    "race_pilot": ("half_cuban_eight", *PLAN, "--set", "rules.pilot=race"),
+    "half_cuban_eight": ("half_cuban_eight",),
+    "half_cuban_eight_west": ("half_cuban_eight", *WEST_WIND),
+    "no_limits": ("half_cuban_eight", "--set", "rules.pilot=none", *NO_FLOOR),
+    "race_pilot": ("half_cuban_eight", "--set", "rules.pilot=race", *NO_FLOOR),
     "sprint": ("sprint.yaml", *POINT_MASS),
     "stands": ("stands.yaml", *POINT_MASS),
     "harbour": ("harbour.yaml",),
@@ -73,7 +77,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "own_aircraft": ("compare", "rovinj.h5:point-mass", "extra.h5", "--plot"),
     "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
     "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
-    "pilot_limits": ("compare", "half_cuban_eight.h5", "race_pilot.h5", "--plot"),
+    "pilot_limits": ("compare", "no_limits.h5", "race_pilot.h5", "--plot"),
     "harbour": ("check", "harbour.yaml", "--plot"),
     "envelope": ("safety", "rovinj.h5", "--output"),
     "envelope_reserve": ("safety", "reserve.h5", *("--wind-error", "0", "--mass-error", "0"), *ERRORS, "--output"),
@@ -179,6 +183,32 @@ def draw_lost_time(runs: Path) -> None:
     shrink(path)
 
 
+def draw_figure_4(runs: Path) -> None:
+    """The Half Cuban Eight in still air and in wind from the west, as in figure 4 of the paper."""
+    import matplotlib.pyplot as plt
+
+    import airrace
+
+    figure = plt.figure(figsize=(10.0, 4.6), layout="constrained")
+    in_space, along = figure.add_subplot(1, 2, 1, projection="3d"), figure.add_subplot(1, 2, 2)
+    for name, label, colour in (
+        ("half_cuban_eight", "still air", "tab:blue"),
+        ("half_cuban_eight_west", "20 kt from the west", "0.5"),
+    ):
+        if not (runs / f"{name}.h5").exists():
+            call(runs, "optimize", *FLIGHTS[name], "--output", f"{name}.h5", "--quiet")
+        flight = airrace.open(runs / f"{name}.h5")["six-dof"].to_dataframe()
+        in_space.plot(flight["y_m"], flight["x_m"], flight["height_m"], color=colour, label=label)
+        along.plot(flight["y_m"], flight["height_m"], color=colour, label=label)
+    in_space.set(xlabel="east m", ylabel="north m", zlabel="height m", xlim=(-150, 150))
+    in_space.view_init(elev=18.0, azim=-50.0)
+    along.set(xlabel="east m (the wind blows from the left)", ylabel="height m", aspect="equal")
+    along.legend(loc="lower right")
+    path = PICTURES / "half_cuban_eight_wind.png"
+    figure.savefig(path, dpi=120)
+    shrink(path)
+
+
 def print_case(runs: Path) -> None:
     """The first pages of the printed case of the harbour, side by side."""
     from PIL import Image
@@ -200,6 +230,7 @@ def print_case(runs: Path) -> None:
 PRINTED: dict[str, Callable[[Path], None]] = {
     "card": draw_card,
     "case": print_case,
+    "half_cuban_eight_wind": draw_figure_4,
     "lost_time": draw_lost_time,
     "report": photograph_report,
     "views": lambda runs: photograph_scene(runs, "views", VIEWS),
