@@ -11,14 +11,18 @@ import math
 
 import airrace
 
-COLUMNS = {
+NONE: dict[str, float | str] = {"rules.pilot.preset": "none"}
+COLUMNS: dict[str, dict[str, float | str]] = {
     "race": {"rules.pilot": "race"},
     "display": {"rules.pilot": "display"},
-    "load factor near the ground": {"rules.pilot.n_z_min_low": 0.0},
-    "load factor at the ends": {"rules.pilot.n_z_min_ends": 0.25},
-    "onset at gates": {"rules.pilot.gate_onset_max_g_s": 10.0},
-    "roll rate at gates": {"rules.pilot.gate_roll_rate_max_deg_s": 90.0},
-    "steady turn at the start": {"rules.pilot.steady_turn": "start"},
+    "least load factor": {**NONE, "rules.pilot.n_z_min": -1.0},
+    "load factor near the ground": {**NONE, "rules.pilot.n_z_min_low": 0.0},
+    "load factor at the ends": {**NONE, "rules.pilot.n_z_min_ends": 0.25},
+    "onset at gates": {**NONE, "rules.pilot.gate_onset_max_g_s": 10.0},
+    "roll rate at gates": {**NONE, "rules.pilot.gate_roll_rate_max_deg_s": 90.0},
+    "sideslip at gates": {**NONE, "rules.pilot.gate_sideslip_max_deg": 2.0, "rules.pilot.gate_n_y_max": 0.1},
+    "settled finish": {**NONE, "rules.pilot.settled": "finish"},
+    "steady turn at the start": {**NONE, "rules.pilot.steady_turn": "start"},
 }
 
 
@@ -41,7 +45,7 @@ def main() -> None:
     print(f"| course, {chosen.until} | none | {' | '.join(columns)} |", flush=True)
     print("|---" * (len(columns) + 2) + "|", flush=True)
     for course in chosen.courses:
-        free, certified = measured(course, chosen.until, {})
+        free, certified = measured(course, chosen.until, NONE)
         cells = [f"{free:.3f} s{'' if certified else ' (not certified)'}"]
         for values in columns.values():
             seconds, certified = measured(course, chosen.until, values)
