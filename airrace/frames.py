@@ -31,6 +31,20 @@ def rotation(q: Sequence[Scalar]) -> Matrix:
     ]
 
 
+def right_wing(R: Sequence[Sequence[Scalar]], sin_beta_K: Scalar, cos_beta_K: Scalar) -> list[Scalar]:
+    """Return the direction of the right wing, three components in O.
+
+    It is the body's y axis, which lies in the plane of x_Kbar and y_Kbar whatever the angle of attack. Models without
+    angles have none: their wing is y_Kbar, that of no sideslip. Whatever keeps a wing clear of something, measures it
+    or shows where it is takes it from here.
+
+    Args:
+        R: `R_OKbar`, shape (3, 3).
+        sin_beta_K, cos_beta_K: of the body's kinematic sideslip.
+    """
+    return [sin_beta_K * row[0] + cos_beta_K * row[1] for row in R]
+
+
 def normalise(q: Sequence[Scalar]) -> list[Scalar]:
     """Return `q / |q|`, the unit quaternion of the same rotation."""
     q0, q1, q2, q3 = q

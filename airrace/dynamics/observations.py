@@ -1,9 +1,9 @@
 """The quantities observed of a flight: at a crossing, in a settled flight, its airspeed, and all along a leg.
 
 At a gate or pylon, (13) and (14) of the paper, they are position, wing tips, bank, climb and course. Let `e` be the
-path's direction (first column of `R_OKbar`), `y_B` the right wing (second column), `a` the axis and `l` the direction
-to its right (both horizontal), and `d` the horizontal position relative to the centre. Angles appear only as products
-of R's entries, which have no jumps; `mu_0` is the prescribed bank:
+path's direction (first column of `R_OKbar`), `y_B` the right wing (`frames.right_wing`), `a` the axis and `l` the
+direction to its right (both horizontal), and `d` the horizontal position relative to the centre. Bank, climb and course
+are those of the path; they appear only as products of R's entries, which have no jumps; `mu_0` is the prescribed bank:
 
     bank_sine = cos(gamma) sin(mu - mu_0),   bank_cosine = cos(gamma) cos(mu - mu_0)
 
@@ -62,7 +62,7 @@ from airrace.environment import (
     g0,
     pressure,
 )
-from airrace.frames import Scalar, rotation
+from airrace.frames import Scalar, right_wing, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
 from airrace.system import Observation, column, named_symbols
@@ -147,10 +147,14 @@ class CrossingValues(Vector[T]):
 
 
 def crossing_observation(states: Sequence[Quantity]) -> Observation:
-    """Return the observation of a crossing for a model whose states include `x, y, z, V_K, q0, q1, q2, q3`."""
+    """Return the observation of a crossing for a model whose states include `x, y, z, V_K, q0, q1, q2, q3`.
+
+    Of a model with a body they include `beta_K`, too.
+    """
     x, b = named_symbols(states), named_symbols(CrossingParameters.quantities())
     q = [x[name] for name in ATTITUDE]
-    values = crossing_values((x["x"], x["y"], x["z"]), x["V_K"], q, CrossingParameters(**b))
+    position, beta_K = (x["x"], x["y"], x["z"]), x.get("beta_K", 0.0)
+    values = crossing_values(position, x["V_K"], q, CrossingParameters(**b), beta_K)
     declared = CrossingValues.quantities(), x, CrossingParameters.quantities(), b
     return _observation("crossing", *declared, column(values.join()))
 
@@ -183,7 +187,11 @@ def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
 
 
 def crossing_values(
-    position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, q: Sequence[Scalar], place: CrossingParameters[Scalar]
+    position: tuple[Scalar, Scalar, Scalar],
+    V_K: Scalar,
+    q: Sequence[Scalar],
+    place: CrossingParameters[Scalar],
+    beta_K: Scalar = 0.0,
 ) -> CrossingValues[Scalar]:
     """Return the quantities observed at one instant.
 
@@ -192,11 +200,13 @@ def crossing_values(
         V_K: kinematic speed, m/s.
         q: attitude of Kbar, scalar first.
         place: the gate or pylon.
+        beta_K: kinematic sideslip of the body, rad; zero for models without angles.
     """
     R = rotation(q)
     e_N, e_E, e_D = R[0][0], R[1][0], R[2][0]
     d = (position[0] - place.centre_north, position[1] - place.centre_east)
-    wing = (place.half_span * R[0][1], place.half_span * R[1][1])
+    right = right_wing(R, sin(beta_K), cos(beta_K))
+    wing = (place.half_span * right[0], place.half_span * right[1])
     right_tip = (d[0] + wing[0], d[1] + wing[1])
     left_tip = (d[0] - wing[0], d[1] - wing[1])
     axis = (place.axis_north, place.axis_east)
@@ -473,7 +483,7 @@ def pylon_room_observation(model: FlightModel) -> Observation:
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
     R = rotation([x[name] for name in ATTITUDE])
     beta: Scalar = x.get("beta_K", 0.0)
-    right = [sin(beta) * R[row][0] + cos(beta) * R[row][1] for row in range(3)]
+    right = right_wing(R, sin(beta), cos(beta))
     bend = [b["roll_acceleration"] * R[row][2] for row in range(3)]
     velocity = [x["V_K"] * R[row][0] for row in range(3)]
     change: list[Scalar] = [*ca.jtimes(column([*velocity, *right]), states, rates).elements()]

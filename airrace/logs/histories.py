@@ -44,6 +44,7 @@ DECLARATIONS = {
     "p_Kbar": Quantity("p_Kbar", "rad/s", text="roll rate about the velocity"),
     "C_L": Quantity("C_L", "1", text="lift coefficient"),
     "beta_A": Quantity("beta_A", "rad", text="aerodynamic sideslip"),
+    "beta_K": Quantity("beta_K", "rad", text="kinematic sideslip of the body, by which its wing is turned in the path"),
     **{name: Quantity(name, "1", text="attitude of the flight path") for name in PATH_ATTITUDE},
 }
 """Declarations of all histories of a recorded flight, by name."""
@@ -115,7 +116,8 @@ def _recorded_attitude(
 ) -> dict[str, Array]:
     """Return the attitude of path and body, and the roll rate, by the recorded angles as far as they are there.
 
-    Where roll, pitch and heading are recorded the wings are those of the body, as far as they lie across the path.
+    Where roll, pitch and heading are recorded the wings are those of the body, as far as they lie across the path, and
+    what is left of them along it is its kinematic sideslip.
     A roll without the others is one about a body that flies along the path at its angle of attack, without sideslip:
 
         tan(phi) = cos(gamma) sin(mu) / (cos(alpha) cos(gamma) cos(mu) - sin(alpha) sin(gamma))
@@ -143,6 +145,7 @@ def _recorded_attitude(
     found.update(zip(PATH_ATTITUDE, q, strict=True))
     if full.all():
         found.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
+        found["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))
     if roll.all():
         found["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
     return found

@@ -230,6 +230,7 @@ def _passing_violations(
         V_K=value("V_K"),
         q=[value(name) for name in PATH_ATTITUDE],
         place=crossing_parameters(element.frame(axis=axis, bank=bank, span=race.aircraft.airframe.b)),
+        beta_K=crossing.values.get("beta_K", 0.0),
     )
     values = {name: float(one) for name, one in vars(measured).items()}
 

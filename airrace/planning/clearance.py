@@ -1,10 +1,11 @@
 """Clearances: of the wing from pylons and obstacles in continuous time, of tracks over ground from people and borders.
 
-The wing is the straight line from tip to tip, a pylon the vertical line from far below up to its top. An obstacle is
-such lines, too, cleared by the radius of their cylinders more; above its top as well, where that is more than is
-asked. With `d` the aircraft's centre relative to the pylon (north, east), `w` half of the wing, from the centre to the
-right tip, and `h - H` the centre's height above the top of the pylon, the squared distance of the point `s` of the
-wing, -1 <= s <= 1, is
+The wing is the straight line from tip to tip: the body's in models that have a body, the flight path's in the others
+(`frames.right_wing`); the problem, its certificate and whatever shows a flight mean the same one. A pylon is the
+vertical line from far below up to its top. An obstacle is such lines, too, cleared by the radius of their cylinders
+more; above its top as well, where that is more than is asked. With `d` the aircraft's centre relative to the pylon
+(north, east), `w` half of the wing, from the centre to the right tip, and `h - H` the centre's height above the top of
+the pylon, the squared distance of the point `s` of the wing, -1 <= s <= 1, is
 
     f(s) = |d + s w|^2 + max(h - H + s w_h, 0)^2
 
@@ -15,7 +16,7 @@ Between the given times tips move along cubics with slopes from central differen
 where samples are 0.02 s apart. Of a cubic the distance is sampled closely and once more about the least value.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,6 +24,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.frames import right_wing, rotation
 from airrace.records import record
 from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, SafetyLine
 from airrace.track.gates import Passing, Tolerant
@@ -168,6 +170,19 @@ def cleared_pylons(course: Course) -> tuple[PylonPost, ...]:
     """Return the pylons from which the wing has to be clear at any time: all by the rule `flight`, else obstacles'."""
     always = course.rules.clearance is ClearanceRule.FLIGHT
     return tuple(one for one in pylons_of(course) if always or one.is_obstacle)
+
+
+def wing_position(values: Mapping[str, Array], semispan: float) -> tuple[Array, Array]:
+    """Return centre and half of a wing, see `Wing`; each of shape (3, ...).
+
+    Args:
+        values: by name `x`, `y`, `z` (m), `q0` to `q3` and, where there is a body, `beta_K` (rad); each of shape (...).
+        semispan: from the aircraft's centre to a wing tip, m.
+    """
+    centre = np.stack([values["x"], values["y"], -values["z"]])
+    beta_K = values.get("beta_K", np.zeros_like(centre[0]))
+    north, east, down = right_wing(rotation([values[f"q{i}"] for i in range(4)]), np.sin(beta_K), np.cos(beta_K))
+    return centre, semispan * np.stack([north, east, -down])
 
 
 def wing_distance(pylon: PylonPost, centre: Array, half: Array) -> Array:

@@ -1,9 +1,6 @@
 """The measurements of an optimum, the certificate that they make, and the result of a stage.
 
-The wing's distance from all pylons of a course on the replay of an optimum, and the item of the certificate on it.
-
-The wing is the line from tip to tip: the body's in models that have a body, the path's in the others. In the frame
-Kbar the right wing of a body at kinematic angles is `(sin(beta_K), cos(beta_K), 0)`, whatever its angle of attack.
+Among them is the wing's distance from all pylons of a course on the replay of an optimum.
 """
 
 import math
@@ -11,14 +8,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.frames import rotation
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints
 from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.planning.clearance import ClosestApproach, Wing, closest_approaches, pylons_of
+from airrace.planning.clearance import ClosestApproach, Wing, closest_approaches, pylons_of, wing_position
 from airrace.procedure.result import (
     CLEARANCE,
     NO_PROVENANCE,
@@ -225,12 +221,8 @@ def replayed_wing(flight: StageProblem, problem: Problem, iterate: Iterate, repl
     time: Array = np.append(inside.ravel(), ends[-1])
     rows = np.concatenate([replay.state[:, :, :-1].reshape(len(replay.state), -1), replay.state[:, -1:, -1]], axis=1)
     x = dict(zip((one.name for one in problem.system.states), rows, strict=True))
-    R = np.array(rotation([x[name] for name in ("q0", "q1", "q2", "q3")]))
-    beta = x.get("beta_K", np.zeros_like(time))
-    right = np.sin(beta) * R[:, 0] + np.cos(beta) * R[:, 1]
-    half = 0.5 * flight.aircraft.airframe.b * right * np.array([[1.0], [1.0], [-1.0]])
-    centre = np.stack([x["x"], x["y"], -x["z"]])
-    return Wing(time, centre, half), [parts * node for node in problem.first_node]
+    wing = Wing(time, *wing_position(x, 0.5 * flight.aircraft.airframe.b))
+    return wing, [parts * node for node in problem.first_node]
 
 
 def approaches(flight: StageProblem, problem: Problem, iterate: Iterate, replay: Replay) -> list[ClosestApproach]:

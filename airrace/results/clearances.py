@@ -1,7 +1,8 @@
 """Clearances of a flight from pylons, obstacles, crowds, lines and borders, and near misses of pylons and obstacles.
 
 The distance from a pylon is that of the wing, from tip to tip, from a vertical line up to the pylon's height; that from
-an obstacle is measured from the cylinders around it. All other distances are those of the aircraft's centre, as the
+an obstacle is measured from the cylinders around it. Wing and required distance are those of the certificate of an
+optimum (`airrace.planning.clearance`). All other distances are those of the aircraft's centre, as the
 rules measure it. Where a flight knows no height, the slant distance from people is that over ground, and pylons and
 obstacles are left out.
 
@@ -23,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.planning.clearance import (
-    SEARCH,
     PylonPost,
     Wing,
     beside_border,
@@ -32,15 +32,15 @@ from airrace.planning.clearance import (
     ground_distance,
     pylons_of,
     wing_distance,
+    wing_position,
 )
 from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.results.attitude import path_axes
 from airrace.results.derivation import Values, complete_histories
 from airrace.results.flight import (
-    BODY_ATTITUDE,
+    PATH_ATTITUDE,
     Basis,
     Flight,
     Histories,
@@ -51,7 +51,6 @@ from airrace.results.flight import (
     legs_of,
     passings_around,
 )
-from airrace.track.gates import Passing, Tolerant
 from airrace.trajectory import Array
 
 NEAR_MISS = 0.1
@@ -210,13 +209,12 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
     if not standing or not np.isfinite(flight["height"]).any():
         return
     wing = _wing(flight)
-    for element in {one.element.name: one.element for one in flight.course.passages}.values():
-        required = 0.0
-        if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
-            required = element.tolerances.clearance
-        own = [one for one in standing if one.name == element.name]
-        if own:
-            yield Distance("pylon", element.name, required, np.minimum.reduce([measure(wing, one) for one in own]))
+    for name in dict.fromkeys(one.element.name for one in flight.course.passages):
+        own = [one for one in standing if one.name == name]
+        # Usually one: a pylon in the place of another element's may have to be cleared by more than its neighbour.
+        for required in sorted({one.required for one in own}):
+            away = [measure(wing, one) for one in own if one.required == required]
+            yield Distance("pylon", name, required, np.minimum.reduce(away))
     for obstacle in flight.course.obstacles:
         axes = [measure(wing, one) for one in standing if one.name == obstacle.name]
         yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
@@ -224,12 +222,12 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
 
 def _wing(flight: Flight) -> Wing:
     """Return the way of the wing; without an attitude that of the centre."""
-    centre = np.stack([flight["x"], flight["y"], flight["height"]])
-    half = np.zeros_like(centre)
-    if flight.has(*BODY_ATTITUDE):
-        right = path_axes([flight[name] for name in BODY_ATTITUDE])[:, 1] * np.array([[1.0], [1.0], [-1.0]])
-        half = 0.5 * flight.aircraft.airframe.b * right
-    return Wing(flight.time, centre, half)
+    values = {"x": flight["x"], "y": flight["y"], "z": -flight["height"]}
+    if not flight.has(*PATH_ATTITUDE):
+        centre = np.stack([values["x"], values["y"], -values["z"]])
+        return Wing(flight.time, centre, np.zeros_like(centre))
+    values |= {name: flight[name] for name in (*PATH_ATTITUDE, "beta_K") if name in flight}
+    return Wing(flight.time, *wing_position(values, 0.5 * flight.aircraft.airframe.b))
 
 
 def _least_about(wing: Wing, pylon: PylonPost) -> Array:
@@ -284,13 +282,12 @@ def near_misses(flight: Flight) -> tuple[NearMiss, ...]:
 
 def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
     """Yield the least distance of every stretch on which it is less than the passing asks for."""
-    asked = replace(one, required=max(one.required, SEARCH.least_clearance))
     start, finish = flight.crossings[0].time, flight.crossings[-1].time
     racing = (flight.time >= start) & (flight.time <= finish)
-    below = racing & (one.values < asked.required - NEAR_MISS)  # NaN is not below
+    below = racing & (one.values < one.required - NEAR_MISS)  # NaN is not below
     turns = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(np.int8)))
     for first, end in turns.reshape(-1, 2).tolist():
-        yield at_row(flight, asked, first + int(np.argmin(one.values[first:end])))
+        yield at_row(flight, one, first + int(np.argmin(one.values[first:end])))
 
 
 def _near_miss(flight: Flight, clearance: Clearance) -> NearMiss:

@@ -22,7 +22,6 @@ from airrace.planning.lint import Remark, RemarkKind
 from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.procedure.guess import FIRST_MESH, guess, leg_seconds
-from airrace.quantities import Quantity
 from airrace.results.clearances import (
     Clearance,
     Distance,
@@ -33,7 +32,7 @@ from airrace.results.clearances import (
     pylons,
     surroundings,
 )
-from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
+from airrace.results.flight import GLOSSARY, PATH_ATTITUDE, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02
@@ -45,7 +44,8 @@ ROUNDING = 0.5
 ZONE = "zone"
 """The kind of the distance over ground from people whose rule counts the height as well."""
 
-_NAMES = ("x", "y", "height", *BODY_ATTITUDE)
+_NAMES = ("x", "y", "height", *PATH_ATTITUDE)
+_DECLARATIONS = {**{one.name: one for one in PointMassState.quantities()}, **GLOSSARY}
 _KINDS = {
     "crowd": RemarkKind.CROWD,
     ZONE: RemarkKind.CROWD,
@@ -55,7 +55,7 @@ _KINDS = {
 
 
 def planned_flight(race: Race) -> Flight:
-    """Return the plan of a race as a flight with `x`, `y`, `height` and the attitude of the body.
+    """Return the plan of a race as a flight with `x`, `y`, `height` and the attitude of its path.
 
     Args:
         race: course, aircraft and air.
@@ -72,8 +72,7 @@ def planned_flight(race: Race) -> Flight:
         if known.any():
             values[~known] = np.interp(time[~known], time[known], values[known], left=math.nan, right=math.nan)
     histories = {
-        name: History(GLOSSARY.get(name, Quantity(name, "m")), values, Basis.DERIVED)
-        for name, values in zip(_NAMES, columns, strict=True)
+        name: History(_DECLARATIONS[name], values, Basis.DERIVED) for name, values in zip(_NAMES, columns, strict=True)
     }
     crossings = tuple(
         TimedCrossing(passage, float(time[node]), {name: float(one.values[node]) for name, one in histories.items()})

@@ -25,6 +25,7 @@ from airrace.planning.clearance import (
     closest_in_steps,
     ground_distance,
     pylons_of,
+    wing_position,
 )
 from airrace.planning.plan import Race, plan_from_solution
 from airrace.planning.route_decisions import Waypoint
@@ -326,11 +327,7 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
 
 def wing_of(states: Array, semispan: float) -> tuple[Array, Array]:
     """Return centre and half of the wing, see `Wing`, of states (11 or more, ...); each of shape (3, ...)."""
-    R, beta = rotation([states[row] for row in range(4, 8)]), states[STATE["beta_K"]]
-    half = semispan * np.stack(
-        [side * (np.sin(beta) * R[i][0] + np.cos(beta) * R[i][1]) for i, side in enumerate((1.0, 1.0, -1.0))]
-    )
-    return np.stack([side * states[row] for row, side in enumerate((1.0, 1.0, -1.0))]), half
+    return wing_position(dict(zip(STATE, states, strict=False)), semispan)
 
 
 def _pylons(judge: Judge, flights: Flights, racing: Booleans, centre: Array, half: Array) -> Array:

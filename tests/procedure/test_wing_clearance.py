@@ -1,11 +1,14 @@
 """The distance of a wing from pylons: laws of the geometry, pylons of courses, the item of the certificate."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
-from races import PLAN, SHIPPED, SMALL, optimum
+from races import OPTIMA, PLAN, SHIPPED, SMALL, blown, optimum, optimum_of
 
+from airrace.dynamics.observations import CrossingParameters, crossing_values
+from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.replay import replay
@@ -17,11 +20,18 @@ from airrace.planning.clearance import (
     closest_in_steps,
     pylons_of,
     wing_distance,
+    wing_position,
 )
+from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, clearance_item
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.results import Source
+from airrace.results.attitude import body_axes, path_axes
+from airrace.results.clearances import least_distances
+from airrace.results.derivation import flight_of
 from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing
 from airrace.trajectory import Array
@@ -138,6 +148,51 @@ def test_a_flight_that_touches_a_pylon_is_certified_by_the_rule_crossing_alone()
         assert 0.0 < items[1.0].value <= SEARCH.least_clearance
         assert items[1.0].holds is (rule is ClearanceRule.CROSSING)
         assert "pylon of" in items[1.0].where
+
+
+@pytest.mark.parametrize("stage", OPTIMA)
+def test_what_is_shown_of_every_stage_is_the_distance_that_its_certificate_measures(stage: Stage) -> None:
+    assert_shown_as_certified(SMALL, optimum_of("four_gates", stage))
+
+
+def test_in_a_wind_the_wing_of_a_point_mass_is_that_of_its_path() -> None:
+    """Its body points into the wind, by seven degrees, which would bring a wing tip near a pylon it clears."""
+    race = blown(SMALL, 70.0, 10.0)
+    assert_shown_as_certified(race, optimum(race, PLAN))
+
+
+def assert_shown_as_certified(race: Race, result: StageResult) -> None:
+    """Hold the least distances that tables show against those of the replay, to the millimetres between samples."""
+    flight = formulate(result.stage, race, PLAN, result.trajectory, result.pylon_conditions)
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    measured = approaches(flight, problem, iterate, replay(problem, iterate))
+    shown = [one for one in least_distances(flight_of(race, result, Source("flight"))) if one.kind == "pylon"]
+    assert {one.name for one in shown} == {one.pylon.name for one in measured}
+    for one in shown:
+        nearest = min((each for each in measured if each.pylon.name == one.name), key=lambda each: each.distance)
+        assert one.distance == pytest.approx(nearest.distance, abs=3e-3)
+        assert one.required == nearest.pylon.required
+        assert one.margin >= -PLAN.certificate.gate_length - 3e-3
+
+
+def test_gates_and_pylons_see_the_same_wing_and_that_of_the_body_where_there_is_one() -> None:
+    random = np.random.default_rng(4)
+    for _ in range(20):
+        chi, gamma, mu, alpha, beta, axis = random.uniform(-1.2, 1.2, 6).tolist()
+        q, c, s = quaternion(chi, gamma, mu), math.cos(axis), math.sin(axis)
+        place = CrossingParameters.split([3.0, -2.0, c, s, 1.0, 0.0, 1.0, 1.0, 4.0])
+        seen = crossing_values(position=(1.0, 5.0, -20.0), V_K=80.0, q=q, place=place, beta_K=beta)
+        rows = [np.array([one]) for one in (1.0, 5.0, -20.0, *q, beta)]
+        named = dict(zip(("x", "y", "z", "q0", "q1", "q2", "q3", "beta_K"), rows, strict=True))
+        centre, half = wing_position(named, 4.0)
+        np.testing.assert_allclose(centre[:, 0], [1.0, 5.0, 20.0])
+        assert seen.right_wing - seen.right == pytest.approx(float(c * half[1, 0] - s * half[0, 0]))
+        body = body_axes(path_axes(rows[3:7]), np.array([alpha]), np.array([beta]))
+        np.testing.assert_allclose(half[:, 0], 4.0 * body[:, 1, 0] * [1.0, 1.0, -1.0], atol=1e-12)
+        without = {name: values for name, values in named.items() if name != "beta_K"}
+        np.testing.assert_allclose(
+            wing_position(without, 4.0)[1][:, 0], 4.0 * path_axes(rows[3:7])[:, 1, 0] * [1.0, 1.0, -1.0], atol=1e-12
+        )
 
 
 def with_gates(width: float) -> Course:
