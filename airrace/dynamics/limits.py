@@ -4,6 +4,7 @@ They are steered by control surfaces, or by commands to a controller; the contro
 """
 
 import math
+from collections.abc import Iterator
 
 from airrace.aircraft import Aircraft, Lift
 from airrace.dynamics.aerodynamics import lift_curve
@@ -47,6 +48,30 @@ def symmetric(magnitude: float) -> Interval:
     return Interval(-magnitude, magnitude)
 
 
+def contradictions(aircraft: Aircraft, rules: Rules) -> Iterator[tuple[str, str]]:
+    """Yield what no flight of any model can keep: the key of the rule, and why.
+
+    The angle of attack stays within the linear part of the lift curve. Simpler models know none, but a race that no
+    later stage can fly is refused before the first is solved.
+    """
+    lift, allowed, linear = aircraft.lift, rules.alpha_A, linear_range(aircraft.lift)
+    C_L_max = min(lift.C_L_max, rules.C_L.upper)
+    if allowed.lower > linear.upper:
+        stall = f"the angle at which {aircraft.name} stalls"
+        yield "alpha_min_deg", _outside("at most", linear.upper, stall, allowed.lower)
+    elif allowed.upper < linear.lower:
+        stall = f"the angle at which {aircraft.name} stalls with negative lift"
+        yield "alpha_max_deg", _outside("at least", linear.lower, stall, allowed.upper)
+    elif math.isfinite(allowed.lower) and lift_curve(allowed.lower, lift) > C_L_max:
+        most = (C_L_max - lift.C_L0) / lift.C_Lalpha
+        yield "alpha_min_deg", _outside("at most", most, "the angle of the largest lift coefficient", allowed.lower)
+
+
+def _outside(bound: str, limit: float, reason: str, value: float) -> str:
+    limit, value = (math.degrees(angle) for angle in (limit, value))
+    return f"must be {bound} {limit:.1f}, {reason}; is {value:.4g}"
+
+
 def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
     """Return the limits common to aircraft and rules.
 
@@ -69,7 +94,8 @@ def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
         C_L=Interval(lift.C_L_min, lift.C_L_max).intersect(rules.C_L).intersect(C_L),
         beta_A=symmetric(min(aircraft.drag.beta_A_max, rules.beta_A)),
     )
-    findings = [
+    findings = [Finding(aircraft.name, 0, 0, f"rules.{key}", text) for key, text in contradictions(aircraft, rules)]
+    findings = findings or [
         Finding(aircraft.name, 0, 0, name, "no value satisfies both the aircraft's limits and the rules of the course")
         for name, allowed in vars(limits).items()
         if allowed.empty
@@ -102,11 +128,8 @@ def body_bounds(aircraft: Aircraft, rules: Rules, roll_rate: str) -> dict[str, I
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     bounds = load_factor_bounds(aircraft, rules)
-    alpha_A = rules.alpha_A.intersect(linear_range(aircraft.lift))
-    if alpha_A.empty:
-        message = "the rules of the course allow no angle of attack short of the stall"
-        raise InputError([Finding(aircraft.name, 0, 0, "alpha_A", message)])
-    bounds["alpha_A"], bounds[roll_rate] = alpha_A, bounds.pop("p_Kbar")
+    bounds["alpha_A"] = rules.alpha_A.intersect(linear_range(aircraft.lift))
+    bounds[roll_rate] = bounds.pop("p_Kbar")
     return bounds
 
 

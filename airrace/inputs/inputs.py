@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 
 from airrace.aircraft import Aircraft
+from airrace.dynamics.limits import contradictions
 from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references
@@ -309,6 +310,8 @@ def check_together(race: Race, track: Reporter) -> None:
     shortfall = "" if math.isinf(rules.C_L.upper) else weight_not_carried(aircraft, rules.C_L.upper)
     if shortfall:
         track.value(("rules", "C_L_max"), shortfall)
+    for key, text in contradictions(aircraft, rules):
+        track.value(("rules", key), text)
     gates = {passage.element.name: passage.element for passage in race.course.passages}
     remarked: set[str] = set()
     for gate in gates.values():

@@ -100,8 +100,9 @@ class FidelityContinuation:
     """The stages of one race, solved one after the other; `done` holds those that are finished.
 
     Args:
-        first: the stage whose model is made at once.
-        last: the stage that a run ends with, whose mesh is always checked; None to check that of every stage.
+        first: the stage that a run begins with.
+        last: the stage that a run ends with, whose mesh is always checked; None to check that of every stage. The
+            models from the first stage to the last, or of the first alone, are made at once.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
@@ -125,7 +126,8 @@ class FidelityContinuation:
         self._relaxed: RelaxedRoutes | None = None
         self._coarse_plans: list[CoarseSolution | None] | None = None
         self.done = {result.stage: result for result in finished}
-        self.flight(first)  # inputs that contradict each other are reported before anything is solved
+        for stage in STAGES[STAGES.index(first) : STAGES.index(last or first) + 1]:
+            self.flight(stage)  # inputs that contradict each other are reported before anything is solved
 
     def flight(self, stage: Stage) -> StageProblem:
         """Return the model of a stage, made when it is first asked for.

@@ -27,12 +27,15 @@ from races import (
 from airrace.control.path_following import from_optimum
 from airrace.control.simulation import at
 from airrace.dynamics import flight_model, state_space_inversion
+from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.state_space import Surrounding
 from airrace.environment import g0
+from airrace.errors import Finding, InputError
 from airrace.frames import angles, rotation
 from airrace.optimal_control.replay import interval_durations
+from airrace.procedure import fidelity
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.run import optimize
@@ -49,6 +52,25 @@ LIMITS = PLAN.certificate
 SURFACES = (Stage.STATE_SPACE, Stage.SIX_DOF)
 FASTER = 0.02
 """s, that a higher fidelity may gain on a lower one."""
+
+
+def test_a_stage_that_aircraft_and_rules_leave_no_model_is_refused_before_any_is_solved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def contradictory(*_: object, **__: object) -> FlightModel:
+        raise InputError([Finding("course.yaml", 3, 5, "rules.extra", "no value is allowed")])
+
+    refused = dataclasses.replace(fidelity_of(Stage.SIX_DOF), build=contradictory)
+    monkeypatch.setitem(fidelity._fidelities, Stage.SIX_DOF, refused)  # pyright: ignore[reportPrivateUsage]  # registered once
+    started: list[Stage] = []
+
+    class Watching(Silent):
+        def stage_started(self, stage: Stage) -> None:
+            started.append(stage)
+
+    with pytest.raises(InputError, match=r"rules\.extra"):
+        next(optimize(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, progress=Watching()))
+    assert not started
 
 
 @each_race
