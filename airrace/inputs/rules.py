@@ -22,7 +22,8 @@ from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.planning.parameters import course_limits, with_margins
 from airrace.planning.plan import Race
 from airrace.quantities import Interval
-from airrace.track.course import ClearanceRule, Course, PilotLimits, Rules, StartSpeed
+from airrace.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
+from airrace.track.element import Element
 from airrace.track.gates import Tolerant
 
 FOLDER = resources.files("airrace.inputs") / "presets"
@@ -400,21 +401,54 @@ def tightened(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
             return race
     found = with_margins(race, margins)
     if margins:
-        for path in _without_room(found.course):
-            reporter.value(("margins", *path), "the margins leave no room between the limits")
+        for path, reason in _without_room(found.course):
+            reporter.value(("margins", *path), reason)
     return found
 
 
-def _without_room(course: Course) -> Iterator[tuple[str, ...]]:
-    """Yield the paths of margins that are too large."""
-    rules = course.rules
+def _without_room(course: Course) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the paths of margins that are too large, and why they are."""
+    rules, none_left = course.rules, "the margins leave no room between the limits"
     if rules.height.empty or rules.n_z.upper <= 1.0 or rules.n_z.lower >= 1.0 or rules.C_L.upper <= 0.0:
-        yield ("rules",)
+        yield ("rules",), none_left
+        return
+    for passage in course.passages:
+        text = height_conflict(passage.element, passage.roll, rules.height)
+        if text:
+            yield ("rules",), f"the margins leave no room: `{passage.element.base_name}` {text}"
+            break  # the others would say the same of the same margins
     for element in {one.element.name: one.element for one in course.passages}.values():
         bounds = element.conditions(element.axis or 0.0).values()
         angles = (element.tolerances.bank, element.tolerances.crossing) if isinstance(element, Tolerant) else ()
         if any(one.empty for one in bounds) or any(one <= 0.0 for one in angles):
-            yield "gates", element.base_name
+            yield ("gates", element.base_name), none_left
+
+
+def height_conflict(element: Element, roll: Roll | None, band: Interval) -> str:
+    """Return why an element cannot be reached between floor and ceiling; empty if it can.
+
+    Args:
+        element, roll: of a passage; the roll gains height.
+        band: heights between floor and ceiling, m.
+    """
+    heights = element.heights
+    if band.empty or heights.empty:
+        return ""
+    if heights.intersect(band).empty:
+        return f"lies at {_range(heights)}, outside of the race's heights of {_range(band)} (rules: floor, ceiling)"
+    if roll is not None and roll.gain > band.upper - band.lower:
+        return f"gains {roll.gain:g} m, more than there is between floor and ceiling, {band.upper - band.lower:g} m"
+    return ""
+
+
+def _range(heights: Interval) -> str:
+    if heights.lower == heights.upper:
+        return f"{heights.lower:g} m"
+    if math.isinf(heights.upper):
+        return f"{heights.lower:g} m or above"
+    if math.isinf(heights.lower):
+        return f"{heights.upper:g} m or below"
+    return f"{heights.lower:g} to {heights.upper:g} m"
 
 
 def check_reserve(reserve: ReserveEntry | None, margins: MarginsEntry, race: Race, reporter: Reporter) -> None:

@@ -4,7 +4,6 @@ In the previous language, `airrace/track/1`, no pilot's limits hold where `rules
 its unit. A further part of a course is one more field of `TrackEntry`.
 """
 
-import math
 import re
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal, Union
@@ -17,7 +16,14 @@ from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
 from airrace.inputs.nodes import LIMITS, Reporter
 from airrace.inputs.places import OriginEntry, Places
-from airrace.inputs.rules import MarginsEntry, PilotPreset, RulesEntry, build_rules, with_preset
+from airrace.inputs.rules import (
+    MarginsEntry,
+    PilotPreset,
+    RulesEntry,
+    build_rules,
+    height_conflict,
+    with_preset,
+)
 from airrace.inputs.schema import Annotation, Schema, optional
 from airrace.inputs.surroundings import (
     Corners,
@@ -146,26 +152,8 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
 def _check_heights(element: CompositeElement, band: Interval, reporter: Reporter) -> None:
     """Report an element that cannot be reached between floor and ceiling."""
     last = element.parts[-1]
-    heights = last.element.heights
-    if band.empty or heights.empty:
-        return
-    if heights.intersect(band).empty:
-        reporter.value(
-            (*element.path, last.element.height_key(too_high=heights.lower > band.upper)),
-            f"lies at {_range(heights)}, outside of the race's heights of {_range(band)} (rules: floor, ceiling)",
-        )
-    if last.roll is not None and last.roll.gain > band.upper - band.lower:
-        reporter.value(
-            (*element.path, "height_gain_m"),
-            f"is more than there is between floor and ceiling, {band.upper - band.lower:g} m",
-        )
-
-
-def _range(heights: Interval) -> str:
-    if heights.lower == heights.upper:
-        return f"{heights.lower:g} m"
-    if math.isinf(heights.upper):
-        return f"{heights.lower:g} m or above"
-    if math.isinf(heights.lower):
-        return f"{heights.upper:g} m or below"
-    return f"{heights.lower:g} to {heights.upper:g} m"
+    text = height_conflict(last.element, last.roll, band)
+    if text:
+        outside = last.element.heights.intersect(band).empty
+        key = last.element.height_key(too_high=last.element.heights.lower > band.upper) if outside else "height_gain_m"
+        reporter.value((*element.path, key), text)

@@ -214,6 +214,13 @@ inverted: true, => inverted: true, bank_deg: 0,
 > 14:52: gates.top.bank_deg: not together with `inverted`, which says a bank of 180 degrees
 height_min_m: 100 => height_min_m: 100, height_m: 120
 > 14:71: gates.top.height_m: is exact; not together with `height_min_m` or `height_max_m`
+  n_z_max: 10 =>   n_z_max: 10\n  alpha_min_deg: 18
+> 5:18: rules.alpha_min_deg: must be at most 16.7, the angle at which Edge 540 class stalls; is 18
+  n_z_max: 10 =>   n_z_max: 10\n  alpha_min_deg: 12\n  C_L_max: 0.5
+> 5:18: rules.alpha_min_deg: must be at most 6.0, the angle of the largest lift coefficient; is 12
+course:\n => margins: {rules: {floor_m: 30}}\ncourse:\n
+> 15:18: margins.rules: the margins leave no room: `g0` lies at 15 to 25 m, outside of the race's heights of 40 m or
+> above (rules: floor, ceiling)
   start_speed_max_kt: 200 =>   start_speed_max_kt: 60
 > 5:23: rules.start_speed_max_kt: must be above 68.03 kt, the least speed of Edge 540 class; is 60
 schema: airrace/track/1 => schema: airrace/track/3
