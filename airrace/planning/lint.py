@@ -21,7 +21,7 @@ from airrace.planning.planning_model import ASSUMED, PlanningModel
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.course import Course, Direction, Passage
+from airrace.track.course import Course, Direction, Passage, StartSpeed
 from airrace.track.polygons import Point, inside
 
 
@@ -168,17 +168,26 @@ def _race_remarks(race: Race) -> Iterator[Remark]:
 
 
 def _start_remarks(race: Race) -> Iterator[Remark]:
-    start = race.course.passages[0]
-    fastest, limit = top_speed(race.aircraft), start.speed.upper
-    if limit <= fastest or not fastest > 0.0:
+    """Yield a remark on a start that may be passed faster than in level flight.
+
+    The optimum begins at any speed that limit and envelope allow, whatever it would take to reach that before.
+    """
+    start, aircraft = race.course.passages[0], race.aircraft
+    fastest, most, limit = top_speed(aircraft), aircraft.envelope.V.upper, start.speed.upper
+    over_ground = race.course.rules.start_speed is StartSpeed.GROUND
+    if limit < fastest + KNOT or not fastest > 0.0:
         return
-    reached = f"{race.aircraft.name} reaches {fastest / KNOT:.0f} kt in level flight"
-    if math.isfinite(limit):
-        text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
-        yield Remark(start.name, RemarkKind.START_SPEED, text)
-    elif start.element.stands:  # a course that begins in the air has no start with a speed limit
-        text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
-        yield Remark(start.name, RemarkKind.START_SPEED, text)
+    bound = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}`"
+    if math.isinf(limit):
+        if not start.element.stands:  # a course that begins in the air has no start with a speed limit
+            return
+        text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {aircraft.name} flies "
+        text += f"{most / KNOT:.0f} kt at most, {fastest / KNOT:.0f} kt in level flight"
+    elif over_ground and limit >= most:  # an airspeed may be more, by the wind
+        text = f"{bound} limits nothing: {aircraft.name} flies {most / KNOT:.0f} kt at most"
+    else:
+        text = f"{bound} is more than {aircraft.name} reaches in level flight, {fastest / KNOT:.0f} kt"
+    yield Remark(start.name, RemarkKind.START_SPEED, text)
 
 
 def _element_remarks(course: Course) -> Iterator[Remark]:
@@ -259,9 +268,8 @@ def _mistakes(course: Course) -> Iterator[Remark]:
         margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
         if 0.0 < along < 1.0 and margin > SETTINGS.pylon_clearance:
             text = (
-                f"no detour is needed round `{passage.name}`: the straight line from `{before.name}` to "
-                f"`{after.name}` passes it {margin:.0f} m away on the side that is asked for; is its `pass_side_deg` "
-                "reversed?"
+                f"the straight line from `{before.name}` to `{after.name}` passes `{passage.name}` {margin:.0f} m away "
+                "on the side that is asked for; is its `pass_side_deg` reversed?"
             )
             yield Remark(passage.name, RemarkKind.AXIS, text)
 
@@ -345,7 +353,9 @@ def _leg_remarks(race: Race) -> Iterator[Remark]:
 
 
 def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterator[Remark]:
-    """Yield remarks on heights that the climb allowed at the gates does not reach, or neither engine nor speed pay."""
+    """Yield remarks on heights that a straight line reaches by no climb which its gates allow, or that neither engine
+    nor speed pay for.
+    """
     before, after = leg.before.element, leg.after.element
     up, down = after.heights.lower - before.heights.upper, before.heights.lower - after.heights.upper
     from_to = f"from `{leg.before.name}` to `{leg.after.name}`"
@@ -355,8 +365,8 @@ def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterato
         allowed = climbs.upper if up > down else -climbs.lower
         if steepness > max(allowed, 0.0) + 1e-9:
             text = (
-                f"{from_to} a {'climb' if up > down else 'descent'} of {math.degrees(steepness):.0f} deg is needed; "
-                f"{math.degrees(allowed):.0f} deg are allowed at these gates"
+                f"the straight line {from_to} {'climbs' if up > down else 'descends'} at {math.degrees(steepness):.0f} "
+                f"deg; {math.degrees(allowed):.0f} deg are allowed at these gates"
             )
             yield Remark(leg.after.name, RemarkKind.CLIMB, text)
     V = top_speed(aircraft)
@@ -365,8 +375,8 @@ def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterato
     engine, speed = rate * leg.length / V, V**2 / (2.0 * g0)
     if up > engine + SETTINGS.energy_share * speed:
         text = (
-            f"{from_to} {up:.0f} m are to be climbed: on the way {aircraft.name} gains {engine:.0f} m by its engine, "
-            f"and all of its speed yields {speed:.0f} m"
+            f"{from_to} {up:.0f} m are to be climbed: on the straight line {aircraft.name} gains {engine:.0f} m by its "
+            f"engine, and all of its speed yields {speed:.0f} m"
         )
         yield Remark(leg.after.name, RemarkKind.CLIMB, text)
 
@@ -403,7 +413,7 @@ def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Rema
 
 
 def _turn_remarks(leg: ReviewedLeg, radius: float, pace: str) -> Iterator[Remark]:
-    """Yield a remark on a turn for which there is no room."""
+    """Yield a remark on a turn for which there is no room at a pace; slower, or through space, there may be."""
     if leg.turn is None or leg.length < SETTINGS.same_place:
         return
     heading, end_heading, turning = leg.turn
@@ -413,13 +423,13 @@ def _turn_remarks(leg: ReviewedLeg, radius: float, pace: str) -> Iterator[Remark
     ends = f"`{leg.after.name}` stands {leg.length:.0f} m from `{leg.before.name}`"
     if turning - needed > SETTINGS.loop:
         text = (
-            f"{ends}, too near for the turn between them: {pace} it has a radius of {radius:.0f} m, "
+            f"{ends}, near for the turn between them: {pace} it has a radius of {radius:.0f} m, "
             f"and the shortest level way goes round by {math.degrees(turning):.0f} deg"
         )
         yield Remark(leg.after.name, RemarkKind.TURN, text)
     elif leg.length < radius and chord > leg.length:
         text = (
             f"{ends}, nearer than a turn radius ({radius:.0f} m {pace}); "
-            f"the turn of {math.degrees(change):.0f} deg between them needs {chord:.0f} m"
+            f"at that pace the level turn of {math.degrees(change):.0f} deg between them takes {chord:.0f} m"
         )
         yield Remark(leg.after.name, RemarkKind.CLOSE, text)

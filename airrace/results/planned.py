@@ -33,6 +33,7 @@ from airrace.results.clearances import (
     surroundings,
 )
 from airrace.results.flight import GLOSSARY, PATH_ATTITUDE, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
+from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02
@@ -202,6 +203,7 @@ def _pylon_remarks(planned: Flight) -> Iterator[Remark]:
     if len(planned.crossings) > PLANNED_MAX:
         return
     seen: set[tuple[str, ...]] = set()
+    always = planned.course.rules.clearance is ClearanceRule.FLIGHT
     places = {one.passage.element.name: one.passage.element.place for one in planned.crossings}
     for one in near_misses(planned):
         ends = tuple(end.passage.element.name for end in (one.before, one.after))
@@ -218,8 +220,9 @@ def _pylon_remarks(planned: Flight) -> Iterator[Remark]:
         if places[name] in (places[end] for end in ends) or (*ends, name) in seen:  # of a quad the other gate as well
             continue
         seen.add((*ends, name))
+        rule = f"{one.clearance.required:g} m are required" if always else "no rule keeps it away from there"
         text = (
             f"the planned line from `{one.before.name}` to `{one.after.name}` leads the wing past a pylon of `{name}` "
-            f"at {one.clearance.distance:.1f} m; nothing in the course keeps it away from there"
+            f"at {one.clearance.distance:.1f} m; {rule}"
         )
         yield Remark(one.after.name, RemarkKind.PYLON, text)

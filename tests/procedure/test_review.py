@@ -83,6 +83,28 @@ def test_a_load_factor_the_aircraft_cannot_bear_is_remarked_on(n_z: Interval) ->
     assert kinds(of([one.element for one in GOOD.passages], Rules(n_z))) == [("", RemarkKind.LOAD_FACTOR)]
 
 
+def at_the_start(flown: Race, limit: float) -> tuple[list[str], float]:
+    """What is said of a limit (kt) of the speed at the start, and the speed (kt) with which the optimum begins."""
+    passages = list(flown.course.passages)
+    passages[0] = dataclasses.replace(passages[0], speed=Interval(upper=limit * KNOT))
+    changed = dataclasses.replace(flown, course=dataclasses.replace(flown.course, passages=tuple(passages)))
+    said = [one.text for one in review(changed) if one.kind is RemarkKind.START_SPEED]
+    return said, float(races.optimum(changed, races.PLAN).trajectory.of("V_K")[0]) / KNOT
+
+
+def test_a_start_speed_that_is_said_to_limit_nothing_is_not_reached_and_one_that_is_reached_is_not_said_to() -> None:
+    propulsion = dataclasses.replace(EDGE_540.propulsion, P_max=0.4 * EDGE_540.propulsion.P_max)
+    weak = dataclasses.replace(races.SMALL, aircraft=dataclasses.replace(EDGE_540, propulsion=propulsion))
+    assert top_speed(weak.aircraft) < 199.0 * KNOT
+    (said,), begun = at_the_start(weak, 200.0)
+    assert begun == pytest.approx(200.0, abs=0.01)  # though it would take a dive
+    assert "is more than Edge 540 class reaches in level flight" in said
+    (said,), begun = at_the_start(races.SMALL, 300.0)
+    assert begun <= EDGE_540.envelope.V.upper / KNOT + 1e-6
+    assert "limits nothing: Edge 540 class flies 253 kt at most" in said
+    assert at_the_start(races.SMALL, 200.0)[0] == []
+
+
 def test_a_start_speed_that_limits_nothing_is_remarked_on_but_where_a_figure_begins_in_the_air() -> None:
     for limit in (math.inf, 300.0 * KNOT):
         assert kinds(changed(0, speed=Interval(upper=limit))) == [("a", RemarkKind.START_SPEED)]
@@ -318,8 +340,8 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
         texts = [remark.text for remark in reviewed(flown) if "pass_side_deg" in remark.text]
         assert len(texts) == asked
     assert texts == [
-        "no detour is needed round `p`: the straight line from `a` to `b` passes it 40 m away on the side that is "
-        "asked for; is its `pass_side_deg` reversed?"
+        "the straight line from `a` to `b` passes `p` 40 m away on the side that is asked for; is its `pass_side_deg` "
+        "reversed?"
     ]
 
 

@@ -21,7 +21,7 @@ from airrace.procedure.guess import leg_seconds
 from airrace.results import Flight, legs_of
 from airrace.results.clearances import BESIDE, NEAR_MISS, near_misses
 from airrace.results.planned import is_planned, plan_clearances, planned_flight, remarks_on_line
-from airrace.track.course import Crowd, CrowdShape
+from airrace.track.course import ClearanceRule, Crowd, CrowdShape
 from airrace.track.polygons import Point
 from airrace.views.map_model import map_model
 
@@ -153,6 +153,10 @@ def test_a_pylon_in_the_way_of_a_leg_that_does_not_pass_it_is_remarked_on() -> N
     assert (
         f"from `{leg.before.name}` to `{leg.after.name}` leads the wing past a pylon of `g1` at 0.0 m" in told[0].text
     )
+    assert told[0].text.endswith("; 3.5 m are required")
+    rules = replace(flown.course.rules, clearance=ClearanceRule.CROSSING)
+    there = replace(there, race=replace(there.race, course=replace(there.course, rules=rules)))
+    assert remarks_on_line(there)[-1].text.endswith("; no rule keeps it away from there")
     assert not [one for one in remarks_on_line(planned) if one.kind is RemarkKind.PYLON]
 
 
