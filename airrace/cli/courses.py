@@ -80,8 +80,8 @@ def init(
     """Write a course to begin with.
 
     NAME.yaml flies as it stands, and its comments say what every part of it is. track.schema.json, which is written
-    beside it, lets editors complete its keys and mark mistakes. - is stdout. What is guessed of placemarks, and those
-    that are not taken over, are listed, and stand at the end of the file.
+    beside it, lets editors complete its keys and mark mistakes. - is stdout. What is guessed of placemarks, those that
+    are not taken over, and what is to be put right first are listed, and stand at the end of the file.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.courses import begin_course
@@ -92,9 +92,12 @@ def init(
         remark = f"; fly it with `airrace optimize {path} --until point-mass`"
         if from_ is not None:
             remark = f"; look at it with `airrace check {path}`, for placemarks say little"
+        if course.faults:
+            remark = f"; put right what is listed, until then `airrace check {path}` refuses it"
         answer_with_files(answer, [path], quiet=quiet, remark=remark, **fields)
-        if course.remarks and path != STANDARD and not quiet:
-            answer.texts.append("\n".join(one_line(one.text) for one in course.remarks))
+        told = [*(one.text for one in course.remarks), *course.tasks]
+        if told and path != STANDARD and not quiet:
+            answer.texts.append("\n".join(one_line(text) for text in told))
 
 
 def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:

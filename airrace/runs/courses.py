@@ -8,7 +8,7 @@ from pathlib import Path
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.course_import import ImportRemark, sketch_course
-from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS
+from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Document
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
@@ -99,18 +99,31 @@ EDITORS_LINE = "# yaml-language-server: $schema="
 
 @record
 class CourseFile:
-    """A track file that was written, and the remarks on the placemarks from which it was sketched."""
+    """A track file that was written.
+
+    Attributes:
+        path: of the file.
+        remarks: on the placemarks from which it was sketched.
+        faults: of the file, for which `check` refuses it; empty where it can be flown.
+    """
 
     path: Path
     remarks: tuple[ImportRemark, ...] = ()
+    faults: tuple[Finding, ...] = ()
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """What is to be put right before the course can be flown, one line each."""
+        return tuple(f"to be put right: {fault.key}: {fault.message}" for fault in self.faults)
 
     def as_object(self) -> dict[str, list[dict[str, str]]]:
-        """Return the guesses, and the placemarks that are not taken over, as plain values, for JSON."""
+        """Return guesses, placemarks that are not taken over, and what is to be put right as plain values, for JSON."""
         guessed = [asdict(one) for one in self.remarks if one.taken_as]
         dropped = [
             {"name": one.name, "form": one.form, "reason": one.reason} for one in self.remarks if not one.taken_as
         ]
-        return {"guessed": guessed, "not_taken_over": dropped}
+        faults = [{"key": one.key, "message": one.message} for one in self.faults]
+        return {"guessed": guessed, "not_taken_over": dropped, "to_put_right": faults}
 
 
 def init(
@@ -126,7 +139,8 @@ def init(
         name: the name of the new file; `.yaml` is added where it is missing.
         like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
         from_: a file of placemarks (KML, KMZ, GPX or GeoJSON) from which the course is sketched; None for none. The
-            last lines of the file tell its guesses, and what is not taken over.
+            last lines of the file tell its guesses, what is not taken over, and what is to be put right before the
+            course can be flown.
         force: whether existing files are overwritten. A schema that is already what it should be is none of them.
 
     Returns:
@@ -162,10 +176,21 @@ def begin_course(
         text = _text_of(Path(like)) if like is not None else _begun(path)
     if EDITORS_LINE not in text and path != STANDARD:
         text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
+    course = CourseFile(path, remarks, () if from_ is None else _faults(path, text))
+    text += "".join(f"# {task}\n" for task in course.tasks)
     if not written:
         write_text(schema_file, schema)
     write_text(path, text)
-    return CourseFile(path, remarks)
+    return course
+
+
+def _faults(path: Path, text: str) -> tuple[Finding, ...]:
+    """Return the findings for which a track file is refused."""
+    try:
+        load_inputs(Document(str(path), text))
+    except InputError as error:
+        return tuple(error.findings)
+    return ()
 
 
 def _holds(path: Path, text: str) -> bool:

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from airrace.cli.main import app
 from airrace.errors import InputError
 from airrace.inputs import load_inputs
 from airrace.inputs.placemarks import Placemark, PlacemarkShape, Subject, read_placemarks, subject_in, words_of
@@ -363,6 +365,38 @@ def test_routes_and_tracks_of_gpx_are_read(tmp_path: Path) -> None:
     assert len(course.passages) == 3
     assert [line.name for line in course.safety_lines] == ["Safety_line"]
     assert ("Flight 3", "") in told(written)
+
+
+FAULTY = {
+    "people at a gate": feature("spectators", geometry([(20.0, 480.0), (50.0, 520.0), (20.0, 520.0)], area=True)),
+    "a dent": feature("airspace", geometry([*ALL_AROUND[:2], (-800.0, 0.0), *ALL_AROUND[2:]], area=True)),
+    "a border that crosses itself": feature("crowd", geometry([ALL_AROUND[i] for i in (0, 2, 1, 3)], area=True)),
+    "a mast in a gate": feature("mast 60 m", geometry([(3.0, 505.0)])),
+    "a gate too narrow": feature("Gate 3", geometry([(-2.0, 900.0), (2.0, 900.0)])),
+    "a gate too far away": feature("Gate 3", geometry([(-6.0, 90_000.0), (6.0, 90_000.0)])),
+    "a line without length": feature("safety line", geometry([(90.0, 500.0), (90.0, 500.005)])),
+}
+
+
+@pytest.mark.parametrize("placemark", FAULTY.values(), ids=FAULTY.keys())
+def test_what_check_refuses_of_a_sketch_is_told_when_it_is_written(tmp_path: Path, placemark: object) -> None:
+    (tmp_path / "marks.geojson").write_text(
+        json.dumps({"type": "FeatureCollection", "features": [*gates(), placemark]})
+    )
+    written = begin_course(tmp_path / "sketched", from_=tmp_path / "marks.geojson")
+    with pytest.raises(InputError) as refused:
+        load_inputs(written.path)
+    assert [one.message for one in written.faults] == [one.message for one in refused.value.findings]
+    assert [task.split(": ")[1] for task in written.tasks] == [one.key for one in refused.value.findings]
+    listed = written.path.read_text().splitlines()[-len(written.tasks) :]
+    assert listed == [f"# {task}" for task in written.tasks]
+    assert len(written.as_object()["to_put_right"]) == len(written.tasks)
+    shown = CliRunner().invoke(app, ["init", str(tmp_path / "again"), "--from", str(tmp_path / "marks.geojson")])
+    assert shown.exit_code == 0
+    assert written.tasks[0].partition(":")[0] in shown.output
+    assert "refuses it" in shown.output
+    whole, _ = sketch(tmp_path, gates())
+    assert whole.tasks == ()
 
 
 def archive_of(name: str, content: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
