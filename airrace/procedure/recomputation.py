@@ -28,7 +28,14 @@ from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent,
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import StageProblem, formulate, gate_splits, mesh_of, trajectory_of
+from airrace.procedure.stage_problem import (
+    StageProblem,
+    formulate,
+    gate_splits,
+    mesh_of,
+    regularisation_share,
+    trajectory_of,
+)
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
@@ -185,7 +192,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
         trajectory=trajectory,
         splits=gate_splits(flight, trajectory),
         bound_multipliers=bound_multipliers,
-        regularisation=functions.f - trajectory.race_time,
+        regularisation=regularisation_share(problem, iterate, functions.f),
         defect=evidence.check.defect,
         drift=evidence.drift,
         items=certificate.items[1:],

@@ -38,7 +38,7 @@ from airrace.procedure.refinement import (
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import StageProblem
+from airrace.procedure.stage_problem import StageProblem, regularisation_share
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
@@ -497,6 +497,7 @@ def _finish(start: Start, refined: Refined) -> StageResult:
     """Return the result of a stage: solved if all holds that its certificate measures."""
     (optimum, solution), certificate = refined.solved, refined.certificate
     failed = failures(certificate.failed)
+    regularisation = regularisation_share(optimum.problem, optimum.iterate, solution.objective)
     return conclude(
         refined.flight,
         refined.session,
@@ -506,7 +507,7 @@ def _finish(start: Start, refined: Refined) -> StageResult:
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
-        provenance=replace(start.provenance, regularisation=solution.objective - optimum.race_time),
+        provenance=replace(start.provenance, regularisation=regularisation),
         mesh=MeshRecord(
             why=optimum.draft.why,
             coarser=optimum.draft.coarser,

@@ -175,6 +175,21 @@ def formulate(
     )
 
 
+def regularisation_share(problem: Problem, iterate: Iterate, objective: float) -> float:
+    """Return what the regularisation is of the objective, s: all but the race time and the cost of the final state.
+
+    Args:
+        problem: of a stage.
+        iterate: its optimum.
+        objective: the value of the objective there, s.
+    """
+    names = [state.name for state in problem.system.states]
+    final = 0.0
+    for name, weight in problem.objective.terminal.items():
+        final += weight * float(iterate.state[names.index(name), -1])
+    return objective - float(iterate.durations.sum()) - final
+
+
 def trajectory_of(problem: Problem, iterate: Iterate) -> Trajectory:
     """Return the named histories of an iterate."""
     steps = interval_durations(problem, iterate.durations)
