@@ -65,6 +65,10 @@ def contradictions(aircraft: Aircraft, rules: Rules) -> Iterator[tuple[str, str]
     elif math.isfinite(allowed.lower) and lift_curve(allowed.lower, lift) > C_L_max:
         most = (C_L_max - lift.C_L0) / lift.C_Lalpha
         yield "alpha_min_deg", _outside("at most", most, "the angle of the largest lift coefficient", allowed.lower)
+    n_z_max = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
+    if rules.pilot.n_z_ends > n_z_max:
+        text = f"must be at most {n_z_max:g}, the largest load factor; is {rules.pilot.n_z_ends:g}"
+        yield "pilot.n_z_min_ends", text
 
 
 def _outside(bound: str, limit: float, reason: str, value: float) -> str:

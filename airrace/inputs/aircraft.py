@@ -352,6 +352,6 @@ def weight_not_carried(aircraft: Aircraft, C_L_max: float) -> str:
     if lift >= weight:
         return ""
     return (
-        f"the wing cannot carry the aircraft: at {V_max:g} m/s, the envelope's top speed, C_L_max = {C_L_max:g} lifts "
+        f"the wing cannot carry the aircraft: at {V_max:g} m/s, the envelope's top speed, C_L = {C_L_max:.3g} lifts "
         f"{lift:.0f} N at sea level, the weight is {weight:.0f} N"
     )

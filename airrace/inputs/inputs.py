@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 
 from airrace.aircraft import Aircraft
+from airrace.dynamics.aerodynamics import lift_curve
 from airrace.dynamics.limits import contradictions
 from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
@@ -307,12 +308,21 @@ def check_together(race: Race, track: Reporter) -> None:
             ("rules", "start_speed_max_kt"),
             f"must be above {slowest / KNOT:.4g} kt, the least speed of {aircraft.name}; is {start_speed / KNOT:.4g}",
         )
-    shortfall = "" if math.isinf(rules.C_L.upper) else weight_not_carried(aircraft, rules.C_L.upper)
-    if shortfall:
-        track.value(("rules", "C_L_max"), shortfall)
+    most = {"C_L_max": rules.C_L.upper}
+    if math.isfinite(rules.alpha_A.upper):
+        most["alpha_max_deg"] = float(lift_curve(rules.alpha_A.upper, aircraft.lift))
+    for key, C_L in most.items():
+        shortfall = "" if math.isinf(C_L) else weight_not_carried(aircraft, C_L)
+        if shortfall:
+            track.value(("rules", key), shortfall)
     for key, text in contradictions(aircraft, rules):
-        track.value(("rules", key), text)
+        track.value(("rules", *key.split(".")), text)
     gates = {passage.element.name: passage.element for passage in race.course.passages}
+    pilot, n_z_max = rules.pilot, min(aircraft.envelope.n_z.upper, rules.n_z.upper)
+    low = next((one.name for one in gates.values() if one.heights.upper <= pilot.low_height), None)
+    if pilot.n_z_low > n_z_max and low is not None:  # else it might be flown above that height
+        text = f"must be at most {n_z_max:g}, the largest load factor, for `{low}` is passed near the ground; "
+        track.value(("rules", "pilot", "n_z_min_low"), f"{text}is {pilot.n_z_low:g}")
     remarked: set[str] = set()
     for gate in gates.values():
         name, misfit = gate.base_name, gate.misfit(aircraft.airframe.b, aircraft.name)

@@ -23,7 +23,7 @@ C_L_min: -1.40 => C_L_min: 0
 wing_area_m2: 9.10 => wing_area_m2: 0
 > airframe.wing_area_m2: an aircraft without a wing has no lift; must be above 0
 C_L_max: 1.40 => C_L_max: 0.05
-> lift.C_L_max: the wing cannot carry the aircraft: at 130 m/s, the envelope's top speed, C_L_max = 0.05 lifts 4710 N
+> lift.C_L_max: the wing cannot carry the aircraft: at 130 m/s, the envelope's top speed, C_L = 0.05 lifts 4710 N
 > at sea level, the weight is 6845 N
 I_z_kg_m2: 1300 => I_z_kg_m2: 1500
 > airframe.I_z_kg_m2: no body has such a moment of inertia: 1500 is more than the other two together, 1420

@@ -218,6 +218,13 @@ height_min_m: 100 => height_min_m: 100, height_m: 120
 > 5:18: rules.alpha_min_deg: must be at most 16.7, the angle at which Edge 540 class stalls; is 18
   n_z_max: 10 =>   n_z_max: 10\n  alpha_min_deg: 12\n  C_L_max: 0.5
 > 5:18: rules.alpha_min_deg: must be at most 6.0, the angle of the largest lift coefficient; is 12
+  n_z_max: 10 =>   n_z_max: 10\n  alpha_max_deg: 0.1
+> 5:18: rules.alpha_max_deg: the wing cannot carry the aircraft: at 130 m/s, the envelope's top speed, C_L =
+> 0.00837 lifts 789 N at sea level, the weight is 6845 N
+  n_z_max: 10 =>   n_z_max: 3\n  pilot: {n_z_min_ends: 4}
+> 5:25: rules.pilot.n_z_min_ends: must be at most 3, the largest load factor; is 4
+  n_z_max: 10 =>   n_z_max: 3\n  pilot: {n_z_min_low: 4}
+> 5:24: rules.pilot.n_z_min_low: must be at most 3, the largest load factor, for `g0` is passed near the ground; is 4
 course:\n => margins: {rules: {floor_m: 30}}\ncourse:\n
 > 15:18: margins.rules: the margins leave no room: `g0` lies at 15 to 25 m, outside of the race's heights of 40 m or
 > above (rules: floor, ceiling)
