@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
 from airrace.inputs.nodes import LIMITS
-from airrace.logs.reading import DAMAGES, xml_tree
+from airrace.logs.reading import DAMAGES, archive_entry, xml_tree
 from airrace.logs.recording import refuse
 from airrace.records import record
 from airrace.standard_streams import name_of
@@ -188,11 +188,7 @@ def _unpack(path: str, content: bytes) -> bytes:
     """Return the document of a KMZ, the first of its KML files."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            entry = next((one for one in archive.infolist() if one.filename.lower().endswith(".kml")), None)
-            if entry is None:
-                refuse(path, 0, "is an archive without a KML document")
-            with archive.open(entry) as file:
-                unpacked = file.read(LIMITS.size + 1)
+            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(LIMITS.size + 1)
     except DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
     if len(unpacked) > LIMITS.size:

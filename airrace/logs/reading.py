@@ -4,7 +4,6 @@ import codecs
 import contextlib
 import io
 import logging
-import lzma
 import math
 import os
 import re
@@ -39,10 +38,12 @@ _MULTIBYTE = frozenset(
 _PLANNED = "a point of the track has no time; only a recorded track can be imported"
 
 DAMAGES = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError),  # of the archive, and of streams by their methods
+    *(zipfile.BadZipFile, zlib.error, OSError),  # of the archive, and of its streams
     *(NotImplementedError, RuntimeError, EOFError, ValueError),
 )
 """What `zipfile` raises for archives that it cannot unpack."""
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""Those whose unpackers need the same memory whatever an archive says: LZMA reserves as much as its header claims."""
 _PACKED, _SMALL = 200, 10_000_000
 """Times the size of an archive that a large content may have (texts of flights are packed to a tenth); bytes of one."""
 
@@ -148,13 +149,32 @@ def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
             text.detach()  # whoever opened the file closes it
 
 
+def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...], what: str) -> zipfile.ZipInfo:
+    """Return the first entry of an archive by the ends of its name, in small letters.
+
+    Args:
+        path: of the archive, for messages.
+        archive, suffixes: it is searched in its own order.
+        what: the entry is, for messages.
+
+    Raises:
+        InputError: there is none, or it is packed by a method that may need any amount of memory.
+    """
+    entry = next((one for one in archive.infolist() if one.filename.lower().endswith(suffixes)), None)
+    if entry is None:
+        refuse(path, 0, f"is an archive without {what}")
+    if entry.compress_type not in _METHODS:
+        refuse(
+            path, 0, f"holds {what} that is neither stored nor deflated (method {entry.compress_type}); pack it again"
+        )
+    return entry
+
+
 def _read_archive(path: str, file: BinaryIO, aircraft: str | None) -> Recording:
     """Return the recording in an archive, whose names are not trusted: its first ACMI text is read."""
     try:
         with zipfile.ZipFile(file) as archive:
-            entry = next((one for one in archive.infolist() if one.filename.lower().endswith((".acmi", ".txt"))), None)
-            if entry is None:
-                refuse(path, 0, "is an archive without an ACMI recording")
+            entry = archive_entry(path, archive, (".acmi", ".txt"), "an ACMI recording")
             if entry.file_size > max(_PACKED * entry.compress_size, _SMALL):
                 refuse(path, 0, f"is packed to less than a {_PACKED}th, as no flight is; unpack it and cut it to that")
             with archive.open(entry) as unpacked:

@@ -66,6 +66,15 @@ def test_a_zipped_recording_is_read(tmp_path: Path) -> None:
     assert len(read_log(path).time) == len(SEEN.time)
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_an_archive_whose_method_may_need_any_memory_is_refused(tmp_path: Path, method: int) -> None:
+    path = tmp_path / "log.zip.acmi"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("log.acmi", acmi_text(SEEN))
+    with pytest.raises(InputError, match=r"neither stored nor deflated \(method 1[24]\); pack it again"):
+        read_log(path)
+
+
 def test_one_aircraft_of_several_is_chosen(tmp_path: Path) -> None:
     other = "b2,Name=MXS-R,Type=Air+FixedWing,T=0.5|0.1|100\n"
     text = acmi_text(SEEN) + other + "#99\nb2,T=0.6||\n"
