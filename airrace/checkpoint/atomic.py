@@ -2,7 +2,7 @@
 
 Whatever happens, the name leads to the old content or to the new, never to a mixture. The new content is written beside
 the file, as `.NAME.XXXXXXXX.partial`, which its writer holds locked. What a killed writer leaves there is removed when
-the file is next replaced.
+the file is next replaced. Who may read and write the file stays as it was.
 """
 
 import contextlib
@@ -11,10 +11,11 @@ import logging
 import os
 import re
 import secrets
+import stat
 import time
 from collections.abc import Generator
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, BinaryIO, cast
 
 from airrace.errors import StorageError
 from airrace.standard_streams import STANDARD, write_stdout
@@ -75,11 +76,22 @@ def replacing(path: Path) -> Generator[BinaryIO]:
 
 
 def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
-    """Return a new file beside another one, open and, where the file system has locks, locked."""
+    """Return a new file beside another one, open and, where the file system has locks, locked.
+
+    If the other one exists, the new one has its mode, before it has any content.
+    """
+    mode = stat.S_IMODE(target.stat().st_mode) & 0o777 if target.exists() else None
+
+    def opened(path: str, flags: int) -> int:
+        return os.open(path, flags, 0o666 if mode is None else mode)
+
     while True:
         # Shortened, so that it stays a valid name where the target's is one.
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
-        file = partial.open("xb")
+        file = cast(BinaryIO, open(partial, "xb", opener=opened))  # noqa: SIM115 which whoever is given it closes
+        if mode is not None:
+            with contextlib.suppress(OSError):  # on a file system without modes
+                partial.chmod(mode)  # which the mask of this process may have narrowed
         try:
             _lock(file)
         except BlockingIOError:  # somebody takes it for left behind

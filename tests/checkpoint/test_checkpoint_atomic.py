@@ -14,7 +14,7 @@ import pytest
 from checkpoint_examples import assert_same, example_checkpoint
 
 from airrace.checkpoint import atomic, read_checkpoint, write_checkpoint
-from airrace.checkpoint.atomic import replace_file
+from airrace.checkpoint.atomic import replace_file, replacing
 from airrace.errors import StorageError
 
 HERE = str(Path(__file__).parent)
@@ -229,3 +229,16 @@ def test_where_files_cannot_be_locked_they_are_written_and_only_without_any_lock
     replace_file(path, b"newer")
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == b"newer"
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o666])
+def test_who_may_read_a_file_stays_as_it_was(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "run.h5"
+    replace_file(path, b"old")
+    path.chmod(mode)
+    with replacing(path) as file:
+        (partial,) = tmp_path.glob(".*.partial")
+        assert stat.S_IMODE(partial.stat().st_mode) == mode
+        file.write(b"new")
+    assert path.read_bytes() == b"new"
+    assert stat.S_IMODE(path.stat().st_mode) == mode
