@@ -62,8 +62,11 @@ class BatchOptions:
 
         Raises:
             InputError: a sweep is not valid.
-            UsageError: there is no such stage.
+            UsageError: there is no such stage, or no time for a job.
         """
+        from airrace.runs.execute import ensure_time
+
+        ensure_time(self.timeout)
         from airrace.batch.planning import Manner, find_sources, parse_sweeps
         from airrace.runs.plan import stage_by_name
 
@@ -101,6 +104,24 @@ class BatchOptions:
         except ModuleNotFoundError as error:
             raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
         return ClusterExecutor(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, self.timeout)
+
+    def checked_plan(self, ensure: Callable[["BatchPlan"], None]) -> "BatchPlan":
+        """Return the plan, and refuse what `fly` would refuse before a job runs, but a cluster that does not answer.
+
+        Args:
+            ensure: refuses a plan by raising.
+
+        Raises:
+            InputError, UsageError, StorageError: no job could run.
+        """
+        from airrace.batch.record import ensure_folder
+
+        sources = self.sources()
+        self.executor()
+        ensure_folder(self.output)
+        plan = self.plan(sources)
+        ensure(plan)
+        return plan
 
     def fly(
         self,

@@ -145,7 +145,7 @@ class _JobProcess:
                 process.kill()
 
     def _after(self, seconds: float, act: Callable[[], None]) -> None:
-        timer = threading.Timer(seconds, act)
+        timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), act)
         timer.daemon = True
         self._timers.append(timer)
         timer.start()

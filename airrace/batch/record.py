@@ -198,6 +198,22 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
     return reason, record
 
 
+def ensure_folder(folder: Path) -> None:
+    """Find out whether a folder for runs can be written to, or made where it is missing.
+
+    Raises:
+        UsageError: it is no folder.
+        StorageError: it takes no files.
+    """
+    there = folder
+    while not os.path.lexists(there) and there != there.parent:
+        there = there.parent
+    if not there.is_dir():
+        raise UsageError(f"{folder} is not a folder; name one with --output")
+    if not os.access(there, os.W_OK):
+        raise StorageError(f"cannot write to the folder {folder}: permission denied")
+
+
 def make_folder(folder: Path) -> None:
     """Create a folder for runs if it is missing, and find out now whether it can be written to.
 
@@ -205,14 +221,11 @@ def make_folder(folder: Path) -> None:
         UsageError: it is no folder.
         StorageError: the system refused.
     """
+    ensure_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"{folder} is not a folder; name one with --output") from error
     except OSError as error:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
-    if not os.access(folder, os.W_OK):
-        raise StorageError(f"cannot write to the folder {folder}: permission denied")
 
 
 @contextmanager

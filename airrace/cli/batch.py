@@ -106,10 +106,10 @@ def batch(
             retry_failed=retry_failed,
             force=force,
         )
-        if dry_run:
-            describe_plan(answer, options.plan(options.sources()), quiet=quiet)
-            return
         reports = Reports(csv_file, junit_file, markdown_file)
+        if dry_run:
+            describe_plan(answer, options.checked_plan(reports.ensure_writable), quiet=quiet)
+            return
         plan, results = options.fly(lambda: watching_batch(quiet=quiet), stopping, reports.ensure_writable)
         answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
 

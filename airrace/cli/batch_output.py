@@ -86,7 +86,7 @@ class Reports:
         paths = [path for path in (self.csv, self.junit, self.markdown) if path is not None]
         taken = {identity(path) for path in plan.files()} if paths else set[Hashable]()
         for path in paths:
-            ensure_free(path, force=True, sources=plan.read)
+            ensure_free(path, force=True, sources=plan.read, made=plan.folder)
             if identity(path) in taken:
                 raise UsageError(f"{path} is another file that this batch writes; name another one for the report")
             taken.add(identity(path))

@@ -197,11 +197,12 @@ def _fly(
 ) -> None:
     """Fly a plan, watched on stderr, and fill in the answer with its tables; or only say what would run."""
     from airrace.runs.command_result import ExitCode
-    from airrace.runs.execute import execute_for_command
+    from airrace.runs.execute import ensure_executable, execute_for_command
     from airrace.runs.plan import PlannedStage
     from airrace.views.progress_view import watching
 
     if dry_run:
+        ensure_executable(plan, timeout=timeout)
         steps = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]
         answer.fields = {"track": plan.run.name, "steps": [step.as_object() for step in steps]}
         answer.texts.extend(() if quiet else ["\n".join(map(str, steps))])

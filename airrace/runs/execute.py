@@ -20,6 +20,7 @@ from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, run_object
+from airrace.runs.output import ensure_free
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.run import RunState, stages_object
 from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
@@ -79,6 +80,29 @@ def file_lock(lock: Path) -> Generator[bool, None, None]:
             own.release()
 
 
+def ensure_time(timeout: float | None) -> None:
+    """Refuse a wall time (s; None for no limit) that leaves nothing.
+
+    Raises:
+        UsageError: it is not positive, or no number.
+    """
+    if timeout is not None and not timeout > 0.0:
+        raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
+
+
+def ensure_executable(plan: ExecutionPlan, *, timeout: float | None = None) -> None:
+    """Refuse what `execute` would refuse before anything is computed.
+
+    Raises:
+        UsageError: `timeout` is not positive, or another process solves the run.
+        StorageError: its file cannot be written.
+    """
+    ensure_time(timeout)
+    with run_lock(plan.run.path):
+        if plan.run.path is not None:
+            ensure_free(plan.run.path, force=True)
+
+
 def execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[RunState]:
@@ -111,8 +135,7 @@ def _execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[Executed]:
     """Yield all steps, the last one that of a reserve where one is asked for."""
-    if timeout is not None and not timeout > 0.0:
-        raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
+    ensure_time(timeout)
     started = time.monotonic()
     with run_lock(plan.run.path):
         run = plan.run

@@ -48,7 +48,9 @@ NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: 
 """The message that a run cannot be written to stdout."""
 
 
-def ensure_free(path: Path, *, force: bool, hint: str = "", sources: Iterable[Source] = ()) -> None:
+def ensure_free(
+    path: Path, *, force: bool, hint: str = "", sources: Iterable[Source] = (), made: Path | None = None
+) -> None:
     """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
@@ -56,6 +58,7 @@ def ensure_free(path: Path, *, force: bool, hint: str = "", sources: Iterable[So
         force: whether it may exist.
         hint: stands before the advice to overwrite it with `--force`, and ends in a space.
         sources: see `ensure_unread`.
+        made: a folder that the command makes where it is missing.
 
     Raises:
         UsageError: the file exists and `force` is not given, or it is a folder or one of the sources.
@@ -70,6 +73,8 @@ def ensure_free(path: Path, *, force: bool, hint: str = "", sources: Iterable[So
     ensure_unread([path], sources)
     if path.exists() and not force:
         raise UsageError(f"{path} exists; {hint}overwrite it with --force")
+    if made is not None and not made.exists() and identity(path.parent) == identity(made):
+        return
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass

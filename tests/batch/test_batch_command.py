@@ -65,6 +65,40 @@ def test_a_second_call_flies_only_what_has_changed_and_says_why(airrace: Shell) 
 
 
 @pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("--csv", "oval.yaml"), 2, "oval.yaml is read by this command"),
+        (("--junit", "batch/oval.json"), 2, "is another file that this batch writes"),
+        (("--csv", "a.csv", "--markdown", "a.csv"), 2, "is another file that this batch writes"),
+        (("--csv", "nowhere/a.csv"), 8, "cannot write to the folder nowhere"),
+        (("--output", "oval.yaml"), 2, "oval.yaml is not a folder"),
+        (("--output", "oval.yaml/in"), 2, "oval.yaml/in is not a folder"),
+        (("--timeout", "nan"), 2, "--timeout"),
+    ],
+)
+def test_a_dry_run_refuses_what_the_real_call_refuses_and_makes_nothing(
+    airrace: Shell, words: tuple[str, ...], code: int, said: str
+) -> None:
+    before = set(airrace.folder.iterdir())
+    dry = airrace("oval.yaml", *words, "--dry-run")
+    assert dry.code == code
+    assert said in dry.err
+    assert set(airrace.folder.iterdir()) == before
+    real = airrace("oval.yaml", *words)
+    assert (real.code, real.err) == (dry.code, dry.err)
+
+
+def test_a_report_in_the_folder_that_the_batch_makes_is_no_fault_of_a_dry_run(airrace: Shell) -> None:
+    assert airrace("oval.yaml", "--csv", "batch/table.csv", "--dry-run").code == 0
+    assert not airrace.out.exists()
+
+
+def test_a_job_may_take_any_time(airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--timeout", "inf", "--json")
+    assert (ran.code, ran.states) == (0, {"oval": "certified"})
+
+
+@pytest.mark.parametrize(
     ("notes", "code"),
     [
         ("fine", 0),

@@ -19,6 +19,7 @@ from waiting import PATIENCE
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.inputs import load_inputs
+from airrace.runs.execute import run_lock
 
 ROOT = Path(__file__).parents[2]
 TRACK = ROOT / "tracks" / "rovinj_2014.yaml"
@@ -165,6 +166,22 @@ def test_resume_runs_what_is_missing_and_ends_as_if_never_interrupted(airrace: S
 
 def steps(ran: Ran) -> dict[str, str]:
     return {step["stage"]: step["action"] for step in ran.answer["steps"]}
+
+
+@pytest.mark.parametrize("seconds", ["nan", "0", "-1"])
+def test_a_dry_run_refuses_a_time_that_the_real_call_refuses(airrace: Shell, run_file: Path, seconds: str) -> None:
+    for words in (("optimize", TRACK, "--output", "new.h5"), ("resume", run_file, "--from", "point-mass")):
+        dry, real = (airrace(*words, "--timeout", seconds, *how) for how in (("--dry-run",), ()))
+        assert (dry.code, dry.err) == (real.code, real.err)
+        assert (dry.code, "leaves none" in dry.err) == (2, True)
+
+
+def test_a_dry_run_refuses_a_run_that_another_process_solves(airrace: Shell, run_file: Path) -> None:
+    before = run_file.read_bytes()
+    with run_lock(run_file):
+        dry = airrace("resume", run_file, "--from", "point-mass", "--dry-run")
+    assert dry.code == 2
+    assert run_file.read_bytes() == before
 
 
 def test_a_dry_run_says_what_would_run_and_changes_nothing(airrace: Shell, run_file: Path) -> None:
