@@ -315,13 +315,14 @@ def csv_table(
         from airrace.errors import UsageError
         from airrace.runs.flight_sources import open_file, source_of
         from airrace.runs.log_view import LogView
-        from airrace.runs.output import FlightName, ensure_free
+        from airrace.runs.output import FlightName, ensure_file_name, ensure_free
         from airrace.runs.stage_data import Splits
         from airrace.views.plain_text import PlainStream
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         ensure_room(output, as_json=as_json)
+        ensure_file_name(output)
         beside = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
         for path in (output, *beside):
             ensure_free(path, force=force, sources=[name])

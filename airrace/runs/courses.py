@@ -20,7 +20,7 @@ from airrace.results.clearances import Clearance
 from airrace.results.planned import plan_clearances, planned_flight, remarks_on_line
 from airrace.runs.aircraft import read_aircraft_file
 from airrace.runs.json_objects import planned_object
-from airrace.runs.output import ensure_free, write_text
+from airrace.runs.output import ensure_file_name, ensure_free, write_text
 from airrace.standard_streams import STANDARD, name_of
 from airrace.views.course_figure import course_figure
 from airrace.views.course_page import course_object, course_page
@@ -147,8 +147,8 @@ def init(
         The path of the file.
 
     Raises:
-        UsageError: a file exists and `force` is not given, or is read; or a course is both to be copied and to be
-            sketched.
+        UsageError: a file exists and `force` is not given, or is read; the name is one of a folder; or a course is to
+            be copied and to be sketched.
         InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
@@ -160,6 +160,7 @@ def begin_course(
 ) -> CourseFile:
     """Write a track file as `init` does; return it with the remarks on it."""
     path = Path(name)
+    ensure_file_name(path)
     path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")

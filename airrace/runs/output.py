@@ -132,9 +132,23 @@ def default_output_path(source: str | Path, suffix: str) -> Path:
     Args:
         source: a file, or a flight as `RUN.h5:STAGE`.
         suffix: of the new file, without the dot before it, e.g. `png` or `kneeboard.png`.
+
+    Raises:
+        UsageError: the source can be no file.
     """
     path = FlightName.of(str(source)).path
+    ensure_file_name(path)
     return path if path == STANDARD else path.with_name(f"{path.stem}.{suffix}")
+
+
+def ensure_file_name(path: Path) -> None:
+    """Refuse a path that can be no file, as `.` and `/`; an empty text is read as the former.
+
+    Raises:
+        UsageError: it names a folder.
+    """
+    if not path.name:
+        raise UsageError(f"{path} is a folder; name a file")
 
 
 def write_text(path: Path, text: str) -> None:

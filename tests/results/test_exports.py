@@ -38,6 +38,7 @@ from airrace.export.geojson import geojson
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import GX, KML, kml
 from airrace.frames import rotation
+from airrace.report import film
 from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.runs.output import default_output_path
@@ -587,6 +588,25 @@ def test_results_lie_beside_the_run_and_are_not_overwritten(
     assert os.listdir(tmp_path) == []
     refused = CliRunner().invoke(app, [*words, flight])
     assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
+
+
+@pytest.mark.parametrize("name", ["", ".", "/", "./"])
+@pytest.mark.parametrize("words", ["plot", "report", "export kml", "export csv x.h5 -o", "film", "card", "init"])
+def test_what_can_be_no_file_is_wrong_usage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(film, "browser_path", lambda *_: "chromium")  # which is not needed to refuse a file
+    monkeypatch.setattr(film, "ffmpeg_path", lambda: "ffmpeg")
+    refused = CliRunner().invoke(app, [*words.split(), name])
+    assert refused.exit_code == 2, refused.stderr
+    assert refused.stderr == f"airrace: {Path(name)} is a folder; name a file\n"
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_log_that_can_be_no_file_is_wrong_usage() -> None:
+    refused = CliRunner().invoke(app, ["import", "/", "--course", "rovinj_2014"])
+    assert (refused.exit_code, refused.stderr) == (2, "airrace: / is a folder; name a file\n")
 
 
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:
