@@ -182,6 +182,7 @@ def sweep(
         from airrace.batch.sweep import sweep as solve_sweep
         from airrace.runs.command_result import ExitCode
         from airrace.runs.output import ensure_free
+        from airrace.views.plain_text import SafeStream
         from airrace.views.tables import Table
 
         if output is not None:
@@ -189,10 +190,11 @@ def sweep(
             ensure_sweep_file(output)
             ensure_free(output, force=force, sources=[run_file])
         shows = not quiet and sys.stderr.isatty()
+        terminal = SafeStream(sys.stderr, commanded=True)
 
         def tell(done: int, number: int) -> None:
             if shows:
-                print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=sys.stderr, flush=True)
+                print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
 
         found = solve_sweep(
             run_file, sweep, stage=stage, set=overrides or (), threads=threads, output=output, tell=tell

@@ -445,6 +445,7 @@ def film(
         from airrace.report.film import film_of, film_settings
         from airrace.runs.flight_sources import report_of_flights
         from airrace.runs.output import default_output_path, ensure_free
+        from airrace.views.plain_text import SafeStream
 
         path = output or default_output_path(names[0], "mp4")
         settings = film_settings(path, view=view, format=form, size=size, fps=fps, from_=begin, to=end, seconds=seconds)
@@ -453,9 +454,10 @@ def film(
         page, opened = report_of_flights(names, stage=stage, verify=not no_verify)
         answer.fail_if_refuted({one.label: one.source.confirmation for one in opened})
         watched = not quiet and sys.stderr.isatty()
+        terminal = SafeStream(sys.stderr, commanded=True)
 
         def watch(share: float) -> None:
-            print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=sys.stderr, flush=True)
+            print(f"\rfilming: {share:4.0%}", end="\n" if share == 1.0 else "", file=terminal, flush=True)
 
         replace_file(path, film_of(page, settings, path.suffix, *[watch] * watched))
         answer_with_files(answer, [path], quiet=quiet, format=path.suffix[1:].lower(), flights=names)

@@ -147,10 +147,11 @@ def page_in_browser(page: str, what: str, drawn_by: tuple[str, ...]) -> Generato
         command = [browser, "--remote-debugging-pipe", "--force-device-scale-factor=1", *switches(folder), *drawn_by]
         theirs, requests = _pipe()
         answers, their_answers = _pipe()
+        environment = {**os.environ, "TMPDIR": name}  # where it leaves folders of its own when it is killed
         nowhere = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1, 2)]
         given = [(os.POSIX_SPAWN_DUP2, theirs, 3), (os.POSIX_SPAWN_DUP2, their_answers, 4)]
         try:
-            process = os.posix_spawn(browser, command, dict(os.environ), file_actions=[*nowhere, *given], setpgroup=0)
+            process = os.posix_spawn(browser, command, environment, file_actions=[*nowhere, *given], setpgroup=0)
         except OSError as error:
             raise StorageError(f"{browser} does not start: {error.strerror}") from error
         finally:
@@ -187,14 +188,15 @@ def print_pdf(page: str) -> bytes:
         StorageError: it did not print.
     """
     browser = browser_path()
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         html, pdf = folder / "page.html", folder / "page.pdf"
         html.write_text(page, encoding="utf-8", errors="replace")
         command = [browser, *switches(folder), "--disable-gpu"]
         command += ["--no-pdf-header-footer", f"--print-to-pdf={pdf}", html.as_uri()]
         try:
-            ran = subprocess.run(command, capture_output=True, timeout=PRINTING, check=False)
+            environment = {**os.environ, "TMPDIR": name}  # where it leaves folders of its own when it is killed
+            ran = subprocess.run(command, capture_output=True, timeout=PRINTING, check=False, env=environment)
             said = ran.stderr.decode(errors="replace").strip().splitlines()[-1:]
         except (OSError, subprocess.TimeoutExpired) as error:
             said = [str(error)]

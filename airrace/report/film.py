@@ -81,13 +81,18 @@ class FilmSettings:
         """Return the instant of every picture of a flight of a duration (s); its finish is held for a moment.
 
         Raises:
-            UsageError: nothing lies between begin and end.
+            UsageError: nothing lies between begin and end, or the end lies beyond that moment.
         """
-        begin = 0.0 if self.begin is None else self.begin
-        end = duration + FILM.hold if self.end is None else self.end
+        begin, last = 0.0 if self.begin is None else self.begin, duration + FILM.hold
+        end = last if self.end is None else self.end
         if not 0.0 <= begin < min(end, duration):
             raise UsageError(
                 f"from {begin:g} s to {end:.4g} s there is nothing to film of a flight of {duration:.3f} s"
+            )
+        if end > last + 1e-9:
+            raise UsageError(
+                f"a film up to {end:g} s is longer than the flight of {duration:.3f} s, "
+                f"whose finish is held up to {last:.3f} s"
             )
         return [min(begin + i / self.fps, duration) for i in range(max(math.ceil((end - begin) * self.fps - 1e-6), 1))]
 

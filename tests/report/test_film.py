@@ -7,6 +7,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from PIL import Image, ImageSequence
 from airrace.cli.main import app
 from airrace.errors import StorageError, UsageError
 from airrace.report import browser, film
-from airrace.report.browser import page_in_browser
+from airrace.report.browser import page_in_browser, print_pdf
 from airrace.report.film import FILM, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
 
 MP4, GIF = Path("race.mp4"), Path("race.gif")
@@ -94,6 +95,24 @@ def test_a_piece_that_holds_nothing_is_refused(begin: float, end: float | None) 
         settings(begin, end).times(10.0)
 
 
+@pytest.mark.parametrize(("begin", "end"), [(None, 3600.0), (9.0, 12.0), (None, float("inf")), (None, 11.51)])
+def test_a_film_that_goes_on_behind_the_finish_is_refused_with_the_last_instant(
+    begin: float | None, end: float
+) -> None:
+    with pytest.raises(UsageError, match=r"longer than the flight of 10\.000 s, .* up to 11\.500 s"):
+        settings(begin, end).times(10.0)
+
+
+def test_the_end_of_a_film_may_be_that_of_the_whole_one() -> None:
+    assert settings(None, 10.0 + FILM.hold).times(10.0) == settings().times(10.0)
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_film_without_end_is_refused_when_the_flight_is_known() -> None:
+    with pytest.raises(UsageError, match="up to inf s"):
+        film_settings(MP4, seconds=float("inf")).times(10.0)
+
+
 def test_without_a_browser_or_ffmpeg_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -121,6 +140,29 @@ def test_a_browser_that_ends_or_says_nothing_is_told(
     monkeypatch.setattr(browser, "PATIENCE", 0.3)
     with pytest.raises(StorageError, match="Chromium has"), page_in_browser("<html></html>", "", ()):
         pass
+
+
+LITTERING = """#!/bin/sh
+touch "$TMPDIR/org.chromium.Chromium.abc"
+for word; do case $word in --print-to-pdf=*) echo %PDF > "${word#--print-to-pdf=}"; esac; done
+"""
+"""A browser that leaves something in the folder for temporary files, and prints."""
+
+
+def test_a_browser_leaves_nothing_in_the_folder_for_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken, temporary = tmp_path / "chromium", tmp_path / "temporary"
+    broken.write_text(LITTERING, encoding="utf-8")
+    broken.chmod(0o755)
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)  # which remembers the folder of before
+    monkeypatch.setattr(browser, "browser_path", lambda *_: str(broken))
+    assert print_pdf("<p>words</p>") == b"%PDF\n"
+    with pytest.raises(StorageError, match="Chromium has"), page_in_browser("<html></html>", "", ()):
+        pass
+    assert os.listdir(temporary) == []
 
 
 @pytest.mark.slow
