@@ -22,6 +22,7 @@ from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results.comparison import TIE
 from airrace.runs.command_result import ExitCode
+from airrace.views.plain_text import escape_markdown
 from airrace.views.tables import Column, Table
 
 STATES: Mapping[int, str] = {
@@ -353,7 +354,7 @@ def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary
     if routes:
         parts.append(Table("", _ROUTES, routes[: REPORT.rows_max]).markdown())
     messages = [
-        f"- `{row.name}`: {_plain(line)}"
+        f"- {escape_markdown(row.name)}: {escape_markdown(line)}"
         for row in rows
         if row.message
         for line in map(str, row.result.findings or [row.message])
@@ -363,7 +364,7 @@ def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary
     if messages:
         parts.append("\n".join(messages))
     for summary in summaries:
-        parts.append(f"#### Wind: {_plain(summary.title)}")
+        parts.append(f"#### Wind: {escape_markdown(summary.title)}")
         lines = [
             f"- {word}: {row.race_time:.3f} s ({wind_words(row)})"
             for word, row in (("best", summary.best), ("worst", summary.worst))
@@ -374,10 +375,6 @@ def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary
             bearings = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
             parts.append(Table("", _DIRECTIONS, bearings).markdown())
     return "\n\n".join(parts) + "\n"
-
-
-def _plain(text: str) -> str:
-    return " ".join(text.split()).replace("<", "&lt;")
 
 
 # Characters that XML 1.0 cannot hold, not even escaped.

@@ -105,7 +105,7 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
     if answer.error:
         answer.fields["error"] = answer.error
         answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
-    texts = [json.dumps(answer.fields, allow_nan=False)] if as_json else answer.texts
+    texts = [json_line(answer.fields)] if as_json else answer.texts
     try:
         if texts:
             print("\n\n".join(keep_colours(text).removesuffix("\n") for text in texts))
@@ -123,6 +123,11 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
         print(f"... (the first {FINDINGS_SHOWN} are shown; --json has more)", file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)
+
+
+def json_line(fields: Mapping[str, object]) -> str:
+    """Return an object as JSON in a line that no runner of workflows obeys: `##`, of texts alone, is escaped."""
+    return json.dumps(fields, allow_nan=False).replace("##", r"#\u0023")
 
 
 def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH) -> str:

@@ -40,7 +40,7 @@ from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
 from airrace.standard_streams import STANDARD
-from airrace.views.plain_text import SafeStream
+from airrace.views.plain_text import SafeStream, plain
 from airrace.views.progress_view import commands_cursor
 from airrace.views.tables import Column, Table
 from airrace.views.terminal import PlainConsole
@@ -136,7 +136,7 @@ def answer_with(
         answer.fail(code, f"not all jobs are certified: {counts_words(rows)}{hint}", answer.findings)
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in annotations(rows, plan.findings):
-            print(line, file=sys.stderr)
+            print(plain(line), file=SafeStream(sys.stderr, commanded=True))
         append_summary(markdown_report(rows, summaries))
     for path, report in (
         (reports.csv, lambda: batch_table(rows).csv(end="\r\n")),  # as RFC 4180 has it

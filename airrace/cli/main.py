@@ -3,13 +3,13 @@
 The modules of the commands import nothing heavy; each command imports what it needs when it is called.
 """
 
-import json
 import sys
 from typing import Annotated, cast
 
 import typer
 
 from airrace.cli.aircraft import aircraft, fit
+from airrace.cli.answer import json_line
 from airrace.cli.batch import batch, fairness, sweep
 from airrace.cli.courses import check, design, doctor, init, schema, tracks
 from airrace.cli.flights import brief, card, compare, export, film, import_log, plot, report
@@ -99,5 +99,5 @@ def run() -> int:
 def _refuse(error: typer.BadParameter, *, as_json: bool) -> None:
     """Print why no command was run; a script that reads stdout learns it, too."""
     if as_json:
-        print(json.dumps({"error": error.format_message(), "findings": []}))
+        print(json_line({"error": error.format_message(), "findings": []}))
     error.show()

@@ -9,6 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
+from airrace.csv_cells import text_cell
 from airrace.export.flight_table import (
     NO_DERIVED,
     Derived,
@@ -105,7 +106,7 @@ def _write_rows(parts: Iterable[tuple[Sequence[HistoryColumn], Sequence[str]]], 
     writer = csv.writer(stream, lineterminator="\n")
     for number, (columns, phases) in enumerate(parts):
         if number == 0:
-            writer.writerow([*(column.header for column in columns), "phase"])
+            writer.writerow([*(text_cell(column.header) for column in columns), "phase"])
         # Adding zero turns -0 into 0.
         texts = ([f"{value:.10g}" for value in (column.values + 0.0).tolist()] for column in columns)
-        writer.writerows(zip(*texts, phases, strict=True))
+        writer.writerows(zip(*texts, map(text_cell, phases), strict=True))

@@ -7,6 +7,7 @@ from datetime import datetime
 
 import numpy as np
 
+from airrace.csv_cells import text_cell
 from airrace.export.geojson import collection, feature, flight_entries
 from airrace.export.globe import Corner, add_element, cut_area
 from airrace.export.kml import content_of, kml_document
@@ -72,10 +73,10 @@ def footprint_csv(footprint: Footprint) -> str:
     text = io.StringIO(newline="")
     text.write(f"# {NOT_AN_AUTHORITYS}\n# glides: one for every {every} instants\n")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["flight", *columns])
+    writer.writerow(["flight", *map(text_cell, columns)])
     rows = np.stack(list(columns.values()), axis=1).tolist()
     for label, row in zip(footprint.labels, rows, strict=True):
-        writer.writerow([label, *("" if value != value else f"{value + 0.0:.10g}" for value in row)])
+        writer.writerow([text_cell(label), *("" if value != value else f"{value + 0.0:.10g}" for value in row)])
     return text.getvalue()
 
 

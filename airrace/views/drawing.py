@@ -16,6 +16,7 @@ from airrace.errors import UsageError
 from airrace.records import record
 from airrace.standard_streams import STANDARD
 from airrace.trajectory import Array
+from airrace.views.plain_text import plain
 
 # Any: the stubs of matplotlib leave keyword arguments untyped.
 Figure = Any
@@ -84,9 +85,18 @@ def save_figure(figure: Figure, path: Path) -> None:
         StorageError: the system refused.
     """
     content = io.BytesIO()
+    _without_controls(figure)
     with _boxes_for_unknown_signs():
         figure.savefig(content, format=path.suffix.lower().removeprefix(".") or "png", dpi=DOTS_PER_INCH)
     replace_file(path, content.getvalue())
+
+
+def _without_controls(figure: Figure) -> None:
+    """Show control characters in the texts of a drawing as what they are: XML, which SVG is, cannot hold them."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_text(plain(text.get_text()))
 
 
 def figure_address(figure: Figure) -> str:
@@ -95,6 +105,7 @@ def figure_address(figure: Figure) -> str:
 
     library: Any = matplotlib  # Any: its stubs leave paths untyped
     content = io.BytesIO()
+    _without_controls(figure)
     with library.rc_context({"svg.hashsalt": "airrace"}), _boxes_for_unknown_signs():
         figure.savefig(content, format="svg", metadata={"Date": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"

@@ -15,11 +15,15 @@ from typing import Any, TextIO, cast
 
 _CONTROLS = {code: 0x2400 + code for code in range(0x20) if chr(code) not in "\t\n"} | {0x7F: 0x2421}
 _UNSEEN = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
-_NO_CHARACTERS = range(0xD800, 0xE000)  # bytes in names of files that are not UTF-8
+_NO_CHARACTERS = (*range(0xD800, 0xE000), 0xFFFE, 0xFFFF)  # bytes in names of files that are not UTF-8; none of XML
 _SHOWN = _CONTROLS | dict.fromkeys((*_UNSEEN, *_NO_CHARACTERS), 0xFFFD)
 _SHOWN_STYLED = {code: sign for code, sign in _SHOWN.items() if code != 0x1B}
 _COMMAND = re.compile(r"\x1b(?!\[[0-9;]*m)")
 """An escape that begins anything but a change of colour or weight."""
+_TO_A_RUNNER = re.compile(r"^([^\S\n]*:):|(##\w*)\[", re.MULTILINE)
+"""How commands to runners of workflows begin: `::` at the start of a line (GitHub), `##[` or `##vso[` anywhere."""
+_LINKED = re.compile(r"://|www\.|@", re.IGNORECASE)
+"""What GitHub's Markdown makes a link or a mention of without any marks around it."""
 
 
 def plain(text: str) -> str:
@@ -32,6 +36,18 @@ def one_line(text: str) -> str:
     return plain(text).translate({0x09: 0x2409, 0x0A: 0x240A, 0x2028: 0xFFFD, 0x2029: 0xFFFD})
 
 
+def inert(text: str) -> str:
+    """Return a text, as long as before, of which no line is a command to a runner of workflows that reads along."""
+    return _TO_A_RUNNER.sub(lambda found: f"{found[1]}\N{RATIO}" if found[1] else f"{found[2]}\uff3b", text)
+
+
+def escape_markdown(text: str) -> str:
+    """Return a text as one line of Markdown, also of a table: it is no link, mention, code or HTML."""
+    shown = " ".join(plain(text).split()).replace("&", "&amp;").replace("<", "&lt;")
+    shown = re.sub(r"[\\`\[\]|]", r"\\\g<0>", shown)
+    return _LINKED.sub(lambda found: "".join(f"&#{ord(sign)};" for sign in found[0]), shown)
+
+
 def escape_html(text: str) -> str:
     """Return a text as HTML, apart from what stands around it: names that are read from the right turn nothing else."""
     shown = html.escape(plain(text))
@@ -40,30 +56,40 @@ def escape_html(text: str) -> str:
 
 
 def keep_colours(text: str) -> str:
-    """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal."""
-    return _COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED)
+    """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal.
+
+    No line of it is a command to a runner of workflows either.
+    """
+    return inert(_COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED))
 
 
 class SafeStream(io.TextIOBase):
     """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
 
     Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
+    Lines that begin with a name are no commands to a runner of workflows, however many pieces they come in.
 
     Args:
         stream: what is written to; of another watched stream, the one behind it.
         commanded: whether control characters in the texts are meant for the terminal, as those of a live view are, and
-            not to be shown as what they are.
+            not to be shown as what they are; or lines for a runner of workflows.
     """
 
     def __init__(self, stream: TextIO, *, commanded: bool = False) -> None:
         self._stream: TextIO = stream._stream if isinstance(stream, SafeStream) else stream
-        self._shown = str if commanded else plain
+        self._commanded = commanded
+        self._line = ""  # that is not ended yet
 
     def write(self, text: str) -> int:
         """Write a text, or lose it; return its length."""
         with contextlib.suppress(OSError, ValueError):  # ValueError: the stream is closed
-            self._stream.write(self._shown(text))
+            self._stream.write(text if self._commanded else self._shown(text))
         return len(text)
+
+    def _shown(self, text: str) -> str:
+        whole = self._line + plain(text)
+        self._line = whole.rpartition("\n")[2]
+        return inert(whole)[len(whole) - len(text) :]
 
     def flush(self) -> None:
         """Write what is buffered, or lose it."""

@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from airrace.csv_cells import text_cell
 from airrace.errors import UsageError
 from airrace.quantities import FOOT, KNOT
 from airrace.records import record
 from airrace.resources import extra
-from airrace.views.plain_text import escape_html
+from airrace.views.plain_text import escape_html, escape_markdown
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -138,15 +139,14 @@ class Table:
 
     def markdown(self) -> str:
         """Return the cells as a table of GitHub's Markdown."""
-        heads, *lines = [
-            " | ".join(" ".join(text.split()).replace("<", "&lt;").replace("|", "\\|") for text in row)
-            for row in self.texts()
-        ]
+        heads, *lines = [" | ".join(map(escape_markdown, row)) for row in self.texts()]
         rules = "|".join("---:" if column.form else "---" for column in self.columns if column.visible)
         return "\n".join([f"| {heads} |", f"|{rules}|", *(f"| {line} |" for line in lines)])
 
     def csv(self, form: str = "", end: str = "\n") -> str:
         """Return comma-separated values below the columns' keys; nothing stands where nothing is known.
+
+        Texts are those of `csv_cells.text_cell`.
 
         Args:
             form: of all numbers; empty for full precision.
@@ -155,9 +155,9 @@ class Table:
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator=end)
         heads, *rows = self._data_rows()
-        writer.writerow(heads)
+        writer.writerow([_csv_cell(one, "") for one in heads])
         for row in rows:
-            writer.writerow([format(one + 0.0, form) if form and isinstance(one, float) else one for one in row])
+            writer.writerow([_csv_cell(one, form) for one in row])
         return text.getvalue()
 
     def objects(self) -> list[dict[str, Value]]:
@@ -216,6 +216,12 @@ class Table:
         for row in self.rows:
             pairs = zip(self.columns, row, strict=True)
             yield [one.value if isinstance(one, Cell) else one for column, one in pairs if column.key]
+
+
+def _csv_cell(value: Value, form: str) -> Value:
+    if isinstance(value, str):
+        return text_cell(value)
+    return format(value + 0.0, form) if form and isinstance(value, float) else value
 
 
 def _html_cell(column: Column, cell: Cell, inline: bool) -> str:

@@ -262,6 +262,23 @@ def test_markdown_cells_hold_what_would_break_them() -> None:
     assert {line.replace("\\|", "").count("|") for line in table} == {7}
 
 
+def test_names_and_messages_are_no_links_mentions_or_code_in_markdown() -> None:
+    name = "`[x](http://a.b) @team www.c.d"
+    text = markdown_report(rows_of((PlannedJob(name, "x", "x.yaml", None, (), None), JobResult(3, f"bad {name}"))), ())
+    assert len([line for line in text.splitlines() if r"\`\[x\](http" in line]) == 2  # the table, and the messages
+    assert not re.search(r"(?<!\\)[`\[\]]|://|@|www\.", text)
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+a", "-a", "@a", "::error::a"])
+def test_no_cell_of_the_table_is_a_formula_and_numbers_stay_numbers(name: str) -> None:
+    swept = (("environment.wind.north_kt", "-5"),)
+    rows = rows_of((PlannedJob(name, "x", "x.yaml", None, swept, None), JobResult(0, "", -1.5)))
+    head, row = csv.reader(io.StringIO(batch_table(rows).csv()))
+    told = dict(zip(head, row, strict=True))
+    assert told["name"] == f"'{name}"
+    assert (told["race_time_s"], told["environment.wind.north_kt"]) == ("-1.5", "-5")
+
+
 def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[BatchResult]:
     pairs = []
     for (speed, degrees), seconds in time.items():

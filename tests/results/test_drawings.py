@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Comment, TreeBuilder, XMLParser
 
 import numpy as np
 import pytest
@@ -134,3 +136,14 @@ def test_the_command_draws_in_the_format_that_the_name_says(tmp_path: Path) -> N
     code, said = plot(stored, "--output", str(tmp_path / "a.png"))
     assert (code, said.count("\n")) == (2, 1)
     assert plot(stored, "--output", str(tmp_path / "a.gif"))[0] == 2
+
+
+@pytest.mark.parametrize("draw", [flight_figure, kneeboard_figure])
+def test_a_drawing_is_valid_xml_whatever_names_hold(draw: Callable[..., Figure], tmp_path: Path) -> None:
+    race, hostile = rovinj(), "a\x1b[1m\a\ufffe\x00b"
+    passages = tuple(replace(one, name=hostile) for one in race.course.passages)
+    course = replace(race.course, name=hostile, passages=passages)
+    path = tmp_path / "drawing.svg"
+    save_figure(draw(circling(replace(race, course=course), label=hostile)), path)
+    parser = XMLParser(target=TreeBuilder(insert_comments=True))  # in which a drawing names its texts
+    assert "a␛[1m␇\ufffd␀b" in "".join(one.text or "" for one in ElementTree.parse(path, parser).iter(Comment))

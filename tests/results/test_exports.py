@@ -1,6 +1,7 @@
 """Flights that are written and read back are the same flights."""
 
 import base64
+import csv
 import io
 import itertools
 import json
@@ -358,6 +359,29 @@ def test_hostile_names_reach_no_format_unescaped(name: str) -> None:
         read_fdr(content.decode("utf-8").encode("ascii", "replace"))
     if name in ("czml", "geojson"):
         json.loads(content)
+
+
+def test_descriptions_that_viewers_take_for_html_are_escaped() -> None:
+    one = flight()
+    one = replace(one, race=replace(one.race, aircraft=replace(one.race.aircraft, name="<img src=x onerror=hack()>")))
+    descriptions = [packet.get("description", "") for packet in json.loads(written("czml", [one]))]
+    assert any("&lt;img src=x onerror=hack()&gt;" in text for text in descriptions)
+    assert not any("<" in text for text in descriptions)
+
+
+@pytest.mark.parametrize("name", ['=HYPERLINK("http://a.b")', "+1+1", "-2+3", "@SUM(1)", "::error::x", "\t=1"])
+def test_no_cell_of_a_flight_is_a_formula_and_numbers_stay_numbers(name: str) -> None:
+    one = flight()
+    first, *others = one.crossings
+    first = replace(first, passage=replace(first.passage, name=name))
+    stream = io.StringIO(newline="")
+    export_flight_csv(replace(one, crossings=(first, *others)), stream)
+    head, *rows = csv.reader(line for line in stream.getvalue().splitlines() if not line.startswith("#"))
+    assert rows[0][-1] == f"'{name}"
+    assert not any(row[-1].startswith(("=", "+", "-", "@", "::", "\t")) for row in rows)
+    numbers = [[float(cell) for cell in row[:-1]] for row in rows]
+    assert min(value for row in numbers for value in row) < 0.0
+    assert len(head) == len(rows[0])
 
 
 def test_the_table_of_a_stage_is_read_by_one_line_of_pandas(tmp_path: Path) -> None:

@@ -241,3 +241,22 @@ def test_a_hostile_course_commands_no_terminal(where: str, tmp_path: Path) -> No
     assert ran.returncode == (0 if where == "the name of the race" else 3)
     assert "pwned" in ran.stdout + ran.stderr
     assert commands(ran.stdout + ran.stderr) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("::error::x", ":\N{RATIO}error::x"),
+        ("a\n \u2003::set-output x", "a\n \u2003:\N{RATIO}set-output x"),
+        ("gate ##[error]x", "gate ##\uff3berror]x"),
+        ("##vso[task]", "##vso\uff3btask]"),
+        ("2014::a, :b", "2014::a, :b"),
+    ],
+)
+def test_no_line_is_a_command_to_a_runner_of_workflows(text: str, shown: str) -> None:
+    assert keep_colours(text) == shown
+    stream = io.StringIO()
+    safe = SafeStream(stream)
+    for sign in text:  # in as many pieces as there can be
+        safe.write(sign)
+    assert stream.getvalue() == shown
