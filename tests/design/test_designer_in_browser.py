@@ -75,6 +75,7 @@ def desk(track: Path) -> Iterator[Desk]:
     assert [one for one in said if "net::ERR" not in one] == []  # which a lost link is
 
 
+@pytest.mark.representative
 def test_a_dragged_gate_has_the_race_time_of_the_saved_file(desk: Desk, track: Path) -> None:
     before = desk.settle()
     predicted = desk.drag("gates.corner", 4.0, -3.0)
@@ -103,6 +104,7 @@ def test_the_scene_stands_beside_the_plan_and_follows_it(desk: Desk) -> None:
     scene.locator("#scene canvas").first.wait_for()
 
 
+@pytest.mark.representative
 def test_gates_of_two_names_that_are_one_pylon_move_together(desk: Desk) -> None:
     desk.settle()
     found = desk.page.evaluate("""async () => {

@@ -1,6 +1,8 @@
 """Pages opened in headless Chromium without a network, and what is asked of them there."""
 
+import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,10 +20,17 @@ READY_MS = 120_000
 
 
 def browser_path() -> str:
+    """A browser's path; without one the test is skipped, or fails where `AIRRACE_TEST_BROWSER` is `required`."""
     found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if found is None:
-        pytest.skip(f"no browser is installed that could open the report; looked for {', '.join(BROWSERS)}")
+        missing = f"no browser is installed that could open the page; looked for {', '.join(BROWSERS)}"
+        (pytest.fail if os.environ.get("AIRRACE_TEST_BROWSER") == "required" else pytest.skip)(missing)
     return found
+
+
+def gate_runs(values: Iterable[object], chosen: object) -> list[Any]:
+    """Values of a parameter, of which the fast tests run the chosen one alone. Any: as pytest has them."""
+    return [pytest.param(one, marks=pytest.mark.representative) if one == chosen else one for one in values]
 
 
 @dataclass

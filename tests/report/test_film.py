@@ -124,6 +124,18 @@ def test_without_a_browser_or_ffmpeg_one_sentence_says_what_to_install(monkeypat
         ffmpeg_path()
 
 
+def test_tests_of_pages_are_skipped_without_a_browser_and_fail_where_one_is_required(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.delenv("AIRRACE_TEST_BROWSER", raising=False)
+    with pytest.raises(pytest.skip.Exception, match="no browser is installed"):
+        browser_path()
+    monkeypatch.setenv("AIRRACE_TEST_BROWSER", "required")
+    with pytest.raises(pytest.fail.Exception, match="no browser is installed"):
+        browser_path()
+
+
 def test_a_card_is_a_png() -> None:
     with pytest.raises(UsageError, match=r"must end in \.png"):
         ensure_card(Path("card.jpg"))
@@ -177,6 +189,7 @@ def test_the_card_of_a_flight_is_the_same_in_every_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.representative
 def test_a_film_has_every_picture_and_none_twice(tmp_path: Path) -> None:
     browser_path()
     ffmpeg_path()

@@ -7,7 +7,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from browser_pages import READY_MS, SIZES, TIMES, VIEWS, Opened, opened
+from browser_pages import READY_MS, SIZES, TIMES, VIEWS, Opened, gate_runs, opened
 from example_flights import half_cuban, windy
 from playwright.sync_api import Browser
 from report_pages import HOSTILE, everything_flown, labelled, renamed
@@ -19,7 +19,7 @@ from airrace.report.flight_page import flight_page
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", gate_runs(SIZES, "phone"))
 def test_the_page_fits_its_screen_without_errors_and_asks_for_nothing(
     chromium: Browser, folder: Path, artefacts: Path, size: str
 ) -> None:
@@ -42,6 +42,7 @@ def test_a_dark_system_gets_a_dark_page_and_the_button_changes_it(chromium: Brow
     one.page.context.close()
 
 
+@pytest.mark.representative
 def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, folder: Path, artefacts: Path) -> None:
     one = opened(chromium, folder / "report.html", color_scheme="dark")
     one.run("() => addEventListener('beforeprint', () => { window.theme = document.documentElement.dataset.theme; })")
@@ -71,7 +72,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     one.page.context.close()
 
 
-@pytest.mark.parametrize("number", range(len(HOSTILE)))
+@pytest.mark.parametrize("number", gate_runs(range(len(HOSTILE)), 0))
 def test_hostile_names_are_shown_and_nothing_is_executed(chromium: Browser, tmp_path: Path, number: int) -> None:
     flight = renamed(HOSTILE[number])
     page = tmp_path / "hostile.html"
@@ -98,6 +99,7 @@ def test_without_space_the_course_from_above_stands_in(launch: Callable[..., Bro
     browser.close()
 
 
+@pytest.mark.representative
 def test_the_ghost_is_behind_by_what_the_comparison_says(laptop: Opened) -> None:
     compared = half_cuban().compare(windy())
     times = [0.0, *np.cumsum([leg.reference.time for leg in compared.legs])]
@@ -122,6 +124,7 @@ def test_two_flights_are_on_one_clock(laptop: Opened) -> None:
     assert ghost == pytest.approx([flight["y"][0], flight["height"][0], -flight["x"][0]], abs=0.01)
 
 
+@pytest.mark.representative
 def test_keys_play_step_jump_and_change_the_view(laptop: Opened) -> None:
     laptop.page.locator("body").click(position={"x": 3, "y": 3})
     laptop.set(1.0)
@@ -174,6 +177,7 @@ def test_play_runs_at_the_speed_that_is_chosen_and_stops_at_the_end(laptop: Open
     laptop.page.select_option("#transport select", "1")
 
 
+@pytest.mark.representative
 def test_a_leg_is_jumped_to_and_marked(laptop: Opened) -> None:
     laptop.page.click("tr[data-passing='2'] button")
     assert laptop.seconds == pytest.approx(half_cuban().splits[2].time, abs=1e-3)
@@ -181,6 +185,7 @@ def test_a_leg_is_jumped_to_and_marked(laptop: Opened) -> None:
     assert laptop.page.locator("tr[aria-current]").count() == 1
 
 
+@pytest.mark.representative
 def test_a_click_on_a_strip_sets_the_clock(laptop: Opened) -> None:
     plot = laptop.page.locator("#strips .u-over").nth(2)
     plot.scroll_into_view_if_needed()
@@ -207,6 +212,7 @@ def test_every_strip_has_three_numbers_along_its_axis(laptop: Opened) -> None:
     assert [title for title, count in numbers if count < 3] == []
 
 
+@pytest.mark.representative
 def test_numbers_over_the_scene_are_those_of_the_instant(laptop: Opened) -> None:
     laptop.set(3.0)
     flight = half_cuban().flight().at([3.0])
@@ -214,7 +220,7 @@ def test_numbers_over_the_scene_are_those_of_the_instant(laptop: Opened) -> None
     assert float(height) == pytest.approx(float(flight["height"][0]), abs=0.51)
 
 
-@pytest.mark.parametrize("seconds", TIMES)
+@pytest.mark.parametrize("seconds", gate_runs(TIMES, 3.338))
 def test_the_aircraft_is_where_the_file_has_it_and_lies_as_the_file_has_it(
     laptop: Opened, folder: Path, seconds: float
 ) -> None:
@@ -253,7 +259,7 @@ def test_a_flight_is_hidden_and_shown_by_its_box(laptop: Opened) -> None:
     assert laptop.run("() => airrace.scene.actors[1].model.visible") is True
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", gate_runs(VIEWS, "orbit"))
 def test_every_view_shows_a_picture(laptop: Opened, artefacts: Path, view: str) -> None:
     """Kept for people to look at; a machine can say that it is no empty canvas."""
     laptop.set(5.0)
@@ -295,6 +301,7 @@ def test_the_cockpit_looks_along_the_nose_with_the_right_wing_to_the_right(lapto
     assert [along, across] == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
+@pytest.mark.representative
 def test_north_is_up_from_above(laptop: Opened) -> None:
     laptop.page.click("button[data-view=above]")
     laptop.drawn()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser_pages import Opened, opened
+from browser_pages import Opened, gate_runs, opened
 from example_flights import half_cuban, windy
 from playwright.sync_api import Browser
 
@@ -25,6 +25,7 @@ def test_the_shots_follow_one_another_from_the_start_to_the_finish(laptop: Opene
     assert "gate" in {kind for _, kind in shots}
 
 
+@pytest.mark.representative
 def test_the_aircraft_is_in_every_picture_of_the_director_and_no_camera_in_its_way(laptop: Opened) -> None:
     rows = laptop.run(
         """() => {
@@ -64,7 +65,7 @@ def test_a_shadow_lies_on_the_ground_where_the_sun_puts_it(laptop: Opened) -> No
     assert shadow[1] == 0.0
 
 
-@pytest.mark.parametrize("view", ["orbit", "above", "chase", "tv"])
+@pytest.mark.parametrize("view", gate_runs(["orbit", "above", "chase", "tv"], "above"))
 def test_no_name_lies_on_another_and_both_aircraft_have_theirs(laptop: Opened, view: str) -> None:
     laptop.page.click(f"button[data-view={view}]")
     for seconds in (0.5, 3.0, 6.0):
