@@ -216,6 +216,10 @@ class Trim:
         values = tuple(float(value) for value in model.parameter_values)
         return cls(crossing, settled, values)
 
+    def of_other_numbers(self, model: FlightModel) -> Self:
+        """Return the condition for a model that differs in numbers alone."""
+        return dataclasses.replace(self, values=tuple(float(value) for value in model.parameter_values))
+
     def at(self, boundary: Boundary) -> Boundary:
         """Return the boundary of a passage that is to be met in settled flight."""
         seen = boundary.observation

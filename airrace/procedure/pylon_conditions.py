@@ -169,9 +169,9 @@ class PylonRooms:
         return cls(pylon_room_observation(model), pylons, 0.5 * span, values)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
-        """Return the rooms for a model and a course that differ in numbers alone, under the same conditions."""
-        other = self.of(model, course, span)
-        return dataclasses.replace(other, room=self.room, conditions=self.conditions_on(plan))
+        """Return the rooms for a model and a course that differ in numbers or obstacles, under the same conditions."""
+        other = dataclasses.replace(self.of(model, course, span), room=self.room)
+        return other.with_conditions(self.conditions_on(plan))
 
     def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
         """Return the rooms under other conditions, of which those of unknown pylons are left out.

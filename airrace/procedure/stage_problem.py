@@ -31,9 +31,9 @@ from airrace.procedure.pylon_conditions import PylonRooms
 from airrace.procedure.result import GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
-from airrace.quantities import Interval, Quantity
+from airrace.quantities import Interval
 from airrace.records import record
-from airrace.system import Observation, at_points
+from airrace.system import Observation, System, at_points
 from airrace.track.course import ClearanceRule, Course, Passage
 from airrace.trajectory import Array, Trajectory
 
@@ -327,7 +327,7 @@ class PerturbedProblem:
             raise OtherStructureError
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, original.rules):
             built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
-            if _names(built.system.parameters) != _names(model.system.parameters):
+            if _equations(built.system) != _equations(model.system):
                 raise OtherStructureError
             system = dataclasses.replace(
                 model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
@@ -340,6 +340,7 @@ class PerturbedProblem:
             plan=with_passages(flight.plan, course),
             model=model,
             course=course,
+            trim=flight.trim and flight.trim.of_other_numbers(model),
             watches=watches,
             aircraft=race.aircraft,
             rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b, flight.plan),
@@ -348,18 +349,24 @@ class PerturbedProblem:
         )
 
 
-def _names(quantities: Sequence[Quantity]) -> list[str]:
-    return [one.name for one in quantities]
+def _equations(system: System) -> object:
+    """Return what decides which equations a model has: the name says the kind of wind."""
+    return system.name, [parameter.name for parameter in system.parameters]
 
 
 def _kinds_of_conditions(course: Course) -> object:
     """Return what decides of which kinds the conditions of a course are, whatever their numbers."""
     rules = course.rules
-    has_clearance = rules.clearance is ClearanceRule.FLIGHT or bool(course.obstacles)
+    clearance = rules.clearance, bool(course.obstacles)
     limits = dataclasses.astuple(rules.pilot)
     pilot = [math.isfinite(one) if isinstance(one, float) else one for one in limits]
     ends = course.settled_ends, rules.start_speed
-    return passings_of(course), has_clearance, pilot, ends
+    # Where another choice is allowed at a passing, its axis and bank do not follow from those of the known plan.
+    choices = [
+        (one.direction, one.roll and one.roll.turning, one.element.two_edged, one.element.prescribed_bank is None)
+        for one in course.passages
+    ]
+    return passings_of(course), choices, clearance, pilot, ends
 
 
 def _surroundings(course: Course) -> tuple[object, ...]:

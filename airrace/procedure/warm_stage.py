@@ -32,6 +32,7 @@ from airrace.procedure.stage_problem import (
     coarse_mesh,
     formulate,
     mesh_of,
+    regularisation_weights,
 )
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
@@ -142,7 +143,8 @@ class WarmStage:
         """Return the flight of a race; where it differs in more than numbers, its equations are used from now on."""
         ensure_same_passings(passings_of(race.course), passings_of(self._perturbed.race.course), "the known optimum")
         try:
-            return self._perturbed.formulation(race)
+            flight = self._perturbed.formulation(race)
+            return replace(flight, weights=regularisation_weights(flight.model, self._settings.regularisation))
         except OtherStructureError:
             flight = formulate(known.stage, race, self._settings, known.trajectory, known.pylon_conditions)
             self._perturbed = PerturbedProblem(race, flight, mesh_of(known.trajectory))
