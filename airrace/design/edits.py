@@ -14,7 +14,7 @@ import yaml
 from airrace.errors import UsageError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import KeyPath, dotted
-from airrace.inputs.yaml_reader import FAST, plain_scalar, read_yaml
+from airrace.inputs.yaml_reader import FAST, is_plain_text, read_yaml
 from airrace.records import record
 
 
@@ -74,7 +74,7 @@ def flow_text(value: Any) -> str:
             return "[" + ", ".join(map(flow_text, cast(list[Any], value))) + "]"
         case float():
             return f"{value:.12g}"
-        case str() if re.fullmatch(r"\w[\w-]*", value) and plain_scalar(value) == value:
+        case str() if re.fullmatch(r"\w[\w-]*", value) and is_plain_text(value):
             return value
         case _:
             return json.dumps(value)

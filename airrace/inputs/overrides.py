@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
-from airrace.inputs.yaml_reader import plain_scalar, read_yaml
+from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, read_yaml
 from airrace.records import record
 
 FILE = "--set"
@@ -70,11 +70,7 @@ def value_text(value: str | int | float | bool) -> str:
         return str(value).lower()
     if not isinstance(value, str):
         return repr(value)
-    try:
-        is_plain = plain_scalar(value) == value and value[:1] not in ("'", '"')
-    except ValueError:
-        is_plain = False
-    return value if is_plain else "'" + value.replace("'", "''") + "'"
+    return value if is_plain_text(value) and value[:1] not in ("'", '"') else "'" + value.replace("'", "''") + "'"
 
 
 def _scalar(text: str) -> str | int | float | bool | None:

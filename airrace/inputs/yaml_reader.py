@@ -64,6 +64,14 @@ def plain_scalar(text: str) -> ScalarValue:
     return text
 
 
+def is_plain_text(text: str) -> bool:
+    """Return whether a scalar of this text, unquoted, is this very text: no number, no truth value, and not refused."""
+    try:
+        return plain_scalar(text) == text
+    except ValueError:
+        return False
+
+
 def _integer(text: str) -> int:
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
     # 20 digits are enough for every number of 64 bits; more would only take time to convert.

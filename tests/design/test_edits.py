@@ -5,6 +5,7 @@ import pytest
 from airrace.design.edits import Edit, Insert, Put, Remove, edit_document
 from airrace.errors import UsageError
 from airrace.inputs import Document
+from airrace.inputs.yaml_reader import read_yaml
 
 TEXT = """\
 # A course.
@@ -81,6 +82,12 @@ def test_an_edit_touches_the_lines_that_it_names_alone(
     assert edit_document(Document("t.yaml", text), [edit]).text.count(newline) == TEXT.count("\n") + len(added) - len(
         removed
     )
+
+
+@pytest.mark.parametrize("text", ["012", "1e999", "-.inf", ".nan", "99999999999999999999", "yes", "~", "1_0", "0x1f"])
+def test_a_text_stays_a_text_whatever_it_looks_like(text: str) -> None:
+    edited = edit_document(Document("t.yaml", TEXT), [Put(("name",), text)])
+    assert read_yaml("t.yaml", edited.text).plain()["name"] == text
 
 
 def test_the_last_entry_is_removed_with_what_holds_it() -> None:
