@@ -164,7 +164,7 @@ def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progres
     def fly_again(before: RunState, values: Sequence[str]) -> RunState:
         left = None if until is None else until - time.monotonic()
         if left is not None and left <= 0.0:
-            raise OutOfTime
+            raise OutOfTime("the time was over before the reserve was found")
         plan = plan_changed_run(before, Changes(overrides=values))
         *_, last = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
         return last.run

@@ -1,5 +1,6 @@
 """Errors, their exit codes, and those of the operating system."""
 
+import ast
 import errno
 import itertools
 import subprocess
@@ -150,3 +151,17 @@ def test_too_little_address_space_is_no_bug_and_no_traceback(
     assert "bug" not in ran.stderr
     if ran.returncode:
         assert "out of memory" in ran.stderr
+
+
+def test_every_error_that_is_raised_says_something() -> None:
+    """Its text is meant for the user, so none is raised as a class alone or without arguments."""
+    meant = {name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, Exception)}
+    silent: list[str] = []
+    for path in Path(errors.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            raised = node.exc if isinstance(node, ast.Raise) else None
+            said = raised.args if isinstance(raised, ast.Call) else []
+            kind = raised.func if isinstance(raised, ast.Call) else raised
+            if isinstance(kind, ast.Name) and kind.id in meant and not said:
+                silent.append(f"{path.name}:{node.lineno}: {kind.id}")
+    assert silent == []
