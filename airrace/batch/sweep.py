@@ -7,14 +7,15 @@ once.
 import io
 import math
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from airrace.batch import Sweeps, sweep_texts
-from airrace.batch.jobs import Combination, combinations, cover
+from airrace.batch.jobs import Combination, Sweep, combinations, cover
 from airrace.batch.planning import parse_sweeps
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import InputError, UsageError
@@ -26,8 +27,9 @@ from airrace.resources import extra
 from airrace.runs.output import write_text
 from airrace.runs.plan import Changes, Values, value_texts
 from airrace.runs.run import RunState, open_run
-from airrace.runs.session import Session
+from airrace.runs.session import Session, ensure_of_one_stage
 from airrace.runs.stage_view import StageView
+from airrace.track.course import Origin
 from airrace.views.tables import Column, Table, Value
 
 FILES = (".csv", ".parquet")
@@ -61,12 +63,14 @@ class SweepResult:
         keys: the swept keys.
         reference: race time of the run's own optimum on the same mesh, s.
         points: in the order of the combinations, the last key varying fastest.
+        without_effect: the swept keys of which all values ask for the same flight.
     """
 
     stage: str
     keys: tuple[str, ...]
     reference: float
     points: tuple[SweepPoint, ...]
+    without_effect: tuple[str, ...] = ()
 
     @property
     def solved(self) -> int:
@@ -92,12 +96,14 @@ class SweepResult:
                 float(value) if is_numeric else value for value, is_numeric in zip(one.values, numeric, strict=True)
             ]
             rows.append((*values, one.race_time, one.race_time - self.reference, one.status.value, one.message))
-        return Table(f"{self.stage}, {self.reference:.3f} s as it is", columns, rows)
+        notes = [f"{key} affects no flight: all of its values ask for the same one" for key in self.without_effect]
+        return Table(f"{self.stage}, {self.reference:.3f} s as it is", columns, rows, notes)
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace sweep --json` prints."""
         about: dict[str, object] = {"stage": self.stage, "keys": list(self.keys), "race_time_s": self.reference}
-        return about | {"solved": self.solved, "points": self.table().objects()}
+        found = {"without_effect": list(self.without_effect), "solved": self.solved}
+        return about | found | {"points": self.table().objects()}
 
     def write(self, path: Path) -> None:
         """Write all combinations, `.csv` or `.parquet`, replacing the file as a whole.
@@ -163,8 +169,8 @@ def sweep(
 
     Raises:
         InputError: a sweep is not valid, or a value of one; it carries all findings.
-        UsageError: nothing is swept, there are too many combinations, the passings change, or the run has no such
-            optimum.
+        UsageError: nothing is swept, there are too many combinations, the passings change, settings or a reserve are
+            to be others than the run's, or the run has no such optimum.
         SolverCrash: a solver process died.
     """
     source, path = run if isinstance(run, RunState) else open_run(Path(run)), None if output is None else Path(output)
@@ -175,13 +181,30 @@ def sweep(
     if not sweeps or number > POINTS_MAX:
         raise UsageError("nothing is swept" if not sweeps else f"{number} combinations: at most {POINTS_MAX} are swept")
     for some in cover(sweeps):
-        Changes(overrides=_texts(fixed, some)).inputs(source)
+        ensure_of_one_stage(source, Changes(overrides=_texts(fixed, some)).inputs(source))
     every = list(combinations(sweeps))
     chunks = [every[first : first + CHUNK] for first in range(0, number, CHUNK)]
     found = _solve_chunks(source, stage, fixed, chunks, threads or available_cores(), tell)
+    found = replace(found, without_effect=tuple(_without_effect(source, fixed, sweeps)))
     if path is not None:
         found.write(path)
     return found
+
+
+def _without_effect(run: RunState, fixed: Sequence[str], sweeps: Sequence[Sweep]) -> Iterator[str]:
+    """Yield the keys of which all values ask for the same flight, the other keys at their first values."""
+
+    def flight(key: str, value: str) -> object:
+        combination = tuple((one.key, value if one.key == key else one.values[0]) for one in sweeps)
+        race = Changes(overrides=_texts(fixed, combination)).inputs(run).race
+        course = replace(race.course, name="", origin=Origin())  # the air has the elevation, too
+        return course, replace(race.aircraft, name=""), race.air
+
+    for sweep in sweeps:
+        first, *others = sweep.values
+        with suppress(InputError):  # values that do not go together matter
+            if others and all(flight(sweep.key, value) == flight(sweep.key, first) for value in others):
+                yield sweep.key
 
 
 def _solve_chunks(

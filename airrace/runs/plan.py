@@ -13,7 +13,7 @@ from airrace.environment import Air
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
-from airrace.inputs.inputs import read_named
+from airrace.inputs.inputs import DocumentReader, read_named
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.inputs.overrides import value_text
 from airrace.planning.plan import Race
@@ -238,13 +238,18 @@ class Changes:
         track, aircraft, settings = stored_documents(stored)
         if self.track is not None:
             track = read_named(TRACKS, self.track, findings)
+        texts = in_force([*stored.overrides, *self.overrides])
         if self.aircraft is not None:
             aircraft = read_named(AIRCRAFT, self.aircraft, findings)
+        elif track is not None and any(text.partition("=")[0].strip() == "aircraft" for text in self.overrides):
+            reader = DocumentReader(texts)
+            _, aircraft = reader.track_and_aircraft(track, None)
+            findings += reader.findings
         if self.settings is not None:
             settings = read_document(Path(self.settings), findings)
         if findings or track is None or aircraft is None:
             raise InputError(findings)
-        return inputs_from_documents(track, aircraft, settings, in_force([*stored.overrides, *self.overrides]))
+        return inputs_from_documents(track, aircraft, settings, texts)
 
 
 def open_source_run(path: Path) -> RunState:

@@ -7,13 +7,33 @@ from types import TracebackType
 from typing import Self
 
 from airrace.errors import UsageError
-from airrace.inputs import Document
+from airrace.inputs import Document, Inputs
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_stage import WarmStage
 from airrace.process import available_cores
 from airrace.runs.plan import Changes, Values, value_texts
 from airrace.runs.run import RunState, current_versions, open_run
 from airrace.runs.stage_view import StageView
+
+BY_OTHER_COMMANDS = "`airrace batch --sweep` and `airrace resume --set` solve with others"
+
+
+def ensure_of_one_stage(run: RunState, inputs: Inputs) -> None:
+    """Refuse inputs that differ from those of a run in what no stage that is solved again by itself takes up.
+
+    Raises:
+        UsageError: naming the keys.
+    """
+    changed = [text.partition("=")[0].strip() for text in inputs.overrides if text not in run.inputs.overrides]
+    for part, same, why in (
+        ("settings", inputs.settings == run.inputs.settings, "the settings stay those of the run"),
+        ("rules.reserve", inputs.reserve == run.inputs.reserve, "a reserve takes closed-loop flights"),
+    ):
+        if not same:
+            keys = [key for key in changed if key == part or key.startswith(f"{part}.")] or [part]
+            raise UsageError(
+                f"{', '.join(keys)}: where one stage of {run.label} is solved again, {why}; {BY_OTHER_COMMANDS}"
+            )
 
 
 class Session:
@@ -92,10 +112,11 @@ class Session:
 
         Raises:
             InputError: the inputs are not valid; it carries all findings.
-            UsageError: they fly other passings.
+            UsageError: they fly other passings, or ask for other settings or another reserve than the run's.
             SolverCrash: the solver process died.
         """
         inputs = Changes(track, aircraft, None, value_texts(set)).inputs(self._run)
+        ensure_of_one_stage(self._run, inputs)
         result = self._warm.solve(inputs.race, None if start is None else start.result)
         return StageView(inputs, result, self.optimum.versions)
 
