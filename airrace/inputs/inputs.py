@@ -19,7 +19,7 @@ from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, Sca
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
-from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, read_preset, tightened
+from airrace.inputs.rules import ReserveEntry, check_reserve, penalties_of, pilot_name, read_preset, tightened
 from airrace.inputs.schema import Schema, language_of, languages_of, read_mapping, validate
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language
@@ -49,6 +49,7 @@ class Inputs:
         reserve: what is asked of the flight in disturbances; None for nothing.
         margins: of the course, by key.
         remark: what a reader should know of the language of the track file; empty where there is nothing.
+        pilot: whose limits a pilot keeps to: the name of a preset, `NAME, changed`, or `own`.
     """
 
     race: Race
@@ -63,6 +64,7 @@ class Inputs:
     reserve: ReserveEntry | None = None
     margins: Mapping[str, float] = field(default_factory=dict[str, float])
     remark: str = ""
+    pilot: str = "none"
 
 
 def load_inputs(
@@ -260,6 +262,7 @@ def _inputs(
                 reserve=entry.rules.reserve if entry else None,
                 margins=entry.margins.by_key() if entry else {},
                 remark=entry.remark if entry else "",
+                pilot=pilot_name(scene.course.rules.pilot, entry.pilot_preset if entry else "none"),
             )
     raise InputError(shorten(reader.findings), len(reader.findings))
 

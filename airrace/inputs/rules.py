@@ -147,6 +147,17 @@ PILOT_PRESETS: dict[PilotPreset, PilotEntry] = {
 """The presets of a pilot's limits by name."""
 
 
+def pilot_name(limits: PilotLimits, preset: str) -> str:
+    """Return whose limits these are: the name of the preset that has the same, `NAME, changed`, or `own`.
+
+    Args:
+        limits: of a course.
+        preset: that its file names; `none` where it names none.
+    """
+    same = (name for name, entry in PILOT_PRESETS.items() if entry.build() == limits)
+    return next(same, "own" if preset == "none" else f"{preset}, changed")
+
+
 class LimitsEntry(Schema):
     """The limits that a flight must keep to from start to finish."""
 
@@ -184,6 +195,7 @@ class FoundEntry(Schema):
     what: ClassVar[str] = "what was found"
     measured: Annotated[float, Ge(0), Le(1)] = Field(description="share of closed-loop flights that break no limit")
     lower: Annotated[float, Ge(0), Le(1)] = Field(description="lower end of its interval of confidence 95 %")
+    flights: Annotated[int, Ge(1)] = Field(default=1000, description="number of these flights")
     reached: bool = Field(description="whether that is what was asked for")
 
 

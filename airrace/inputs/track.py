@@ -85,6 +85,11 @@ class TrackEntry(Schema):
         return "race" if self.schema_ == "airrace/track/2" else "none"
 
     @property
+    def pilot_preset(self) -> PilotPreset:
+        """The preset of the pilot's limits, named or by default."""
+        return self.rules.pilot.preset or self.default_pilot
+
+    @property
     def remark(self) -> str:
         """What a reader should know of a file of the previous language; empty where there is nothing."""
         if self.default_pilot == "race" or "pilot" in self.rules.model_fields_set:

@@ -14,6 +14,7 @@ from airrace.results.flight import (
     laps_of,
     legs_of,
 )
+from airrace.results.stamp import ReserveState, Stamp
 
 __all__ = [
     "Basis",
@@ -23,7 +24,9 @@ __all__ = [
     "History",
     "Lap",
     "Leg",
+    "ReserveState",
     "Source",
+    "Stamp",
     "TimedCrossing",
     "flight_of",
     "laps_of",

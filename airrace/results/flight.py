@@ -19,6 +19,7 @@ from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.results.attitude import interpolate_attitude
+from airrace.results.stamp import ReserveState, Stamp, stamp_of
 from airrace.track.course import Course, Passage
 from airrace.trajectory import Array
 
@@ -167,6 +168,9 @@ class Source:
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for whoever looks at it; often empty.
         confirmation: the outcome of measuring it again; None where that was no question.
+        failed: the items of its certificate that fail, or what else speaks against it.
+        pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
+        reserve: what was asked of an optimum in disturbances; None for nothing.
     """
 
     label: str
@@ -175,6 +179,9 @@ class Source:
     version: str = ""
     remark: str = ""
     confirmation: Confirmation | None = None
+    failed: tuple[str, ...] = ()
+    pilot: str = ""
+    reserve: ReserveState | None = None
 
     @property
     def certified(self) -> bool | None:
@@ -241,6 +248,14 @@ class Flight:
     def label(self) -> str:
         """The name that people call the flight by."""
         return self.source.label
+
+    @property
+    def stamp(self) -> Stamp:
+        """What the flight is: stage, certificate, aircraft, air, pilot's limits and reserve."""
+        one = self.source
+        return stamp_of(
+            self.race, stage=one.stage, status=one.status, failed=one.failed, pilot=one.pilot, reserve=one.reserve
+        )
 
     @property
     def race_time(self) -> float:

@@ -118,7 +118,9 @@ class ReserveCase:
     def stored(self) -> "ReserveCase":
         """Return this with a run that says what was asked for and found."""
         measured = self.measured
-        found = FoundEntry(measured=round(measured.share, 4), lower=round(measured.lower, 4), reached=self.reached)
+        found = FoundEntry(
+            measured=round(measured.share, 4), lower=round(measured.lower, 4), flights=measured.of, reached=self.reached
+        )
         texts = self.wanted.model_copy(update={"found": found}).texts()
         return replace(self, run=self.run.with_inputs(Changes(overrides=texts).inputs(self.run)))
 

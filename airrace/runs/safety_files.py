@@ -29,6 +29,7 @@ from airrace.report.document import (
 from airrace.results import Flight
 from airrace.results.clearances import least_distances, near_misses
 from airrace.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
+from airrace.results.stamp import wind_text
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
 from airrace.runs.run import RunState, current_versions
@@ -49,7 +50,6 @@ from airrace.views.safety_views import (
     footprint_facts,
     footprint_figure,
     people_table,
-    wind_text,
 )
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, distance_table
 from airrace.views.tables import Column, Table, Value

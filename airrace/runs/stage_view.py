@@ -12,6 +12,7 @@ from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
+from airrace.inputs.rules import ReserveEntry
 from airrace.optimal_control.certificate import Certificate
 from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
@@ -20,6 +21,7 @@ from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
+from airrace.results.stamp import ReserveState, Stamp, stamp_of
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return
@@ -217,20 +219,49 @@ class StageView:
         """
         if not self.result.is_flight:
             raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
-        source = Source(
-            label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}",
-            stage=self.name,
-            status=self.result.status,
-            version=self.versions.get("airrace", ""),
-            remark=self.message,
-            confirmation=self.confirmation,
-        )
+        source = self._source(label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}")
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             flight = with_distances(flight_of(self.inputs.race, self.result, source))
         for name, one in flight.histories.items():
             if np.isinf(one.values).any():
                 raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
         return flight
+
+    @property
+    def stamp(self) -> Stamp:
+        """What the stage's flight is: stage, certificate, aircraft, air, pilot's limits and reserve."""
+        one = self._source("")
+        return stamp_of(
+            self.inputs.race,
+            stage=one.stage,
+            status=one.status,
+            failed=one.failed,
+            pilot=one.pilot,
+            reserve=one.reserve,
+        )
+
+    def _source(self, label: str) -> Source:
+        return Source(
+            label,
+            stage=self.name,
+            status=self.result.status,
+            version=self.versions.get("airrace", ""),
+            remark=self.message,
+            confirmation=self.confirmation,
+            failed=self._failed,
+            pilot=self.inputs.pilot,
+            reserve=reserve_state(self.inputs.reserve),
+        )
+
+    @property
+    def _failed(self) -> tuple[str, ...]:
+        """The items of the certificate that fail, or what else speaks against it."""
+        if self.stale:
+            return ("it no longer stands",)
+        if self.confirmation is not None and self.confirmation.refutation:
+            return (self.confirmation.outcome,)
+        certificate = self.result.certificate
+        return () if certificate is None else tuple(item.name for item in certificate.failed)
 
     def cues(self) -> Brief:
         """Return what the pilot does, leg by leg, as `airrace brief` prints it.
@@ -404,6 +435,14 @@ def is_certified(results: Sequence[StageResult]) -> bool:
     Stages before it may be merely solved on one mesh.
     """
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
+
+
+def reserve_state(entry: ReserveEntry | None) -> ReserveState | None:
+    """Return what was asked of a flight in disturbances, and what the search for it has found; None for nothing."""
+    if entry is None or entry.found is None:
+        return None if entry is None else ReserveState(entry.probability)
+    found = entry.found
+    return ReserveState(entry.probability, found.measured, found.flights, found.reached)
 
 
 def downgrade_stale(result: StageResult, stale: str, refutation: str = "") -> StageResult:

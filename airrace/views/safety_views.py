@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from airrace.environment import StaticWind
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results import Flight
 from airrace.results.flight import passings_around
+from airrace.results.stamp import wind_text
 from airrace.safety.footprint import NOT_AN_AUTHORITYS, Footprint
 from airrace.safety.monte_carlo import SafetyResult
 from airrace.safety.outlines import Outline
@@ -120,13 +120,6 @@ def footprint_facts(found: Footprint, flight: Flight) -> list[str]:
         f"ground: flat, at the height of the course's origin; {wind_text(flight.air.wind)}",
         NOT_AN_AUTHORITYS,
     ]
-
-
-def wind_text(wind: StaticWind | None) -> str:
-    """Return a wind in words."""
-    if wind is None or wind.speed == 0.0:
-        return "still air"
-    return f"wind {wind.speed / KNOT:.0f} kt from {math.degrees(wind.origin) % 360.0:.0f} degrees"
 
 
 def leg_at(flight: Flight, time: float) -> str:
