@@ -9,9 +9,10 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Generator, Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -136,7 +137,8 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
     Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
     are of ASCII.
 
-    A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
+    Where a terminal is too narrow for a table, columns that can be missed are left out, and then words are broken. What
+    is still too wide keeps its width, and the terminal wraps its lines: a number cut short would be a wrong one.
 
     Args:
         content: what is shown.
@@ -144,7 +146,6 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
     """
     from airrace.views.terminal import PlainConsole  # imported here, for it takes 0.05 s to load
 
-    drawing = content.rich() if isinstance(content, Table) else content
     terminal = sys.stdout.isatty()
     written = io.BytesIO()
     text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
@@ -155,11 +156,51 @@ def render(content: "Table | RenderableType", *, columns: int = UNLIMITED_WIDTH)
         width=None if terminal else columns,
         highlight=False,
     )
-    narrowest = console.measure(drawing, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
-    console.width = max(console.width, narrowest)
+    free = console.options.update(max_width=UNLIMITED_WIDTH)
+
+    def narrowest(table: Table) -> int:
+        return console.measure(table.rich(), options=free).minimum
+
+    if isinstance(content, Table) and terminal:
+        content = _fitted(content, console.width, narrowest)
+    drawing = content.rich() if isinstance(content, Table) else content
+    console.width = max(console.width, console.measure(drawing, options=free).minimum)
     console.print(drawing)
     text.flush()
     return "\n".join(line.rstrip() for line in written.getvalue().decode(_encoding()).splitlines())
+
+
+def _fitted(table: Table, columns: int, narrowest: Callable[[Table], int]) -> Table:
+    """Return a table without the columns that a terminal is too narrow for; if that does not do, its words are broken.
+
+    Args:
+        table: as it would be shown where nothing sets a limit.
+        columns: of the terminal.
+        narrowest: returns the columns that a table needs.
+    """
+    while narrowest(table) > columns and (narrowed := table.narrowed()) is not None:
+        table = narrowed
+    if narrowest(table) > columns:
+        broken = [column if column.form else replace(column, wraps=True) for column in table.columns]
+        table = replace(table, columns=broken)
+    return table
+
+
+def paragraph(text: str, *, begin: str = "") -> str:
+    """Return a text in lines that fit the terminal and are no longer than a page; commands and names stay whole.
+
+    Args:
+        text: without line breaks.
+        begin: stands before it; later lines are set below what comes after that.
+    """
+    return textwrap.fill(
+        text,
+        min(terminal_columns() or PAGE, PAGE),
+        initial_indent=begin,
+        subsequent_indent=len(begin) * " ",
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
 
 
 def takes_unicode() -> bool:

@@ -1,12 +1,11 @@
 """The texts of a flight log, and those of sensitivities as a table and as CSV."""
 
 import math
-import textwrap
 from collections.abc import Iterator, Sequence
 from typing import cast
 
-from airrace.cli.answer import PAGE, render
-from airrace.cli.run_tables import distance_tables, laps_lines, leg_tables
+from airrace.cli.answer import PAGE, paragraph, render
+from airrace.cli.run_tables import distance_tables, laps_text, leg_tables
 from airrace.logs.violations import shown
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
@@ -43,35 +42,36 @@ def log_texts(log: LogView, *, legs: bool = False) -> Iterator[str]:
             rows.append((one.passing or "flight", one.rule, *measured, penalty_text(one.penalty), certain))
         yield render(Table("rules that would be broken", _VIOLATIONS, rows), columns=PAGE)
         if others:
-            yield textwrap.fill(others, PAGE)
+            yield paragraph(others)
     yield f"penalties of what is certain: {penalty_text(log.penalty)}"
-    yield from laps_lines(flight)
+    if laps := laps_text(flight):
+        yield paragraph(laps)
     yield from (render(one, columns=PAGE) for one in distance_tables(flight))
     if legs:
         yield from (render(table, columns=PAGE) for table in leg_tables(flight))
-    yield "\n".join(textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in log.remarks)
+    yield "\n".join(paragraph(one, begin="note: ") for one in log.remarks)
 
 
 _VIOLATIONS = (
     Column("at"),
     Column("rule"),
-    Column("time", "s", "z.2f"),
+    Column("time", "s", "z.2f", rank=2),
     Column("flown", form="z.1f"),
-    Column("+-", form="z.1f"),  # the standard deviation of the measured value
+    Column("+-", form="z.1f", rank=1),  # the standard deviation of the measured value
     Column("allowed", form="z.1f"),
     Column("unit", wraps=True),
-    Column("penalty", wraps=True),
-    Column("certain", wraps=True),
+    Column("penalty", wraps=True, rank=3),
+    Column("certain", wraps=True, rank=4),
 )
 _PASSINGS = (
     Column("passing"),
     Column("time", "s", "z.3f"),
-    Column("leg", "s", "z.3f"),
+    Column("leg", "s", "z.3f", rank=3),
     Column("ground", "kt", "z.1f"),
     Column("height", "m", "z.1f"),
-    Column("load", "g", "z.1f"),
-    Column("bank", "deg", "z.0f"),
-    Column("climb", "deg", "z.0f"),
+    Column("load", "g", "z.1f", rank=4),
+    Column("bank", "deg", "z.0f", rank=2),
+    Column("climb", "deg", "z.0f", rank=1),
 )
 
 

@@ -151,6 +151,12 @@ TrustedKey = Annotated[
 NoVerify = Annotated[
     bool, typer.Option("--no-verify", help="Measure no stage again, which takes a second or more; it says so.")
 ]
+ShowStages = Annotated[bool, typer.Option("--stages", help="Also list the stages with their race times and costs.")]
+ShowRoutes = Annotated[bool, typer.Option("--routes", help="Also list the routes that were tried.")]
+ShowCertificate = Annotated[
+    bool, typer.Option("--certificate", help="Also list every item of the certificate, and what is claimed.")
+]
+ShowAll = Annotated[bool, typer.Option("--all", help="Show all there is, of every stage.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell on stderr what is read, written and begun.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what goes wrong.")]

@@ -1,5 +1,6 @@
 """Commands around runs: `optimize` and `resume` fly them, `show`, `verify` and `sensitivity` read them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -20,6 +21,10 @@ from airrace.cli.options import (
     Quiet,
     RunFile,
     SettingsFile,
+    ShowAll,
+    ShowCertificate,
+    ShowRoutes,
+    ShowStages,
     SigningKey,
     StageOfRun,
     Threads,
@@ -81,6 +86,10 @@ def optimize(
     dry_run: DryRun = False,
     threads: Threads = None,
     timeout: Timeout = None,
+    stages: ShowStages = False,
+    routes: ShowRoutes = False,
+    certificate: ShowCertificate = False,
+    every: ShowAll = False,
     as_json: AsJson = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -113,7 +122,8 @@ def optimize(
         chosen = [*(overrides or ()), *chosen, *chosen_texts("rules.reserve", probability=reserve)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=chosen)
         plan = plan_new_run(inputs, until=until, path=path, start=start)
-        _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+        parts = {"stages": stages, "routes": routes, "certificate": certificate, "every": every}
+        _fly(answer, plan.signed(signer), parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
 def resume(
@@ -133,6 +143,10 @@ def resume(
     sign: SigningKey = None,
     threads: Threads = None,
     timeout: Timeout = None,
+    stages: ShowStages = False,
+    routes: ShowRoutes = False,
+    certificate: ShowCertificate = False,
+    every: ShowAll = False,
     as_json: AsJson = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -163,7 +177,8 @@ def resume(
         else:
             ensure_own(run_file, signer)
             plan = plan_resumed_run(open_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
-        _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+        parts = {"stages": stages, "routes": routes, "certificate": certificate, "every": every}
+        _fly(answer, plan.signed(signer), parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
 def _ensure_sensible(
@@ -193,9 +208,19 @@ def _ensure_sensible(
 
 
 def _fly(
-    answer: CommandResult, plan: "ExecutionPlan", *, threads: int, timeout: float | None, dry_run: bool, quiet: bool
+    answer: CommandResult,
+    plan: "ExecutionPlan",
+    parts: Mapping[str, bool],
+    *,
+    threads: int,
+    timeout: float | None,
+    dry_run: bool,
+    quiet: bool,
 ) -> None:
-    """Fly a plan, watched on stderr, and fill in the answer with its tables; or only say what would run."""
+    """Fly a plan, watched on stderr, and fill in the answer with its tables; or only say what would run.
+
+    `parts` are those of `run_screen.Parts`, which is not loaded before there is something to show.
+    """
     from airrace.runs.command_result import ExitCode
     from airrace.runs.execute import ensure_executable, execute_for_command
     from airrace.runs.plan import PlannedStage
@@ -210,9 +235,13 @@ def _fly(
     with watching(plan.run.race.course.name, plan.stages, quiet=quiet) as progress:
         run, results, reserve = execute_for_command(answer, plan, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        from airrace.cli.run_tables import flight_texts  # not needed before there is something to show
+        from airrace.cli.run_screen import Parts, run_texts, solved_stages
+        from airrace.cli.run_tables import comparison_texts
 
-        answer.texts.extend(flight_texts(replace(plan, run=run), results))
+        answer.texts.extend(run_texts(solved_stages(run, results), Parts(**parts)))
+        compared = replace(plan, run=run).compare(results)
+        if compared is not None:
+            answer.texts.extend(comparison_texts([compared], every=parts["every"]))
         if reserve is not None:
             answer.texts.append(render(reserve.table()))
 
@@ -221,18 +250,24 @@ def show(
     run_file: RunFile,
     stage: Annotated[str | None, stage_option("Show this stage alone; by default all.")] = None,
     legs: Annotated[
-        bool, typer.Option("--legs", help="Tell every leg of the stage, by default of the last one.")
+        bool, typer.Option("--legs", help="Also tell every leg of the stage, by default the last, and least distances.")
     ] = False,
-    certificate: Annotated[bool, typer.Option("--certificate", help="List every item of the certificates.")] = False,
+    stages: ShowStages = False,
+    routes: ShowRoutes = False,
+    certificate: ShowCertificate = False,
+    every: ShowAll = False,
     no_verify: NoVerify = False,
     trust: TrustedKey = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
 ) -> None:
-    """Show stages, times, legs and certificates."""
+    """Show race time, verdict, gates and limits of a run.
+
+    All of it fits one screen; options show more.
+    """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import LogCheckpoint, read_stored
-        from airrace.cli.run_tables import run_texts, stored_stages
+        from airrace.cli.run_screen import Parts, run_texts, stored_stages
         from airrace.runs.signing import ensure_signed
 
         stored, signature = read_stored(run_file)
@@ -257,7 +292,8 @@ def show(
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         if not as_json:
-            answer.texts.extend(run_texts(shown, legs=legs, certificates=certificate))
+            parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=every)
+            answer.texts.extend(run_texts(shown, parts))
         answer.fail_if_refuted({one.value: found for one, found in shown.confirmations.items()})
 
 

@@ -321,6 +321,11 @@ class StageResult:
         return self.outcome in (Status.SOLVED, Status.NOT_CERTIFIED)
 
     @property
+    def has_race_time(self) -> bool:
+        """Whether the stage found a flight whose time is that of a race; a guess may be faster than any optimum."""
+        return self.is_flight and self.status is not Status.GUESS
+
+    @property
     def holds(self) -> bool:
         """Whether the stage found an optimum, and all that was measured of it holds.
 

@@ -57,7 +57,7 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
     if not results:
         return f"{name}: no stage is finished yet"
     last = results[-1]
-    race_time = f"{last.trajectory.race_time:.3f} s" if last.is_flight else last.outcome.value
+    race_time = f"{last.trajectory.race_time:.3f} s" if last.has_race_time else last.status.value
     solved = "solved on one mesh, " if last.status is Status.SOLVED else ""
     return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
 
@@ -80,8 +80,8 @@ def stage_page(race: Race, result: StageResult) -> str:
     return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
 
 
-def _stage_cells(result: StageResult) -> tuple[str | float, ...]:
-    race_time = result.trajectory.race_time if result.is_flight else result.outcome.value
+def _stage_cells(result: StageResult) -> tuple[str | float | None, ...]:
+    race_time = result.trajectory.race_time if result.has_race_time else None
     return result.stage.value, race_time, result.status.value, result.iterations, result.timings.wall
 
 

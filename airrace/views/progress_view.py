@@ -88,7 +88,7 @@ def outcome_line(result: StageResult) -> str:
     seconds = f"{result.timings.wall:.1f} s"
     certified = _VERDICTS.get(result.status, "NOT certified")
     verdict = certified if result.outcome is Status.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
-    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
+    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.has_race_time else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
 
 

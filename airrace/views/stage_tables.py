@@ -4,9 +4,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.procedure.result import CLEARANCE, GateSplit, SearchReport, StageResult, Status
+from airrace.procedure.result import CLEARANCE, GateSplit, Route, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.results import Flight
+from airrace.results.active_limits import ActiveLimit, active_limits
 from airrace.results.clearances import NEAR_MISS, least_distances
 from airrace.results.cues import Action, Cue, Pull, RollAction
 from airrace.views.tables import RACE, Cell, Column, Table, Units, Value
@@ -14,13 +15,13 @@ from airrace.views.tables import RACE, Cell, Column, Table, Units, Value
 _SPLITS = (
     Column("gate", key="passage"),
     Column("time", "s", ".3f", "time_s"),
-    Column("leg", "s", ".3f", "leg_s"),
-    Column("speed", "m/s", ".1f", "V_K_m_s"),
+    Column("leg", "s", ".3f", "leg_s", rank=4),
+    Column("speed", "m/s", ".1f", "V_K_m_s", rank=1),
     Column("speed", "kt", ".1f", "V_K_kt"),
     Column("height", "m", ".1f", "height_m"),
-    Column("load", "g", "z.2f", "n_z"),
-    Column("bank", "deg", "z.1f", "bank_deg"),
-    Column("climb", "deg", "z.1f", "climb_deg"),
+    Column("load", "g", "z.2f", "n_z", rank=5),
+    Column("bank", "deg", "z.1f", "bank_deg", rank=3),
+    Column("climb", "deg", "z.1f", "climb_deg", rank=2),
     Column(key="heading_deg"),
 )
 
@@ -49,10 +50,10 @@ def splits_table(splits: Sequence[GateSplit], title: str = "gate splits") -> Tab
 _CERTIFICATE = (
     Column("item"),
     Column("value", form=".3g"),
-    Column("limit", form=".3g"),
-    Column("unit"),
+    Column("limit", form=".3g", rank=3),
+    Column("unit", rank=2),
     Column("holds"),
-    Column("worst at", wraps=True),
+    Column("worst at", wraps=True, rank=1),
 )
 
 
@@ -71,10 +72,12 @@ def certificate_table(certificate: Certificate, title: str, notes: Sequence[str]
 
 _SEARCH = (
     Column("route", wraps=True),
-    Column("rough time", "s", ".3f"),
+    Column("rough time", "s", ".3f", rank=2),
     Column("behind", "s", "+z.3f"),
-    Column("evaluated by"),
+    Column("evaluated by", rank=1),
 )
+NEAR_ROLLS = 0.015
+"""The time behind the best within which routes that only roll otherwise share a line, s."""
 
 
 LIMITS_OF_CLAIM = (
@@ -86,6 +89,23 @@ LIMITS_OF_CLAIM = (
     "Limits are reached, so the flight has no reserve for gusts, for delay or for errors of the pilot.",
 )
 """What the claim of a stage does not say, a sentence each."""
+
+
+def verdict_words(result: StageResult) -> str:
+    """Return the verdict on a stage in about four words, e.g. `certified: local optimum`, or the items that fail."""
+    match result.status:
+        case Status.CERTIFIED:
+            return "certified: local optimum"
+        case Status.SOLVED:
+            return "solved on one mesh: local optimum"
+        case Status.GUESS:
+            return "a guess, no optimum"
+        case Status.NOT_CERTIFIED:
+            failed = [] if result.certificate is None else [item.name for item in result.certificate.failed]
+            more = f" and {len(failed) - 2} more" if len(failed) > 2 else ""
+            return f"NOT certified{': ' if failed else ''}{', '.join(failed[:2])}{more}"
+        case _:
+            return f"no flight: {result.status.value}"
 
 
 def claim(results: Sequence[StageResult]) -> str:
@@ -128,33 +148,45 @@ def _touches(certificate: Certificate | None) -> str:
     return text if missed >= NEAR_MISS else ""
 
 
+def _only_rolls(route: Route) -> bool:
+    """Tell whether a route hardly costs time and, by its words, rolls on each leg on which it differs."""
+    return abs(route.difference) <= NEAR_ROLLS and all("rolling " in leg for leg in route.text.split("; "))
+
+
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
     """Return a table of the best route and those that came next, on a coarse mesh.
 
     Args:
-        search: of a stage.
+        search: of a stage that tried routes.
         title: empty for one that tells how many routes were tried.
-        most: routes to be listed; None for all.
+        most: the largest number of rows of routes; None for any. Routes that only roll otherwise share one.
         notes: sentences that belong to it.
     """
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
     tried = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s"
-    rows: list[tuple[str | float, ...]] = [
-        (route.text, route.race_time, "best" if number == 0 else route.difference, route.evaluated_by)
-        for number, route in enumerate(search.routes[:most])
-    ]
-    if len(rows) < len(search.routes):
-        rows.append((f"and {len(search.routes) - len(rows)} more", "", "", ""))
+    best_route, *others = search.routes
+    rolls = [route for route in others if _only_rolls(route)]
+    rolls = rolls if len(rolls) > 1 else []
+    rows: list[tuple[str | float, ...]] = [(best_route.text, best_route.race_time, "best", best_route.evaluated_by)]
+    if rolls:
+        behind = 1e3 * max(route.difference for route in rolls)
+        words = f"{len(rolls)} routes that roll otherwise on a leg, the last of them {behind:.0f} ms behind"
+        rows.append((words, rolls[0].race_time, rolls[0].difference, ""))
+    listed = [route for route in others if route not in rolls]
+    shown = listed if most is None else listed[: max(most - len(rows), 0)]
+    rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in shown]
+    if len(shown) < len(listed):
+        rows.append((f"and {len(listed) - len(shown)} more", "", "", ""))
     return Table(title or f"{tried}, {best} of {starts} multistarts converged to the best", _SEARCH, rows, notes)
 
 
 _DISTANCES = (
     Column("from", wraps=True),
     Column("least", "m", "z.2f"),
-    Column("required", "m", "z.1f"),
+    Column("required", "m", "z.1f", rank=2),
     Column("left", "m", "z.2f"),
     Column("at", "s", "z.2f"),
-    Column("height", "m", "z.0f"),
+    Column("height", "m", "z.0f", rank=1),
 )
 
 
@@ -172,6 +204,36 @@ def distance_table(flight: Flight, title: str, *, begin: float = 0.0, notes: Seq
         for one in least_distances(flight)
     ]
     return Table(title, _DISTANCES, rows, notes)
+
+
+_LIMITS = (
+    Column("what limits", wraps=True),
+    Column("at"),
+    Column("for s", form=".2f"),
+    Column("of the race", form=".0%", rank=1),
+    Column("most on the leg to", rank=2),
+)
+
+
+def limits_table(flight: Flight, most: int | None = None) -> Table:
+    """Return a table of the limits that a flight reaches, those it keeps to for longest first.
+
+    Args:
+        flight: an optimum.
+        most: the largest number of rows; None for all.
+    """
+    found = active_limits(flight)
+    rows = [
+        (one.text, _value_text(one), one.duration, one.duration / flight.race_time, one.leg) for one in found[:most]
+    ]
+    return Table("", _LIMITS, rows)
+
+
+def _value_text(one: ActiveLimit) -> str:
+    """Return the value of a limit with its unit, angles in degrees."""
+    if "rad" in one.unit:
+        return f"{math.degrees(one.value):.4g} {one.unit.replace('rad', 'deg')}"
+    return f"{one.value:.4g} {'' if one.unit == '1' else one.unit}".rstrip()
 
 
 ONCE_ROUND = math.radians(270.0)
@@ -226,7 +288,7 @@ def _length(metres: float, units: Units) -> str:
     return f"{metres * units.per_m:.0f} {units.length}"
 
 
-_CUES = (Column("leg to"), Column("at", "s", ".2f"), Column("where"), Column("what the pilot does", wraps=True))
+_CUES = (Column("leg to"), Column("at", "s", ".2f"), Column("where", rank=1), Column("what the pilot does", wraps=True))
 NOTE = "Bank is positive with the right wing down; a pull lasts while the load is above half of its rise."
 
 

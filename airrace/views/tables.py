@@ -4,6 +4,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from airrace.csv_cells import text_cell
@@ -21,6 +22,8 @@ Value = str | float | None
 """What stands in a cell: words, or a number that the column formats; None or NaN where nothing is known."""
 
 STYLE = "text-align: {}; padding: 0 0.6em; white-space: nowrap"
+LEFT_OUT = "too narrow for: "
+"""The beginning of the note on columns that are left out."""
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 
 
@@ -35,6 +38,7 @@ class Column:
         key: its name in CSV and JSON; empty where people alone see it.
         missing: stands where nothing is known.
         wraps: whether its words are broken into lines where they are too long.
+        rank: the place in the order in which columns are left out where a terminal is too narrow, from 1; 0 for never.
     """
 
     name: str = ""
@@ -43,6 +47,7 @@ class Column:
     key: str = ""
     missing: str = "-"
     wraps: bool = False
+    rank: int = 0
 
     @property
     def visible(self) -> bool:
@@ -102,6 +107,23 @@ class Table:
         """Return what people see, the heads first: the texts of the cells, row by row."""
         heads = [f"{column.name} {column.unit}".strip() for column in self.columns if column.visible]
         return [heads, *([column.text(cell.value) for column, cell in row] for row in self._visible_rows())]
+
+    def narrowed(self) -> "Table | None":
+        """Return the table without the column that is left out next, and a note of it; None where all have to stay."""
+        ranks = [column.rank for column in self.columns if column.visible and column.rank]
+        if not ranks:
+            return None
+        dropped = next(column for column in self.columns if column.visible and column.rank == min(ranks))
+        places = [place for place, column in enumerate(self.columns) if column is not dropped]
+        head = f"{dropped.name} {dropped.unit}".strip()
+        begun = bool(self.notes) and self.notes[-1].startswith(LEFT_OUT)
+        notes = [*self.notes[:-1], f"{self.notes[-1]}, {head}"] if begun else [*self.notes, f"{LEFT_OUT}{head}"]
+        return replace(
+            self,
+            columns=[self.columns[place] for place in places],
+            rows=[[row[place] for place in places] for row in self.rows],
+            notes=notes,
+        )
 
     def text(self) -> str:
         """Return columns side by side, names to the left and numbers to the right, without rules."""
@@ -182,6 +204,7 @@ class Table:
     def rich(self) -> "RichTable":
         """Return the table for a terminal."""
         from rich import box  # imported here, for most tables are not drawn and rich takes 0.05 s to load
+        from rich.cells import cell_len
         from rich.table import Table as RichTable
         from rich.text import Text
 
@@ -193,11 +216,15 @@ class Table:
             collapse_padding=True,
             show_edge=False,
         )
-        for column in self.columns:
-            if column.visible:
-                head = f"{column.name}\n{column.unit}" if column.unit else column.name
-                justify, overflow = "right" if column.form else "left", "fold" if column.wraps else "ellipsis"
-                table.add_column(head, justify=justify, no_wrap=not column.wraps, overflow=overflow)
+        shown = [column for column in self.columns if column.visible]
+        texts = zip(*self.texts(), strict=True)
+        for column, (_, *cells) in zip(shown, texts, strict=True):
+            head = f"{column.name}\n{column.unit}" if column.unit else column.name
+            justify, overflow = "right" if column.form else "left", "fold" if column.wraps else "ellipsis"
+            # Of words that stay on one line rich would otherwise take the longest one for the least width.
+            lines = [line for text in (head, *cells) for line in text.split("\n")]
+            least = None if column.wraps else max(map(cell_len, lines))
+            table.add_column(head, justify=justify, no_wrap=not column.wraps, overflow=overflow, min_width=least)
         for row in self._visible_rows():
             table.add_row(*(Text(column.text(cell.value), "bold red" if cell.bad else "") for column, cell in row))
         if self.notes:

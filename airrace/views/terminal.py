@@ -28,7 +28,7 @@ class PlainConsole(Console):
             yield segment if segment.control else segment._replace(text=plain(segment.text))
 
 
-ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
+ROWS = ("stage", "doing", "", "iteration", "objective", "infeasibility")
 
 
 @record

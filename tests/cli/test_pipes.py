@@ -71,7 +71,7 @@ def test_a_run_that_is_piped_in_is_read_like_its_file(words: tuple[str, ...]) ->
     assert named.exit_code == 0
     assert (piped.exit_code, piped.stderr) == (named.exit_code, named.stderr.replace("run.h5", "stdin"))
     if words[-1] != "-":
-        assert piped.stdout == named.stdout
+        assert piped.stdout == named.stdout.partition("\nnext: ")[0]  # what is piped in has no name to go on with
 
 
 def test_one_table_goes_to_stdout() -> None:

@@ -15,9 +15,9 @@ from fake_optimizer import stage_result
 
 import airrace
 from airrace.checkpoint import read_checkpoint
-from airrace.cli import run_tables
+from airrace.cli import run_screen
 from airrace.cli.answer import render
-from airrace.cli.run_tables import TABLE, result_tables
+from airrace.cli.run_tables import TABLE
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Route, SearchReport, StageResult
@@ -134,16 +134,16 @@ def missed(flight: Flight) -> tuple[NearMiss, ...]:
 def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_tables, "near_misses", missed)
+    monkeypatch.setattr(run_screen, "near_misses", missed)
     monkeypatch.setattr(json_objects, "near_misses", missed)
     commands = (("optimize", TRACK), ("resume", "rovinj_2014.h5"), ("show", "rovinj_2014.h5"))
-    told = [run(*command) for command in commands]
-    assert [ran.code for ran in told] == [0, 0, 0]
-    blocks = [re.findall(r"near misses\n.*?0\.02 s after", ran.out, re.DOTALL) for ran in told]
-    assert len(blocks[0]) == 1
-    assert "0.02 s after" in blocks[0][0]
-    assert blocks[0] == blocks[1] == blocks[2]
-    assert "near misses" not in run("optimize", TRACK, "--quiet", "--force").out
+    for command in commands:
+        ran = run(*command)
+        assert ran.code == 0
+        assert ran.out.count("note: the wing is 0.25 m from pylon g4 0.02 s after 0:g0, required 0.5 m\n") == 1
+        assert "near misses\n" not in ran.out
+    assert re.search(r"near misses\n.*?0\.02 s after", run(*commands[-1], "--all").out, re.DOTALL)
+    assert "pylon g4" not in run("optimize", TRACK, "--quiet", "--force").out
     answers = [run(*command, "--json").answer for command in (("optimize", TRACK, "--force"), *commands[1:])]
     answers.append(airrace.open("rovinj_2014.h5").as_object())
     objects = [[stage.get("near_misses") for stage in answer["stages"]] for answer in answers]
@@ -160,13 +160,14 @@ def test_routes_are_told_of_the_stage_that_explored_when_others_are_flown_after_
         yield stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    flown, shown = run("optimize", TRACK), run("show", "rovinj_2014.h5", "--no-verify")
+    flown, shown = run("optimize", TRACK, "--routes"), run("show", "rovinj_2014.h5", "--no-verify", "--routes")
     assert (flown.code, shown.code) == (0, 0)
+    assert "routes" not in run("show", "rovinj_2014.h5", "--no-verify").out
     for told in (flown.out, shown.out):
         assert told.count("routes: 3 tried in 4.5 s, 3 of 5 multistarts converged to the best") == 1
         assert "over the top to the right" in told
         assert "+0.125" in told
-    assert f"a needless loop: {LOOP}" in shown.out
+    assert f"note: a needless loop: {LOOP}" in " ".join(shown.out.split())
 
 
 def test_json_tells_the_same_routes_when_flown_and_when_shown(folder: Path) -> None:
@@ -195,8 +196,22 @@ def test_json_tells_the_same_routes_when_flown_and_when_shown(folder: Path) -> N
 def test_stage_that_has_not_explored_tells_no_routes() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
     assert (told["routes"], told["search"], told["alternatives"]) == ([], None, [])
-    shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
-    assert "routes" not in shown
+
+
+def test_routes_that_only_roll_otherwise_and_hardly_cost_time_share_a_line() -> None:
+    """Of one such route, of those that cost more, and of those that differ in more than rolls, each has its own."""
+
+    def rolling(behind: float, leg: int) -> Route:
+        return Route(f"1:g{leg} -> 1:g{leg + 1}: straight, flat, rolling left through inverted", 10.0, behind, "window")
+
+    best, slower = Route("no long turns", 10.0, 0.0, "joint"), rolling(0.016, 9)
+    turned = Route("1:g1 -> 1:g2: 90 degrees to the left, flat", 10.0, 0.002, "window")
+    both = Route(f"{turned.text}; {rolling(0.0, 4).text}", 10.0, 0.003, "window")
+    near = [rolling(0.001 * leg, leg) for leg in (1, 4, 7)]
+    shown = " ".join(render(search_table(SearchReport((best, *near, slower, turned, both)))).split())
+    assert shown.count("rolling left") == 2
+    assert "3 routes that roll otherwise on a leg, the last of them 7 ms behind" in shown.replace(" 10.000 +0.001", "")
+    assert "1:g4 -> 1:g5: straight" in " ".join(render(search_table(SearchReport((best, near[1])))).split())
 
 
 def test_object_of_a_route_without_a_number_is_json() -> None:

@@ -14,7 +14,7 @@ from fake_optimizer import solve_single_mesh, stage_result
 from airrace.cli.answer import answering, render
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
-from airrace.cli.run_tables import items_table, mesh_table, result_tables, stages_table
+from airrace.cli.run_tables import items_table, mesh_table, stages_table
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
@@ -24,7 +24,8 @@ from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenan
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.sensitivity import Activity, Sensitivity
-from airrace.views.tables import Table
+from airrace.views.stage_tables import splits_table
+from airrace.views.tables import Column, Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -38,16 +39,35 @@ def terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_terminal_is_too_narrow_for_a_number(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal(columns, monkeypatch)
     result = stage_result(Stage.POINT_MASS)
-    for table in (stages_table([result]), *result_tables(result)):
+    certificate = result.certificate
+    assert certificate is not None
+    for table in (stages_table([result]), splits_table(result.splits), items_table(certificate)):
         shown = STYLE.sub("", render(table))
         assert "\u2026" not in shown
         assert columns != 80 or max(map(len, shown.splitlines())) <= 80
 
 
-def test_a_stage_without_a_flight_shows_no_splits() -> None:
-    for outcome in (Status.INFEASIBLE, Status.NOT_CONVERGED, Status.TIMEOUT):
-        shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
-        assert "1:g1" not in shown
+def test_where_a_terminal_is_too_narrow_columns_are_left_out_in_their_order_and_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    columns = (Column("gate"), Column("speed", "m/s", ".3f", rank=2), Column("time", "s", ".3f"), Column("x", rank=1))
+    table = Table("", columns, [("a gate with a long name", 123.456, 55.868, "x" * 12)])
+
+    def shown(width: int) -> str:
+        terminal(width, monkeypatch)
+        return STYLE.sub("", render(table))
+
+    assert "too narrow" not in shown(60)
+    assert "123.456" in shown(44)
+    assert "too narrow for: x\n" in shown(44) + "\n"
+    narrow = shown(33)
+    assert "123.456" not in narrow
+    assert " ".join(narrow.split()).endswith("too narrow for: x, speed m/s")
+    narrowest = shown(16)  # nothing else can be left out, so that words are broken
+    assert {"long", "55.868"} <= set(narrowest.split())
+    assert max(map(len, narrowest.splitlines())) <= 16
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: False)
+    assert "123.456" in render(table, columns=16)  # who reads a file has no terminal
 
 
 def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:

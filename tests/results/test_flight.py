@@ -238,7 +238,7 @@ def show(*arguments: str) -> tuple[int, str, str]:
 def test_show_tells_the_legs_in_eighty_columns(run_file: str) -> None:
     code, out, err = show(run_file, "--legs", "--certificate")
     assert (code, err) == (0, "")
-    assert max(len(line) for line in out.splitlines()) <= 80
+    assert max(len(line) for line in out.splitlines() if run_file not in line) <= 80
     for words in ("energy", "indicated", "nearest", "replay_defect"):
         assert words in out
     assert "replay_defect" not in show(run_file)[1]
@@ -266,7 +266,7 @@ def test_the_object_holds_the_legs_of_the_last_flight(run_file: str) -> None:
 
 def test_near_misses_are_told_in_the_answer_and_in_the_object(run_file: str) -> None:
     """The half Cuban eight has no pylons; between those of a gate 3 m wide there is no room for a wing."""
-    assert "near misses" not in show(run_file)[1]
+    assert "near misses" not in show(run_file, "--all")[1]
     (stage,) = (one for one in json.loads(show(run_file, "--json")[1])["stages"] if "legs" in one)
     assert stage["near_misses"] == []
     flight = narrow()

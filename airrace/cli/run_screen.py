@@ -1,0 +1,336 @@
+"""What `optimize`, `resume` and `show` print: the answer on one screen, and whatever else of a run was asked for.
+
+The answer is race time and verdict, the table of the gates, what limits the flight, the most important remarks, and
+the commands that come next.
+"""
+
+import logging
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
+from airrace.cli.answer import PAGE, paragraph, render
+from airrace.cli.run_tables import (
+    TABLE,
+    distance_tables,
+    items_table,
+    laps_text,
+    leg_tables,
+    mesh_table,
+    near_miss_table,
+    stages_table,
+)
+from airrace.errors import InputError, UsageError
+from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
+from airrace.procedure.stage import STAGES, Stage
+from airrace.records import record
+from airrace.results import Confirmation, Flight
+from airrace.results.clearances import near_misses
+from airrace.results.flight_facts import sustained_loads
+from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object
+from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.stage_view import StageView, downgrade_stale, is_certified
+from airrace.standard_streams import STANDARD
+from airrace.track.course import ClearanceRule
+from airrace.views.plain_text import one_line
+from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, verdict_words
+from airrace.views.tables import Table
+
+logger = logging.getLogger(__name__)
+
+DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
+REFUSED = "this version of airrace refuses the inputs"
+NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
+
+
+@record
+class ScreenSettings:
+    """What the answer leaves out so that it fits one screen.
+
+    Attributes:
+        limits_max: the largest number of limits in its table.
+        remarks_max: the largest number of remarks.
+    """
+
+    limits_max: int = 5
+    remarks_max: int = 3
+
+
+SCREEN = ScreenSettings()
+
+
+@record
+class Parts:
+    """What is shown of a run besides the answer.
+
+    Attributes:
+        stages: the table of the stages.
+        routes: the routes that were tried.
+        certificate: the items of the certificate of the last stage that is shown, and what is claimed of it.
+        legs: every leg of the flight, and its least distances.
+        every: all of it, of all stages that are shown, with meshes and all remarks.
+    """
+
+    stages: bool = False
+    routes: bool = False
+    certificate: bool = False
+    legs: bool = False
+    every: bool = False
+
+
+@record
+class StoredStages:
+    """The stages of a run as `optimize`, `resume` and `show` show them, and the flight of one of them.
+
+    Attributes:
+        checkpoint: that holds them.
+        path: of its file; None or `-` where there is none to be named.
+        every: all stages of the run; those that no longer stand are not certified.
+        results: the stages that are shown, in their order.
+        confirmations: the outcome of measuring each of them again; empty for those that were just solved.
+        flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
+            is none, or where this version of airrace does not accept the stored inputs.
+        stage: the name of the stage that the flight belongs to; empty without one.
+    """
+
+    checkpoint: Checkpoint
+    path: Path | None
+    every: tuple[StageResult, ...]
+    results: tuple[StageResult, ...]
+    confirmations: Mapping[Stage, Confirmation]
+    flight: Flight | None = None
+    stage: str = ""
+
+    @property
+    def verified(self) -> bool | None:
+        """Whether all stages that are shown are verified; None where some are not, and none is refuted."""
+        verified = [one.verified for one in self.confirmations.values()]
+        return False if False in verified else True if verified and all(verified) else None
+
+    def as_object(self) -> dict[str, object]:
+        """Return the object of the run, with `legs` and `laps` in the stage whose flight is shown.
+
+        `verified` is null where not all of it was measured again.
+        """
+        wall = sum(result.timings.wall for result in self.every)
+        track = one_line(Path(self.checkpoint.inputs.track.path).stem)
+        legs = {} if self.flight is None else {self.stage: legs_object(self.flight)}
+        stages = [
+            stage_object(result)
+            | legs.get(result.stage.value, {})
+            | confirmation_object(self.confirmations[result.stage])
+            for result in self.results
+        ]
+        run = run_object(track, self.results, wall, certified=is_certified(self.every))
+        return run | {"stages": stages, "verified": self.verified}
+
+
+def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, verify: bool) -> StoredStages:
+    """Choose what is shown.
+
+    Args:
+        checkpoint: read from a file.
+        path: of that file.
+        stage: the name of the only stage that is shown; None for all.
+        verify: whether these are measured again.
+
+    Raises:
+        UsageError: the run has no such stage.
+    """
+    run, refusal = None, ""
+    shown = [one.result.stage for one in checkpoint.stages if stage in (None, one.result.stage.value)]
+    try:
+        run = ensure_readable(run_of_checkpoint(checkpoint, path)).confirmed(shown, verify=verify)
+        every = run.valid_results
+    except InputError as error:  # the stages may stand on these inputs as they are stored
+        refusal = str(error.findings[0])
+        stale = dict(stale_stages(checkpoint, inputs_hash(checkpoint.inputs.resolved)))
+        stored = (one.result for one in checkpoint.stages)
+        every = tuple(downgrade_stale(result, stale.get(result.stage, "")) for result in stored)
+    results = tuple(result for result in every if stage in (None, result.stage.value))
+    if stage is not None and not results:
+        names = ", ".join(result.stage.value for result in every) or "none"
+        raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
+    name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
+    confirmations = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
+    if name is not None and run is not None:
+        return StoredStages(checkpoint, path, every, results, confirmations, run.flight(name), name)
+    if name is not None:
+        logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
+    return StoredStages(checkpoint, path, every, results, confirmations)
+
+
+def solved_stages(run: RunState, results: Sequence[StageResult]) -> StoredStages:
+    """Return what is shown of a run whose stages were just solved, or kept.
+
+    Args:
+        run: the run by now.
+        results: all its stages, in order; at least one.
+    """
+    last = results[-1]
+    flight = StageView(run.inputs, last, {}).flight() if last.is_flight else None
+    return StoredStages(
+        run.checkpoint, run.path, tuple(results), tuple(results), {}, flight, last.stage.value if flight else ""
+    )
+
+
+def run_texts(shown: StoredStages, parts: Parts) -> Iterator[str]:
+    """Yield the answer, then the parts that were asked for, in lines that fit the terminal.
+
+    Args:
+        shown: the stages.
+        parts: what is shown besides the answer.
+    """
+    yield from _answer(shown, every=parts.every)
+    if not shown.results:
+        return
+    if parts.stages or parts.every:
+        yield render(stages_table(shown.results), columns=PAGE)
+    if parts.routes or parts.every:
+        yield from _routes(shown.results)
+    if parts.every:
+        for result in shown.results:
+            yield from _stage_texts(result, with_splits=result.stage.value != shown.stage)
+    if parts.certificate or parts.every:
+        yield from _certificate_texts(shown, shown.results if parts.every else shown.results[-1:])
+    if (parts.legs or parts.every) and shown.flight is not None:
+        tables = [*leg_tables(shown.flight), *distance_tables(shown.flight)]
+        if parts.every and (misses := near_misses(shown.flight)):
+            tables.append(near_miss_table(misses))
+        yield from (render(table, columns=PAGE) for table in tables)
+
+
+def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
+    """Yield what fits one screen; with `every` all limits and remarks."""
+    if not shown.results:
+        yield "no stage is finished yet"
+    else:
+        yield paragraph(_headline(shown))
+        last = shown.results[-1]
+        if shown.flight is not None and last.stage.value == shown.stage:
+            laps = laps_text(shown.flight)
+            yield render(splits_table(last.splits, laps), columns=PAGE)
+            limits = limits_table(shown.flight, None if every else SCREEN.limits_max)
+            if limits.rows and last.has_race_time:
+                yield render(limits, columns=PAGE)
+    remarks = list(_remarks(shown))
+    listed = remarks if every else remarks[: SCREEN.remarks_max]
+    lines = [paragraph(one, begin="note: ") for one in listed]
+    if len(listed) < len(remarks):
+        lines.append(f"{len(remarks) - len(listed)} more with --all")
+    if lines:
+        yield "\n".join(lines)
+    if commands := next_commands(shown):
+        begins = ("next: ", *[6 * " "] * len(commands))
+        yield "\n".join(begin + command for begin, command in zip(begins, commands, strict=False))
+
+
+def _headline(shown: StoredStages) -> str:
+    """Return race time and verdict of the last stage, and whether it was verified where that was a question."""
+    last = shown.results[-1]
+    race_time = f"{last.trajectory.race_time:.3f} s, " if last.has_race_time else ""
+    confirmation = shown.confirmations.get(last.stage)
+    confirmed = f"; {confirmation.outcome}" if confirmation is not None else ""
+    return f"{last.stage.value}: {race_time}{verdict_words(last)}{confirmed}"
+
+
+def _remarks(shown: StoredStages) -> Iterator[str]:
+    """Yield what is to be known of the stages, the most important first: what does not hold, then what is near it."""
+    for result in reversed(shown.results):
+        if result.remarks:
+            yield f"{result.stage.value}: {result.remarks}"
+    unverified = {one: found for one, found in shown.confirmations.items() if found.verified is None and found.reason}
+    yield from _confirmation_lines(unverified, len(shown.confirmations))
+    if shown.flight is not None:
+        yield from _flight_remarks(shown.flight)
+    for result in shown.results:
+        yield from (f"a needless loop: {loop}" for loop in result.search.loops)
+
+
+def _flight_remarks(flight: Flight) -> Iterator[str]:
+    """Yield what is measured of a flight and no limit of it: near misses of pylons, loads sustained for too long."""
+    if misses := near_misses(flight):
+        least = min(misses, key=lambda one: one.clearance.margin)
+        away, others = least.clearance, len(misses) - 1
+        text = f"the wing is {away.distance:.2f} m from {away.text} {least.where}, required {away.required:g} m"
+        text += f"; {others} more near miss{'' if others == 1 else 'es'} (--all)" if others else ""
+        if flight.course.rules.clearance is not ClearanceRule.FLIGHT:
+            text += (
+                "; the rules measure the wing tips at the instant of a passing alone, and `--set "
+                "rules.clearance=flight` keeps it clear all along"
+            )
+        yield text
+    yield from (one.text for one in sustained_loads(flight))
+
+
+def next_commands(shown: StoredStages) -> list[str]:
+    """Return the two commands that most likely come next; fewer where there is nothing to do, or no file to name."""
+    if shown.path is None or shown.path == STANDARD:
+        return []
+    run, last = shlex.quote(str(shown.path)), shown.every[-1] if shown.every else None
+    if last is None:
+        return [f"airrace resume {run}"]
+    if not last.is_flight:
+        changes: dict[int, str] = {}  # the first of every conflict: all of them have to be resolved
+        for one in last.suggested_changes:
+            if one.key:
+                changes.setdefault(one.conflict, f"--set {shlex.quote(f'{one.key}={one.needed:g}')}")
+        track = shlex.quote(shown.checkpoint.inputs.track.path)
+        again = f"airrace optimize {track} {' '.join(changes.values())} --output NEW.h5"
+        return [again] if changes else [f"airrace check {track}", f"airrace resume {run}"]
+    if not last.holds:
+        examined = [] if last.certificate is None else [f"airrace show {run} --certificate"]
+        return [*examined, f"airrace resume {run}"]
+    higher = last.stage in STAGES and last.stage is not list(STAGES)[-1]
+    return [f"airrace brief {run}", f"airrace {'resume' if higher else 'report'} {run}"]
+
+
+def _routes(results: Sequence[StageResult]) -> Iterator[str]:
+    searches = [result.search for result in results if result.search.routes]
+    if not searches:
+        yield "no other routes were tried"
+    yield from (render(search_table(one, most=TABLE.routes_max), columns=PAGE) for one in searches)
+
+
+def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:
+    """Yield the gates of a stage other than that of the answer, and its mesh."""
+    tables: list[Table] = []
+    if with_splits and result.splits and result.is_flight:
+        told = f"race time {result.trajectory.race_time:.3f} s" if result.has_race_time else result.status.value
+        tables.append(splits_table(result.splits, f"{result.stage.value}: {told}"))
+    if len(result.mesh.why):
+        tables.append(mesh_table(result))
+    yield from (render(table, columns=PAGE) for table in tables)
+
+
+def _certificate_texts(shown: StoredStages, results: Sequence[StageResult]) -> Iterator[str]:
+    """Yield what is claimed of the last of some stages, their certificates, and what was verified."""
+    if claimed := claim(shown.every[: shown.every.index(results[-1]) + 1]):
+        yield paragraph(f"{results[-1].stage.value}: {claimed}")
+    for result in results:
+        if result.certificate is not None:
+            stands = result.outcome is Status.SOLVED or not result.certificate.holds
+            title = f"{result.stage.value}: " if len(results) > 1 else ""
+            yield render(items_table(result.certificate, "" if stands else DOES_NOT_STAND, title), columns=PAGE)
+    confirmations = {one.stage: shown.confirmations[one.stage] for one in results if one.stage in shown.confirmations}
+    if confirmations:
+        yield from _confirmation_texts(confirmations)
+
+
+def _confirmation_texts(confirmations: Mapping[Stage, Confirmation]) -> Iterator[str]:
+    """Yield the outcomes of measuring stages again, and what nobody can verify."""
+    yield "\n".join(map(paragraph, _confirmation_lines(confirmations, len(confirmations))))
+    yield paragraph(NOBODY_CAN)
+
+
+def _confirmation_lines(confirmations: Mapping[Stage, Confirmation], count: int) -> Iterator[str]:
+    """Yield the outcomes of measuring some of `count` stages again, equal words once.
+
+    What was refuted the remark on its stage tells.
+    """
+    alike: dict[str, list[str]] = {}
+    for stage, one in confirmations.items():
+        alike.setdefault(one.remark, []).append(stage.value)
+    for words, stages in alike.items():
+        yield f"{'all stages' if len(stages) == count > 1 else ', '.join(stages)}: {words}"
