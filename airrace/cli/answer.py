@@ -186,16 +186,17 @@ def _fitted(table: Table, columns: int, narrowest: Callable[[Table], int]) -> Ta
     return table
 
 
-def paragraph(text: str, *, begin: str = "") -> str:
-    """Return a text in lines that fit the terminal and are no longer than a page; commands and names stay whole.
+def paragraph(text: str, *, begin: str = "", page: int = PAGE) -> str:
+    """Return a text in lines that fit the terminal and are no longer than a page; names stay whole.
 
     Args:
         text: without line breaks.
         begin: stands before it; later lines are set below what comes after that.
+        page: columns of the page.
     """
     return textwrap.fill(
         text,
-        min(terminal_columns() or PAGE, PAGE),
+        min(terminal_columns() or page, page),
         initial_indent=begin,
         subsequent_indent=len(begin) * " ",
         break_on_hyphens=False,

@@ -2,10 +2,12 @@
 
 import itertools
 import math
+import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from airrace.cli.answer import paragraph
 from airrace.planning.lint import Remark
 from airrace.planning.plan import Race
 from airrace.quantities import KNOT, Interval
@@ -44,29 +46,29 @@ def course_tables(race: Race) -> list[Table]:
         ("limits along the flight", ("limit", "range"), _limits(race)),
         ("kept away from", ("name", "what", "where", "distance"), _surroundings(race)),
     )
-    tables = [Table(title, [Column(head) for head in heads], list(cells)) for title, heads, cells in words]
+    tables = [Table(title, [Column(head, wraps=True) for head in heads], list(cells)) for title, heads, cells in words]
     return [table for table in (_passages_table(race), *tables) if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
-    """Return the remarks in one line each; of many, the first ones."""
-    lines = [f"warning: {remark.text}" for remark in remarks[: SIZES.remarks_max]]
+    """Return the remarks, one line each where no terminal is too narrow for it; of many, the first ones."""
+    lines = [paragraph(remark.text, begin="warning: ", page=sys.maxsize) for remark in remarks[: SIZES.remarks_max]]
     if len(remarks) > SIZES.remarks_max:
-        lines.append(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them")
+        lines.append(paragraph(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them"))
     return "\n".join(lines)
 
 
 _PASSAGES = (
     Column("passage"),
-    Column("type"),
-    Column("north", "m", "z.0f", missing="free"),
-    Column("east", "m", "z.0f", missing="free"),
+    Column("type", rank=7),
+    Column("north", "m", "z.0f", missing="free", rank=5),
+    Column("east", "m", "z.0f", missing="free", rank=6),
     Column("height", "m", "z.1f", missing="free"),
     Column("course", "deg", "z.0f", missing="free"),
-    Column("climb", "deg", "z.0f", missing="free"),
-    Column("bank", "deg", "z.0f", missing="free"),
-    Column("leg", "m", "z.0f"),
-    Column("turn", "deg", "z.0f"),
+    Column("climb", "deg", "z.0f", missing="free", rank=1),
+    Column("bank", "deg", "z.0f", missing="free", rank=2),
+    Column("leg", "m", "z.0f", rank=4),
+    Column("turn", "deg", "z.0f", rank=3),
 )
 
 
@@ -199,12 +201,12 @@ def _range(interval: Interval, unit: str) -> str:
 
 
 _PLANNED = (
-    Column("from"),
+    Column("from", wraps=True),
     Column("distance", "m", ".1f"),
-    Column("required", "m", ".1f"),
-    Column("north", "m", "z.0f"),
-    Column("east", "m", "z.0f"),
-    Column("height", "m", "z.0f"),
+    Column("required", "m", ".1f", rank=4),
+    Column("north", "m", "z.0f", rank=2),
+    Column("east", "m", "z.0f", rank=3),
+    Column("height", "m", "z.0f", rank=1),
     Column("between", wraps=True),
 )
 

@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answer_with_files, answering, ensure_room, render, takes_unicode, terminal_columns
+from airrace.cli.answer import (
+    answer_with_files,
+    answering,
+    ensure_room,
+    paragraph,
+    render,
+    takes_unicode,
+    terminal_columns,
+)
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
@@ -106,8 +114,6 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     Their names stand for files in every command, and in track files.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from textwrap import fill
-
         from airrace.runs.courses import catalogue
         from airrace.views.tables import Column, Table
 
@@ -119,7 +125,7 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
         answer.texts += [
             render(Table("courses", heads, courses)),
             render(Table("aircraft", (Column("name"), Column("aircraft")), aircraft)),
-            fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False),
+            paragraph(f"rule books (rules: NAME): {', '.join(listed.rules)}"),
         ]
 
 

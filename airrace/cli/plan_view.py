@@ -262,7 +262,7 @@ def _write_arrows(canvas: Canvas, map_: MapModel, arrows: str) -> None:
 
 
 def _scale(canvas: Canvas, map_: MapModel, *, plain: bool) -> Text:
-    """Return a bar of a round length of about an eighth of the largest width, north and the wind, in one row."""
+    """Return a bar of a round length of about an eighth of the largest width, north and the wind."""
     cell = ACROSS * canvas.dot
     metres = round_length(LIMITS.columns / 8 * cell)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
@@ -273,7 +273,7 @@ def _scale(canvas: Canvas, map_: MapModel, *, plain: bool) -> Text:
         arrow = "" if plain else f"{_ARROWS[round((origin + 180.0) / 45.0) % 8]} "
         wind = f"{arrow}wind from {origin % 360.0:.0f} deg, {map_.wind.speed / KNOT:.0f} kt"
     north = "north is up" if plain else "\u2191 north"
-    return Text(f"{bar} {metres:g} m   {north}   {wind}", no_wrap=True, overflow="ignore")
+    return Text(f"{bar} {metres:g} m   {north}   {wind}")
 
 
 def _legend(map_: MapModel, plain: bool) -> Text:
@@ -288,6 +288,4 @@ def _legend(map_: MapModel, plain: bool) -> Text:
         ("airspace", AIRSPACE, map_.airspace is not None),
     ]
     texts = [Text(f"{layer.plain} {name}" if plain else name, layer.style) for name, layer, shown in entries if shown]
-    legend = Text("  ").join(texts)
-    legend.no_wrap, legend.overflow = True, "ignore"
-    return legend
+    return Text("  ").join(texts)

@@ -92,6 +92,7 @@ class StoredStages:
         flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
             is none, or where this version of airrace does not accept the stored inputs.
         stage: the name of the stage that the flight belongs to; empty without one.
+        stamp: what the last of the stages that are shown is, in a line; empty without one, or likewise.
     """
 
     checkpoint: Checkpoint
@@ -101,6 +102,7 @@ class StoredStages:
     confirmations: Mapping[Stage, Confirmation]
     flight: Flight | None = None
     stage: str = ""
+    stamp: str = ""
 
     @property
     def verified(self) -> bool | None:
@@ -154,11 +156,12 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
     confirmations = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
+    stamp = run.stage(results[-1].stage).stamp.text if run is not None and results else ""
     if name is not None and run is not None:
-        return StoredStages(checkpoint, path, every, results, confirmations, run.flight(name), name)
+        return StoredStages(checkpoint, path, every, results, confirmations, run.flight(name), name, stamp)
     if name is not None:
         logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
-    return StoredStages(checkpoint, path, every, results, confirmations)
+    return StoredStages(checkpoint, path, every, results, confirmations, stamp=stamp)
 
 
 def solved_stages(run: RunState, results: Sequence[StageResult]) -> StoredStages:
@@ -168,11 +171,10 @@ def solved_stages(run: RunState, results: Sequence[StageResult]) -> StoredStages
         run: the run by now.
         results: all its stages, in order; at least one.
     """
-    last = results[-1]
-    flight = StageView(run.inputs, last, {}).flight() if last.is_flight else None
-    return StoredStages(
-        run.checkpoint, run.path, tuple(results), tuple(results), {}, flight, last.stage.value if flight else ""
-    )
+    last, every = StageView(run.inputs, results[-1], {}), tuple(results)
+    flight = last.flight() if results[-1].is_flight else None
+    name = "" if flight is None else last.name
+    return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, last.stamp.text)
 
 
 def run_texts(shown: StoredStages, parts: Parts) -> Iterator[str]:
@@ -206,7 +208,7 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
     if not shown.results:
         yield "no stage is finished yet"
     else:
-        yield paragraph(_headline(shown))
+        yield "\n".join(paragraph(one) for one in (_headline(shown), shown.stamp) if one)
         last = shown.results[-1]
         if shown.flight is not None and last.stage.value == shown.stage:
             laps = laps_text(shown.flight)

@@ -1,0 +1,161 @@
+"""The answer of a run: it fits one screen, whatever the width, and says first what matters most."""
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import fake_optimizer
+import pytest
+from command import run
+from fake_optimizer import solve_single_mesh, stage_result
+
+from airrace.cli.main import app
+from airrace.cli.run_screen import SCREEN, Parts, next_commands, run_texts, solved_stages
+from airrace.inputs import load_inputs
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
+from airrace.procedure.stage import STAGES, Stage
+from airrace.runs.run import RunState, open_run
+from airrace.views.stage_tables import verdict_words
+
+STYLE = re.compile(r"\x1b\[[0-9;]*m")
+PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
+LOOPS = tuple(f"g{number} -> g{number + 1}: turns 340 degrees on 900 m" for number in range(5))
+
+Show = Callable[..., list[str]]
+
+
+@pytest.fixture
+def at(fake_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Show:
+    """What a command prints on a terminal of so many columns, line by line, without colours."""
+
+    def shown(columns: int, *arguments: str) -> list[str]:
+        monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        app(arguments, standalone_mode=False)
+        return STYLE.sub("", capsys.readouterr().out).splitlines()
+
+    return shown
+
+
+@pytest.fixture
+def state(fake_folder: Path) -> RunState:
+    """A finished run."""
+    assert run("optimize", "rovinj_2014", "--quiet").code == 0
+    return open_run(Path("rovinj_2014.h5"))
+
+
+def told(state: RunState, *results: StageResult, every: bool = False) -> str:
+    """The answer about some stages, in one line."""
+    return " ".join(" ".join(run_texts(solved_stages(state, results), Parts(every=every))).split())
+
+
+def flown(stage: Stage = Stage.SIX_DOF, **named: Any) -> StageResult:
+    return replace(stage_result(stage, passings=PASSINGS), **named)
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_no_line_is_wider_than_the_terminal(columns: int, at: Show) -> None:
+    commands = [
+        ("optimize", "rovinj_2014"),
+        ("optimize", "rovinj_2014", "--force", "--all"),
+        ("show", "rovinj_2014.h5"),
+        ("show", "rovinj_2014.h5", "--all", "--legs"),
+        ("show", "rovinj_2014.h5", "--no-verify", "--stages", "--routes", "--certificate"),
+        ("brief", "rovinj_2014.h5"),
+        *[("check", name) for name in ("rovinj_2014", "half_cuban_eight", "abu_dhabi_2016")],
+    ]
+    for command in commands:
+        lines = at(columns, *command)
+        assert lines
+        assert [line for line in lines if len(line) > columns] == [], command
+
+
+def test_the_answer_of_a_race_of_two_laps_fits_forty_lines(at: Show) -> None:
+    at(80, "optimize", "rovinj_2014", "--quiet")
+    lines = at(80, "show", "rovinj_2014.h5")
+    assert len(PASSINGS) == 17
+    assert len(lines) <= 40
+    assert lines[0] == "point-mass: 10.000 s, certified: local optimum; verified"
+    assert lines[1].startswith("point-mass, certified; Edge 540")
+    assert lines[-2:] == ["next: airrace brief rovinj_2014.h5", "      airrace resume rovinj_2014.h5"]
+    for words in ("stages", "routes", "kkt_error", "least distances"):
+        assert not any(words in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (stage_result(Stage.SIX_DOF), "certified: local optimum"),
+        (solve_single_mesh(stage_result(Stage.SIX_DOF)), "solved on one mesh: local optimum"),
+        (stage_result(Stage.HOMOTOPY), "a guess, no optimum"),
+        (stage_result(Stage.SIX_DOF, kkt_error=1.0), "NOT certified: kkt_error"),
+        (stage_result(Stage.SIX_DOF, Status.NOT_CERTIFIED), "NOT certified"),
+        (stage_result(Stage.SIX_DOF, Status.INFEASIBLE), "no flight: infeasible"),
+    ],
+)
+def test_the_verdict_is_a_few_words_or_the_item_that_fails(result: StageResult, words: str) -> None:
+    assert verdict_words(result) == words
+
+
+def test_a_guess_shows_no_race_time(at: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    def faster(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in fake_optimizer.optimize(*arguments, **named):
+            if result.stage is Stage.HOMOTOPY:
+                flight, splits = result.trajectory, [replace(one, time=0.9125 * one.time) for one in result.splits]
+                flight = replace(flight, time=0.9125 * flight.time, durations=0.9125 * flight.durations)
+                result = replace(result, trajectory=flight, splits=tuple(splits))
+            yield result
+
+    monkeypatch.setattr(procedure, "optimize", faster)
+    ran = run("optimize", "rovinj_2014", "--stages", "--output", "x.h5")
+    assert "9.125" not in ran.out + ran.err
+    assert "homotopy: solved, a guess, 12 iterations" in ran.err
+    assert re.search(r"\nhomotopy +a guess +- ", ran.out)
+    assert "9.125" not in "\n".join(at(80, "show", "x.h5", "--stage", "homotopy", "--no-verify")).partition("\n\n")[0]
+
+
+def test_the_most_important_remarks_are_told_and_the_others_counted(state: RunState) -> None:
+    note = Note(NoteKind.MESH_CHECK, "the race time was not confirmed")
+    result = flown(search=SearchReport(loops=LOOPS), notes=(note,))
+    text = told(state, flown(Stage.POINT_MASS), result)
+    assert text.index("note: six-dof: the race time was not confirmed") < text.index(
+        f"note: a needless loop: {LOOPS[0]}"
+    )
+    assert text.count("note: ") == SCREEN.remarks_max == 3
+    assert "3 more with --all" in text
+    text = told(state, flown(Stage.POINT_MASS), result, every=True)
+    assert text.count("note: ") == 6
+    assert "with --all" not in text
+
+
+def test_what_is_claimed_of_the_curvature_stands_in_the_certificate_alone(state: RunState) -> None:
+    shown = solved_stages(state, [flown()])
+    assert "a local minimum" not in " ".join(run_texts(shown, Parts(stages=True, routes=True)))
+    assert "certified: a local minimum, all limits measured" in " ".join(run_texts(shown, Parts(certificate=True)))
+
+
+def test_the_next_commands_suit_what_became_of_the_run(state: RunState) -> None:
+    def after(*results: StageResult) -> list[str]:
+        return next_commands(solved_stages(replace(state, path=Path("my run.h5")), results))
+
+    assert list(STAGES)[-1] is Stage.SIX_DOF
+    assert after(flown()) == ["airrace brief 'my run.h5'", "airrace report 'my run.h5'"]
+    assert after(flown(Stage.POINT_MASS)) == ["airrace brief 'my run.h5'", "airrace resume 'my run.h5'"]
+    failed = stage_result(Stage.SIX_DOF, kkt_error=1.0, passings=PASSINGS)
+    assert after(failed) == ["airrace show 'my run.h5' --certificate", "airrace resume 'my run.h5'"]
+    changes = [
+        SuggestedChange(conflict, "1:g1", key, "the ceiling", "m", 120.0, needed, 9.9)
+        for conflict, key, needed in (
+            (1, "rules.ceiling_m", 195.0),
+            (1, "rules.n_z_max", 11.0),
+            (2, "rules.floor_m", 5),
+        )
+    ]
+    infeasible = replace(stage_result(Stage.POINT_MASS, Status.INFEASIBLE), suggested_changes=tuple(changes))
+    (command,) = after(infeasible)
+    assert command.endswith(" --set rules.ceiling_m=195 --set rules.floor_m=5 --output NEW.h5")
+    assert next_commands(solved_stages(replace(state, path=None), [flown()])) == []
