@@ -323,7 +323,8 @@ def _certificate_texts(shown: StoredStages, results: Sequence[StageResult]) -> I
 def _confirmation_texts(confirmations: Mapping[Stage, Confirmation]) -> Iterator[str]:
     """Yield the outcomes of measuring stages again, and what nobody can verify."""
     yield "\n".join(map(paragraph, _confirmation_lines(confirmations, len(confirmations))))
-    yield paragraph(NOBODY_CAN)
+    if any(one.verified for one in confirmations.values()):
+        yield paragraph(NOBODY_CAN)
 
 
 def _confirmation_lines(confirmations: Mapping[Stage, Confirmation], count: int) -> Iterator[str]:

@@ -56,7 +56,7 @@ def flight_page(
     sections: Sequence[str] = (),
     footer: str = "",
     *,
-    claim: str = "",
+    claimed: bool = False,
     envelope: "SafetyResult | None" = None,
     style: str = "",
 ) -> str:
@@ -66,8 +66,8 @@ def flight_page(
         flights: the first is what the page is about, the others fly beside it as its ghosts.
         sections: HTML of further sections, which stand below the legs; empty ones are left out.
         footer: plain text.
-        claim: what is claimed of the first flight; the badge tells it and leads to the section `claim` among
-            `sections`. Empty for its verdict alone.
+        claimed: whether `sections` hold one called `claim`, to which the badge leads: what is claimed of the first
+            flight, and what is not.
         style: CSS that comes after the page's own, such as `SCENE_ALONE`.
 
     Raises:
@@ -88,13 +88,13 @@ def flight_page(
     confirmation = first.source.confirmation
     unsure = confirmation is not None and confirmation.verified is None
     refuted = confirmation is not None and confirmation.verified is False
-    recorded = f"recorded; {confirmation.outcome}" if confirmation else "recorded"
+    outcome = "" if confirmation is None or confirmation.verified else f"; {confirmation.outcome}"
     good = "bad" if first.source.doubtful or misses or refuted else "unsure" if unsure else "good"
     look = f'class="verdict {good}" data-state="{html.escape(first.source.state or "recorded")}"'
-    verdict = f"<div {look}>{escape_html(first.source.verdict or recorded)}{near}</div>"
-    if claim:
-        words = escape_html(claim + near)
-        verdict = f'<a {look} href="#claim" title="What this does not say">{words}</a>'
+    words = escape_html(f"{first.source.verdict or 'recorded'}{outcome}{near}")
+    verdict = f"<div {look}>{words}</div>"
+    if claimed:
+        verdict = f'<a {look} href="#claim" title="What this says, and what it does not">{words}</a>'
     template = string.Template((FOLDER / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
         # Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.

@@ -334,9 +334,8 @@ def _stage_page(
     claimed, found = claim_of(run, view), view.confirmation or Confirmation(None)
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
-    badge = f"{claimed or flights[0].source.verdict}; {found.outcome}"
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
-    return flight_page(flights, [claim_section(claimed, found), *sections], footer, claim=badge, envelope=scatter)
+    return flight_page(flights, [claim_section(claimed, found), *sections], footer, claimed=True, envelope=scatter)
 
 
 def claim_of(run: RunState, view: StageView) -> str:

@@ -60,8 +60,11 @@ def test_a_genuine_run_is_verified(tmp_path: Path) -> None:
         answer = json.loads(ran(*command, "--json").stdout)
         one = answer.get("reference", answer)
         assert one["verified"] in (True, [True]), name
-    assert badge(path)[0] == "good"
-    assert badge(path)[1].endswith("; verified")
+    assert badge(path) == ("good", "certified")
+    page = path.with_suffix(".html").read_text(encoding="utf-8")
+    (claim,) = re.findall(r'<section class="panel" id="claim">.*?</section>', page, re.DOTALL)
+    assert "<p>Certified: a local " in claim
+    assert "<p>Verified.</p>" in claim
 
 
 @pytest.mark.parametrize("name", FORGED)
@@ -108,8 +111,7 @@ def test_nothing_is_measured_without_verification_and_all_say_so(
             "not verified",
             ["not verified"],
         )
-    assert badge(path)[0] == "unsure"
-    assert badge(path)[1].endswith("; not verified")
+    assert badge(path) == ("unsure", "certified; not verified")
 
 
 def test_runs_that_cannot_be_measured_are_shown_as_not_verified(
@@ -148,5 +150,5 @@ def test_reports_of_python_are_verified_unless_told_otherwise(tmp_path: Path) ->
     assert badge(path)[1].endswith("; not verified")
     with contextlib.chdir(tmp_path):
         airrace.open(written(genuine(), tmp_path)).report("run.html", "run.h5:point-mass")
-    assert badge(path)[1].endswith("; verified")
+        assert badge(path)[1] == "certified"
     assert run.certified  # a run itself stays as it was read
