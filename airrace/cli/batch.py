@@ -204,7 +204,8 @@ def sweep(
         if not quiet:
             left = len(table.rows) - ROWS_SHOWN
             more = (f"{left} more; --output writes all",) if left > 0 else ()
-            answer.texts.append(render(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], more)))
+            notes = (*table.notes, *more)
+            answer.texts.append(render(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], notes)))
         answer_with_files(answer, [] if output is None else [output], quiet=quiet)
         if unsolved := len(found.points) - found.solved:
             answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(found.points)} combinations have no optimum")

@@ -96,6 +96,20 @@ def test_the_aircraft_may_be_swept() -> None:
     assert abs(scratch.race_time - found.reference) > 0.02
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "values",
+    [{"aircraft.roll.C_lp": -0.3, "aircraft.pitch.C_m0": 0.05}, {"environment.wind.speed_kt": 15}, {"aircraft": "pc9"}],
+)
+def test_a_session_finds_what_a_run_finds_that_is_started_from_it(values: dict[str, float | str]) -> None:
+    wind = {"environment.wind.from_deg": 90, "environment.wind.speed_kt": 5, "environment.wind.profile": "power"}
+    known = airrace.optimize("half_cuban_eight", set=wind)
+    changed = airrace.resume(known, set={**values, "settings.search": "off", "settings.alternatives": 1})
+    assert changed.certified
+    with airrace.Session(known) as session:
+        assert session.solve(values).race_time == pytest.approx(changed.race_time, abs=5e-3)
+
+
 def test_a_key_that_affects_no_flight_is_named() -> None:
     found = airrace.sweep(run(), {"notes": ["a", "b"], "rules.n_z_max": [9, 10]})
     assert found.without_effect == ("notes",)
@@ -111,6 +125,8 @@ def test_the_command_prints_a_table_or_an_object_and_writes_parquet(tmp_path: Pa
     assert re.search(r"\b9 +8\.\d{3} +\+0\.\d{3} +solved", printed.out)
     assert parquet.read_table(table).column_names[:2] == ["rules.n_z_max", "race_time_s"]
     assert command.run(*call).code == 2  # the file exists
+    unaffected = command.run("sweep", str(file), "--sweep", "notes=a,b").out
+    assert "notes affects no flight" in " ".join(unaffected.split())
     told = command.run(*call, "--force", "--json").answer
     assert told["solved"] == 2
     assert told["points"][0]["rules.n_z_max"] == 9
