@@ -156,10 +156,19 @@ class Parameter(Generic[Model]):
 
     def round_milder(self, value: float) -> float:
         """Return a value rounded to the milder side, up to the limit."""
+        nearer = min if self.relaxing_step > 0.0 else max
+        return nearer(self._round(value, upwards=self.relaxing_step > 0.0), self.limit)
+
+    def round_stricter(self, value: float) -> float:
+        """Return a value rounded to the stricter side, down to the value in the model as it is."""
+        nearer = max if self.relaxing_step > 0.0 else min
+        return nearer(self._round(value, upwards=self.relaxing_step < 0.0), self.value)
+
+    def _round(self, value: float, *, upwards: bool) -> float:
         digit = self.digit or self.usual_step
-        whole, nearer = (math.ceil, min) if self.relaxing_step > 0.0 else (math.floor, max)
         digits = max(0, -math.floor(math.log10(digit)))
-        return nearer(round(whole(round(value / digit, 6)) * digit, digits), self.limit)
+        whole = math.ceil if upwards else math.floor
+        return round(whole(round(value / digit, 6)) * digit, digits)
 
 
 def unit_and_step(key: str) -> tuple[str, float]:

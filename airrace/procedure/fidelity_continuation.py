@@ -123,7 +123,7 @@ class FidelityContinuation:
         self._simulators: dict[Stage, TrackingSimulator] = {}
         self._pieces: StageResult | None = None
         self._local_infeasibility: LocalInfeasibility | None = None
-        self._relaxed: RelaxedRoutes | None = None
+        self._relaxed: RelaxedRoutes | None = None  # made when it is first asked for
         self._coarse_plans: list[CoarseSolution | None] | None = None
         self.done = {result.stage: result for result in finished}
         for stage in STAGES[STAGES.index(first) : STAGES.index(last or first) + 1]:
@@ -471,11 +471,10 @@ class FidelityContinuation:
             return Start(along, *self._plan_guess(along, session), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
-            where = ""
             if pieces is None:  # nor has the plan led anywhere
-                self._relaxed = RelaxedRoutes(self._race, flight, session)
-                where = conflict_location(self._relaxed)
-            first = self._homotopy(session, plain=bool(where))
+                self._conflict(session)
+            first = self._homotopy(session)
+            where = "" if self._relaxed is None else self._conflict(session)
             if where and first.notes:  # phases could not be added
                 message = f"the limits contradict each other at {where}"
                 return self._infeasible(session, *self._plan_guess(flight, session), message)
@@ -495,11 +494,20 @@ class FidelityContinuation:
         mesh = first_mesh(flight.plan, session.settings.mesh)
         return flight.problem(mesh), guess(flight.plan, mesh)
 
-    def _homotopy(self, session: SolverSession, *, plain: bool = False) -> StageResult:
-        """Return the pieces of the homotopy, which is solved once; `plain` as of `primary_only`."""
+    def _conflict(self, session: SolverSession) -> str:
+        """Return the place at which limits have to give way along every plan; empty if there is none."""
+        if self._relaxed is None:
+            self._relaxed = RelaxedRoutes(self._race, self.flight(Stage.POINT_MASS), session.settings.mesh)
+        return conflict_location(self._relaxed.solve(session))
+
+    def _homotopy(self, session: SolverSession) -> StageResult:
+        """Return the pieces of the homotopy, which is solved once."""
+
+        def is_in_conflict() -> bool:
+            return bool(self._conflict(session))
 
         def window_is_infeasible(problem: Problem, phase: int, guesses: Sequence[Iterate]) -> bool:
-            self._local_infeasibility = find_local_infeasibility(session, problem, phase, guesses, primary_only=plain)
+            self._local_infeasibility = find_local_infeasibility(session, problem, phase, guesses, is_in_conflict)
             return self._local_infeasibility is not None
 
         if self._pieces is None:

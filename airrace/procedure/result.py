@@ -3,6 +3,7 @@
 The procedure reports to a `Progress`; the default one is silent.
 """
 
+import math
 from abc import ABC, abstractmethod
 from enum import Enum, IntEnum
 
@@ -253,8 +254,11 @@ class SuggestedChange:
         text: what it is, for people.
         unit: of both values; empty for a plain number.
         given: the value as it is.
-        needed: the least value with which a flight was found, rounded to the milder side.
+        needed: the least value of those that were tried with which a flight was found, rounded to the milder side.
         race_time: of the flight with that value, and the first of every other conflict, on three meshes, s.
+        failed: the mildest value that was tried with which no flight was certified; infinite if no other was.
+        failed_flies: whether a flight was found with that value.
+        certified: whether the flight with the value that is needed is certified.
     """
 
     conflict: int
@@ -265,6 +269,9 @@ class SuggestedChange:
     given: float
     needed: float
     race_time: float
+    failed: float = math.inf
+    failed_flies: bool = False
+    certified: bool = True
 
 
 @record

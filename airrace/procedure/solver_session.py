@@ -79,10 +79,16 @@ class Budget:
     failed_only: bool = True
 
     @classmethod
-    def of(cls, plan: Plan, settings: MeshSettings) -> Self:
-        """Return the budget of every stage of a race, from its plan."""
+    def of(cls, plan: Plan, settings: MeshSettings, per_interval: int = LIMITS.work_per_interval) -> Self:
+        """Return a budget from the plan of a race, by default that of each of its stages.
+
+        Args:
+            plan: of the race.
+            settings: of its first mesh.
+            per_interval: the work per interval of that mesh: so many iterations.
+        """
         intervals = sum(len(fractions) for fractions in first_mesh(plan, settings))
-        return cls(LIMITS.work_per_interval * max(intervals, LIMITS.fewest_intervals))
+        return cls(per_interval * max(intervals, LIMITS.fewest_intervals))
 
     def for_an_explanation(self) -> "Budget":
         """Return what is left for finding out why nothing was found: a third at least."""

@@ -161,6 +161,9 @@ def conflict_objects(suggested_changes: Sequence[SuggestedChange]) -> list[dict[
                     "unit": one.unit or None,
                     "given": finite(one.given),
                     "needed": finite(one.needed),
+                    "certified": one.certified,
+                    "failed": finite(one.failed),
+                    "failed_flies": one.failed_flies,
                     "race_time_s": finite(one.race_time),
                 }
                 for one in group

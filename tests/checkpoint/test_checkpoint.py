@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 
 from airrace.checkpoint import Checkpoint, inputs_hash, read_checkpoint, stale_stages, write_checkpoint
 from airrace.checkpoint.checkpoint import content_digest
-from airrace.checkpoint.hdf5 import Group, image_of, tree_of
+from airrace.checkpoint.hdf5 import Group, StoredTable, image_of, rows_of, table_of, tree_of
 from airrace.checkpoint.run_layout import decode, encode
 from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
@@ -202,6 +202,17 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
         assert stored.result.suggested_changes == result.suggested_changes
         with h5py.File(tmp_path / "run.h5", "r") as file:
             assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
+
+
+def test_last_columns_with_defaults_may_be_missing_and_no_others() -> None:
+    change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
+    columns = dict(table_of(SuggestedChange, [change]).columns)
+    for missing in ("certified", "failed_flies", "failed"):
+        del columns[missing]
+        assert rows_of(SuggestedChange, StoredTable(columns), "suggested_changes") == (change,)
+    del columns["race_time"]
+    with pytest.raises(CheckpointError, match="the columns are"):
+        rows_of(SuggestedChange, StoredTable(columns), "suggested_changes")
 
 
 def test_conditions_on_pylons_are_read_back_and_are_absent_where_nothing_is_asked(tmp_path: Path) -> None:

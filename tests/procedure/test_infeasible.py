@@ -9,7 +9,20 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from races import DEGREE, EDGE_540, ROOT, RULES, SIXTEEN, SMALL, course, level, optimum, planned, prepared, settings
+from races import (
+    DEGREE,
+    EDGE_540,
+    ROOT,
+    RULES,
+    SIXTEEN,
+    SMALL,
+    course,
+    level,
+    optimum,
+    planned,
+    prepared,
+    settings,
+)
 from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
@@ -24,8 +37,21 @@ from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
-from airrace.procedure.infeasibility.conflicts import RULES_AND_GATES, SETTINGS, Repair, conflict_location
-from airrace.procedure.infeasibility.diagnose import TRIAL, TrialFlight, validate
+from airrace.procedure.infeasibility.conflicts import (
+    RULES_AND_GATES,
+    SETTINGS,
+    RelaxedRoutes,
+    Repair,
+    conflict_location,
+)
+from airrace.procedure.infeasibility.diagnose import (
+    TRIAL,
+    RepairTrial,
+    TrialFlight,
+    describe_conflicts,
+    tighten,
+    validate,
+)
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import (
     WINDOWS_MAX,
@@ -259,6 +285,15 @@ def test_few_windows_are_looked_at_before_nothing_is_said() -> None:
     assert len(asked(used)) == WINDOWS_MAX
 
 
+def test_nobody_else_is_asked_where_limits_have_to_give_way_along_every_plan() -> None:
+    problem, made = sixteen()
+    used = session("stuck")
+    assert find_local_infeasibility(used, problem, FAILED_PHASE, [made, made], lambda: True) is not None
+    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]
+    feasible = session("stuck", "solved")
+    assert find_local_infeasibility(feasible, problem, FAILED_PHASE, [made, made], lambda: True) is None
+
+
 def test_a_single_solver_contradicts_nothing() -> None:
     used = session("infeasible")
     used.settings = dataclasses.replace(
@@ -285,23 +320,25 @@ def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_h
     assert (len(asked(used)) == 1) is answer
 
 
-FOUND_OUT = ("stuck", "stuck", "stuck", "infeasible", "infeasible")  # the first piece, then its legs
+LEGS_FAIL = ["stuck", "stuck", "stuck"]  # the first piece, then its legs from either guess
+RELAXED_FAILS = ["stuck"]  # the plan with all its limits relaxed
+CLAIMED = ["infeasible", "infeasible"]
 
 
 @pytest.mark.parametrize(
-    ("kind", "before", "search"),
+    ("kind", "before", "found_out", "search"),
     [
-        (GuessKind.HOMOTOPY, [], SearchEffort.QUICK),
-        (GuessKind.HOMOTOPY, [], SearchEffort.OFF),
-        (GuessKind.PLAN, ["stuck", "stuck"], SearchEffort.OFF),  # the plan, then all its limits relaxed
+        (GuessKind.HOMOTOPY, [], [*LEGS_FAIL, *RELAXED_FAILS, *CLAIMED], SearchEffort.QUICK),
+        (GuessKind.HOMOTOPY, [], [*LEGS_FAIL, *RELAXED_FAILS, *CLAIMED], SearchEffort.OFF),
+        (GuessKind.PLAN, ["stuck", *RELAXED_FAILS], [*LEGS_FAIL, *CLAIMED], SearchEffort.OFF),
     ],
 )
 def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
-    kind: GuessKind, before: list[str], search: SearchEffort
+    kind: GuessKind, before: list[str], found_out: list[str], search: SearchEffort
 ) -> None:
     chosen = settings(kind, search=search)
     plans = 4 if search is SearchEffort.QUICK else 0  # solved beside the homotopy, which finds it out
-    verdicts = (*before, *FOUND_OUT, *["stuck"] * plans, "stuck", "solved")
+    verdicts = (*before, *found_out, *["stuck"] * plans, "stuck", "solved")
     used = SolverSession(Canned(*verdicts), chosen, Silent())
     ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
@@ -317,7 +354,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     ]
     purposes = [one.purpose for one in result.attempts]
     explaining = next(place for place, one in enumerate(reversed(purposes), start=1) if "without" in one) - 1
-    assert len(asked(used)) - explaining == len(before) + len(FOUND_OUT) + 2 + plans  # two limits are taken away
+    assert len(asked(used)) - explaining == len(before) + len(found_out) + 2 + plans  # two limits are taken away
 
 
 KNOWN = {one.key: one for one in relaxable_parameters(SMALL)}
@@ -344,7 +381,7 @@ class Flights:
         self._ends = ends
         self.asked = Counter[str]()
 
-    def __call__(self, race: Race, near: Relaxed) -> TrialFlight:
+    def __call__(self, race: Race, near: Relaxed, before: TrialFlight) -> TrialFlight:
         key = self._keys[id(near)]
         self.asked[key] += 1
         return self._ends.get(key, [CERTIFIED])[self.asked[key] - 1]
@@ -402,3 +439,83 @@ def test_limits_clearly_contradict_each_other_only_where_they_do_on_all_ways_rou
     much, little = (relaxed(factor * SETTINGS.plain_steps) for factor in (2.0, 0.5))
     assert conflict_location([much, much]) == "a -> b"
     assert [conflict_location(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]
+
+
+GIVEN = 235.0
+LOW = level_turn(4.0)
+LOW = dataclasses.replace(
+    LOW,
+    course=dataclasses.replace(LOW.course, rules=dataclasses.replace(LOW.course.rules, height=Interval(10.0, GIVEN))),
+)
+CEILING = next(one for one in relaxable_parameters(LOW) if one.key == "rules.ceiling_m")
+
+
+def tightened(
+    certified_from: float, found_from: float, begin: float, **known: Any
+) -> tuple[SuggestedChange, list[float]]:
+    """What is told of a ceiling that was certified at `begin`, and the heights that were tried of it."""
+    tried: list[float] = []
+
+    def fly(race: Race, near: Relaxed, before: TrialFlight) -> TrialFlight:
+        tried.append(race.course.rules.height.upper)
+        assert before.certified
+        seconds = 40.0 if tried[-1] >= found_from else None
+        return TrialFlight(seconds, certified=tried[-1] >= certified_from, work=0.1)
+
+    trial = RepairTrial(Repair(CEILING, relaxed(3.35)), begin, CERTIFIED, **known)
+    return tighten(LOW, fly, trial).suggested_change(1, "a -> b"), tried
+
+
+@pytest.mark.parametrize("least", [260.0, 268.0, 275.0, 286.0])
+def test_the_least_value_told_is_one_step_from_one_with_which_nothing_is_found(least: float) -> None:
+    told, tried = tightened(least, least, 287.0)
+    assert (told.needed, told.failed, told.failed_flies) == (least, least - 1.0, False)
+    assert len(tried) < 16
+    assert describe_conflicts([told]).endswith(
+        f"it takes {least:g} m (rules.ceiling_m={least:g}), for with {least - 1.0:g} m none was found"
+    )
+
+
+def test_a_value_that_has_failed_before_is_not_tried_again() -> None:
+    told, tried = tightened(275.0, 270.0, 287.0, failed=274.0, failed_flies=True)
+    assert (told.needed, told.failed, told.failed_flies) == (275.0, 274.0, True)
+    assert min(tried) == 275.0
+    assert "it takes" not in describe_conflicts([told])
+
+
+def test_where_less_was_not_tried_or_nothing_is_certified_nothing_is_said_to_be_the_least() -> None:
+    told = SuggestedChange(1, "a -> b", "rules.ceiling_m", "the ceiling", "m", GIVEN, 287.0, 40.0)
+    for one, ending in (
+        (told, "with 287 m there is a flight (rules.ceiling_m=287); less was not tried"),
+        (
+            dataclasses.replace(told, certified=False),
+            "with 287 m there is a flight that is not certified (rules.ceiling_m=287); less was not tried",
+        ),
+        (
+            dataclasses.replace(told, failed=274.0, failed_flies=True),
+            "with 287 m there is a flight (rules.ceiling_m=287); the one with 274 m was not certified",
+        ),
+    ):
+        assert describe_conflicts([one]).endswith(ending)
+
+
+class Told(Silent):
+    """A progress that keeps what is done."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def activity(self, text: str, done: int, total: int) -> None:
+        self.texts.append(text)
+
+
+def test_the_search_for_conflicts_ends_with_its_budget_and_says_what_it_is() -> None:
+    used = session("stuck")
+    used.progress = watched = Told()
+    routes = RelaxedRoutes(SMALL, prepared(SMALL), used.settings.mesh)
+    routes.budget.work = 1.0
+    assert set(routes.solve(used)) == {None}
+    assert len(asked(used)) == 1
+    assert all("searching for the limits in conflict (" in text for text in watched.texts)
+    assert "0 % of the budget spent" in watched.texts[0]
+    assert used.budget.spent == 0

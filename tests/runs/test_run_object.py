@@ -72,7 +72,7 @@ def test_the_object_has_the_documented_keys() -> None:
 
 def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
     suggested_changes = (
-        SuggestedChange(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5),
+        SuggestedChange(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5, failed=2.7),
         SuggestedChange(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
         SuggestedChange(2, "c", "", "", "", 0.0, 0.0, 0.0),
     )
@@ -86,11 +86,16 @@ def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
         "unit": "g",
         "given": 2.0,
         "needed": 2.8,
+        "certified": True,
+        "failed": 2.7,
+        "failed_flies": False,
         "race_time_s": 9.5,
     }
     assert first["suggested_changes"][1]["key"] is None  # no key moves a line
+    assert first["suggested_changes"][1]["failed"] is None  # less was not tried
     sentence = describe_conflicts(suggested_changes)
-    assert "a -> b cannot be flown with n_z of 2 g: it takes 2.8 g (rules.n_z_max=2.8), or the margin" in sentence
+    assert "a -> b cannot be flown with n_z of 2 g: it takes 2.8 g (rules.n_z_max=2.8)" in sentence
+    assert "for with 2.7 g none was found; or the margin of safety line shore of" in sentence
     assert sentence.endswith(
         "; and the limits contradict each other at c, and no single number was found that resolves it"
     )

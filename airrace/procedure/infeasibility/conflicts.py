@@ -19,8 +19,10 @@ from airrace.parameters import Parameter
 from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.infeasibility.budget import conflict_budget, searching_conflicts
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
 from airrace.procedure.result import StageResult
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, with_passages
 from airrace.records import record
@@ -116,34 +118,41 @@ class Repair:
 
 
 class RelaxedRoutes:
-    """A race relaxed along its plan, then along the plan of a milder race; None where that is not found.
+    """A race relaxed along its plan, then along the plan of a milder race.
 
-    Each is solved for when it is first asked for.
+    Each is solved for when it is first asked for, in the budget of all that is solved for the conflicts of the race.
     """
 
-    def __init__(self, race: Race, flight: StageProblem, session: SolverSession) -> None:
+    def __init__(self, race: Race, flight: StageProblem, settings: MeshSettings) -> None:
+        self.budget = conflict_budget(flight.plan, settings)
+        self._race, self._parameters = race, relaxable_parameters(race)
         self._found: list[Relaxed | None] = []
-        self._coming = _relax_routes(race, flight, session)
+        self._coming = self._starts(flight, settings)
 
-    def __iter__(self) -> Iterator[Relaxed | None]:
+    def solve(self, session: SolverSession) -> Iterator[Relaxed | None]:
+        """Yield the race relaxed along one plan after the other; None where that is not found.
+
+        Args:
+            session: solves what was not asked for before.
+        """
         yield from tuple(self._found)
-        for relaxed in self._coming:
+        session = searching_conflicts(session, self.budget)
+        for solver, start in self._coming:
+            relaxed = solver.solve_all(session, self._race, self._parameters, start)
             self._found.append(relaxed)
             yield relaxed
 
-
-def _relax_routes(race: Race, flight: StageProblem, session: SolverSession) -> Iterator[Relaxed | None]:
-    milder, parameters = race, relaxable_parameters(race)
-    for parameter in parameters:
-        milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
-    before: Iterate | None = None
-    for plan in (flight.plan, with_passages(milder.plan, race.course)):
-        mesh = first_mesh(plan, session.settings.mesh)
-        start = guess(plan, mesh)
-        if before is None or not np.array_equal(before.state, start.state):
-            solver = ElasticSolver(session, race, dataclasses.replace(flight, plan=plan), mesh)
-            yield solver.solve_all(race, parameters, start)
-        before = start
+    def _starts(self, flight: StageProblem, settings: MeshSettings) -> Iterator[tuple[ElasticSolver, Iterate]]:
+        milder = self._race
+        for parameter in self._parameters:
+            milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
+        before: Iterate | None = None
+        for plan in (flight.plan, with_passages(milder.plan, self._race.course)):
+            mesh = first_mesh(plan, settings)
+            start = guess(plan, mesh)
+            if before is None or not np.array_equal(before.state, start.state):
+                yield ElasticSolver(self._race, dataclasses.replace(flight, plan=plan), mesh), start
+            before = start
 
 
 def conflict_location(routes: Iterable[Relaxed | None]) -> str:
@@ -169,11 +178,13 @@ class ConflictSearch:
     """The search for the conflicts of a race.
 
     Attributes:
+        session: solves.
         race: the race.
         certify: returns a certified flight of the race as it is near a relaxed one that needs no relaxation, or None.
         flight: what `certify` found, which ends the search.
     """
 
+    session: SolverSession
     race: Race
     certify: Callable[[Relaxed], StageResult | None]
     flight: StageResult | None = None
@@ -197,7 +208,7 @@ class ConflictSearch:
             if is_last or not repairs:
                 return
             race = repairs[0].apply(race)
-            relaxed = relaxed.solver.solve_all(race, relaxable_parameters(race), relaxed.flight)
+            relaxed = relaxed.solver.solve_all(self.session, race, relaxable_parameters(race), relaxed.flight)
 
     def _repairs(self, race: Race, parameters: Sequence[Parameter[Race]], relaxed: Relaxed) -> list[Repair]:
         """Return the parameters that resolve the conflict alone, the least change first."""
@@ -221,7 +232,7 @@ class ConflictSearch:
     ) -> Iterator[Repair]:
         """Yield the parameters that help alone, until one shows that no limit has to give way."""
         for estimate, parameter in estimates:
-            relaxed = near.solver.solve_single(race, parameter, near, estimate)
+            relaxed = near.solver.solve_single(self.session, race, parameter, near, estimate)
             if relaxed is not None:
                 if self._needs_nothing(race, relaxed):
                     return

@@ -6,12 +6,16 @@ before it is reported; a race that turns out to have a flight after all is solve
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Sequence
 
 from airrace.errors import InputError
+from airrace.optimal_control.mesh_refinement import resample
+from airrace.optimal_control.problem import Iterate
 from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.infeasibility.budget import searching_conflicts
 from airrace.procedure.infeasibility.conflicts import KINDS, SETTINGS, ConflictSearch, RelaxedRoutes, Repair
 from airrace.procedure.infeasibility.elastic import Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
@@ -20,7 +24,7 @@ from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import LIMITS, Budget, SolverSession
 from airrace.procedure.stage import Stage
-from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
+from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
 
@@ -44,6 +48,8 @@ class TrialLimits:
 
 
 TRIAL = TrialLimits()
+TIGHTENING_WORK = 2.0
+"""The work after which a suggested change is tightened no more, in that of one trial."""
 
 
 def diagnose_infeasibility(
@@ -61,15 +67,18 @@ def diagnose_infeasibility(
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
     session = dataclasses.replace(session, budget=session.budget.for_an_explanation())
-    trials = _Trials(session, race, flight.stage)
-    search = ConflictSearch(race, trials.certify)
-    conflicts = list(search.conflicts(routes or RelaxedRoutes(race, flight, session)))
+    routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
+    searching = searching_conflicts(session, routes.budget)
+    trials = _Trials(searching, race, flight.stage)
+    search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
+    conflicts = list(search.conflicts(routes.solve(session)))
     if search.flight is not None:
         return dataclasses.replace(search.flight, search=result.search)
     changes: list[SuggestedChange] = []
     for number, conflict in enumerate(conflicts, start=1):
         others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
         valid = validate(race, trials.fly, conflict.repairs, others)
+        valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
         nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
         changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
     message = describe_conflicts(changes)
@@ -80,6 +89,8 @@ def diagnose_infeasibility(
         message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
         message = f"{message}; other routes were not tried (--search quick tries them)"
+    if message is not None and routes.budget.exhausted:
+        message = f"{message}; more was not tried, for the budget of this search is spent"
     result = dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
     if message is None:
         return result
@@ -104,13 +115,21 @@ def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
         return f" ({change.key}={change.needed:g})" if change.key else ""
 
     verb = "flown" if " -> " in first.where else "passed"
-    repairs = [f"it takes {amount(first.needed, first)}{how_to_set(first)}"]
-    repairs += [
+    needed, failed, key = amount(first.needed, first), amount(first.failed, first), how_to_set(first)
+    if not first.certified:
+        least = f"with {needed} there is a flight that is not certified{key}; less was not tried"
+    elif math.isinf(first.failed):
+        least = f"with {needed} there is a flight{key}; less was not tried"
+    elif first.failed_flies:
+        least = f"with {needed} there is a flight{key}; the one with {failed} was not certified"
+    else:
+        least = f"it takes {needed}{key}, for with {failed} none was found"
+    repairs = [
         f"{one.text} of {amount(one.needed, one)} instead of {amount(one.given, one)}{how_to_set(one)}"
         for one in others
     ]
     given = f"{first.where} cannot be {verb} with {first.text} of {amount(first.given, first)}: "
-    return given + ", or ".join(repairs)
+    return given + "; or ".join([least, *repairs])
 
 
 @record
@@ -121,32 +140,48 @@ class TrialFlight:
         race_time: s; None if none was found.
         certified: whether it is certified.
         work: how much of what a trial may take (1) it took.
+        guess: the flight on a mesh, to go on from; None if none was found.
     """
 
     race_time: float | None
     certified: bool
     work: float
+    guess: tuple[Mesh, Iterate] | None = None
+
+
+NOTHING_FLOWN = TrialFlight(None, certified=False, work=0.0)
+
+
+def certify(session: SolverSession, race: Race, near: Relaxed) -> StageResult | None:
+    """Return a certified flight of a race as it is; None if none is found near a relaxed one."""
+    found = solve_certified(session, _start_near(race, near), session.settings.solver.primary)
+    return found if isinstance(found, StageResult) and found.certified else None
 
 
 @record
 class _Trials:
-    """Trials of races with other numbers: near a relaxed flight, else from their own plans."""
+    """Trials of races with other numbers: near a relaxed flight, else from their own plans; or on from a flight.
+
+    Each has a budget of its own, and all of them that of the session.
+    """
 
     session: SolverSession
     race: Race
     stage: Stage
 
-    def certify(self, near: Relaxed) -> StageResult | None:
-        """Return a certified flight of the race as it is; None if none is found near a relaxed one."""
-        found = solve_certified(self.session, _start_near(self.race, near), self.session.settings.solver.primary)
-        return found if isinstance(found, StageResult) and found.certified else None
-
-    def fly(self, race: Race, near: Relaxed) -> TrialFlight:
+    def fly(self, race: Race, near: Relaxed, before: TrialFlight) -> TrialFlight:
         """Return the flight of a race.
+
+        Args:
+            race: with other numbers.
+            near: the relaxed flight.
+            before: one of almost the same numbers, to go on from where it was found.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
+        if before.guess is not None:
+            return self._fly(_start_on(race, near, *before.guess))
         first = self._fly(_start_near(race, near))
         if first.race_time is not None:
             return first
@@ -156,16 +191,21 @@ class _Trials:
         return dataclasses.replace(planned, work=first.work + planned.work)
 
     def _fly(self, start: Start) -> TrialFlight:
-        settings = self.session.settings
+        settings, whole = self.session.settings, self.session.budget
         limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        budget = Budget(TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals)), failed_only=False)
+        own = TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals))
+        budget = Budget(min(own, whole.work - whole.spent), failed_only=False)
         session = dataclasses.replace(self.session, settings=settings, budget=budget)
         found = solve_certified(session, start, settings.solver.primary)
-        work = budget.spent / budget.work
+        whole.spent += budget.spent
+        work = budget.spent / own
         if isinstance(found, StageResult):
-            return TrialFlight(found.trajectory.race_time, found.certified, work)
-        return TrialFlight(None if found.coarser is None else found.coarser.race_time, certified=False, work=work)
+            return TrialFlight(found.trajectory.race_time, found.certified, work, coarse_mesh(found))
+        if found.coarser is None:
+            return dataclasses.replace(NOTHING_FLOWN, work=work)
+        optimum = found.coarser
+        return TrialFlight(optimum.race_time, certified=False, work=work, guess=(optimum.problem.mesh, optimum.iterate))
 
 
 def _start_near(race: Race, near: Relaxed) -> Start:
@@ -173,13 +213,30 @@ def _start_near(race: Race, near: Relaxed) -> Start:
     return Start(flight, flight.problem(near.solver.mesh), near.flight, InitialBarrier.PIECES)
 
 
+def _start_on(race: Race, near: Relaxed, mesh: Mesh, flown: Iterate) -> Start:
+    """Return a start from a flight of almost the same race, on a mesh as fine as that of the relaxed one."""
+    flight = near.solver.flight(race)
+    coarse, iterate = resample(mesh, flown, [len(phase) for phase in near.solver.mesh])
+    return Start(flight, flight.problem(coarse), iterate, InitialBarrier.PIECES)
+
+
 @record
 class RepairTrial:
-    """A repair that was tried with some value."""
+    """A repair that was tried with some value.
+
+    Attributes:
+        repair: which one.
+        value: with which it was tried.
+        flight: what came of it.
+        failed: the mildest value with which it was tried as well and no flight was certified; infinite without one.
+        failed_flies: whether a flight was found with that.
+    """
 
     repair: Repair
     value: float
     flight: TrialFlight
+    failed: float = math.inf
+    failed_flies: bool = False
 
     def suggested_change(self, number: int, where: str) -> SuggestedChange:
         """Return it as a suggested change of a conflict with a number and a place."""
@@ -188,12 +245,31 @@ class RepairTrial:
         key = parameter.key if value >= parameter.bounds.lower else ""
         label = f"{parameter.label} at {parameter.at}" if parameter.at else parameter.label
         unit = "" if parameter.unit == "1" else parameter.unit
-        return SuggestedChange(number, where, key, label, unit, parameter.value, value, time)
+        return SuggestedChange(
+            number,
+            where,
+            key,
+            label,
+            unit,
+            parameter.value,
+            value,
+            time,
+            self.failed,
+            self.failed_flies,
+            self.flight.certified,
+        )
+
+    def after_failing(self, before: "RepairTrial") -> "RepairTrial":
+        """Return it, after one with a stricter value that was not certified."""
+        flies = before.flight.race_time is not None
+        return dataclasses.replace(self, failed=before.value, failed_flies=flies)
 
 
-def validate(
-    race: Race, fly: Callable[[Race, Relaxed], TrialFlight], repairs: Sequence[Repair], others: Sequence[Repair] = ()
-) -> list[RepairTrial]:
+Fly = Callable[[Race, Relaxed, TrialFlight], TrialFlight]
+"""(race, near, before) -> flight: flies a whole race, from its plan, near a relaxed flight, or on from one before."""
+
+
+def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[Repair] = ()) -> list[RepairTrial]:
     """Return the repairs of one conflict that flew, those that were certified first.
 
     All are tried with the least margin before any is tried with larger ones. Where none is certified, the largest value
@@ -201,20 +277,13 @@ def validate(
 
     Args:
         race: without a flight.
-        fly: flies a whole race, from its plan or near a relaxed flight.
+        fly: flies a race with a repair.
         repairs: the least change first.
         others: the first repairs of the other conflicts, which are made meanwhile.
     """
 
-    def attempt(repair: Repair, margin: int) -> RepairTrial:
-        value = repair.value(margin)
-        changed = repair.parameter.set(race, value)
-        for other in others:
-            changed = other.apply(changed)
-        try:
-            return RepairTrial(repair, value, fly(changed, repair.relaxed))
-        except InputError:  # the inputs do not allow this value
-            return RepairTrial(repair, value, TrialFlight(None, certified=False, work=0.0))
+    def attempt(repair: Repair, margin: int, before: TrialFlight = NOTHING_FLOWN) -> RepairTrial:
+        return _attempt(race, fly, repair, repair.value(margin), others, before)
 
     trials: list[RepairTrial] = []
     for kind in KINDS:
@@ -227,14 +296,61 @@ def validate(
     certified = any(one.flight.certified for one in trials)
     found: list[RepairTrial] = []
     for one in trials:
-        last = one
+        last = latest = one
         for margin in range(1, len(SETTINGS.margins)):
             if last.flight.certified or (work > TRIAL.conflict_work_max and (certified or one is not trials[0])):
                 break
-            milder = attempt(one.repair, margin)
+            milder = attempt(one.repair, margin, last.flight).after_failing(latest)
             work += milder.flight.work
-            last = last if milder.flight.race_time is None else milder
+            last, latest = last if milder.flight.race_time is None else milder, milder
         certified = certified or last.flight.certified
         if last.flight.race_time is not None:
             found.append(last)
     return sorted(found, key=lambda one: not one.flight.certified)
+
+
+def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] = ()) -> RepairTrial:
+    """Return a repair with the least value that is certified when it is tightened step by step from a flight.
+
+    The value is halved between one that is certified and one that is not, until no rounded value lies between them or
+    the work of `TIGHTENING_WORK` trials is done. Each is flown on from the last one that was certified.
+
+    Args:
+        race: without a flight.
+        fly: flies a race with a repair.
+        trial: a repair that was tried; where it is not certified, it is returned as it is.
+        others: the first repairs of the other conflicts, which are made meanwhile.
+    """
+    if not trial.flight.certified:
+        return trial
+    parameter, relaxed, best, work = trial.repair.parameter, trial.repair.relaxed, trial, 0.0
+    tried = math.isfinite(trial.failed)
+    least = trial.failed if tried else parameter.round_stricter(parameter.at_steps(relaxed.steps))
+    while work < TIGHTENING_WORK:
+        value = parameter.round_milder(0.5 * (least + best.value))
+        if value == best.value:
+            if tried or least == parameter.value:
+                break
+            value = least
+        stricter = _attempt(race, fly, trial.repair, value, others, best.flight)
+        work += stricter.flight.work
+        if not stricter.flight.certified:
+            least, tried, best = value, True, best.after_failing(stricter)
+        else:
+            best = dataclasses.replace(best, value=value, flight=stricter.flight)
+            if value == least:  # what was relaxed on a coarse mesh gave way too far
+                least = parameter.round_stricter(0.5 * (least + parameter.value))
+    return best
+
+
+def _attempt(
+    race: Race, fly: Fly, repair: Repair, value: float, others: Sequence[Repair], before: TrialFlight
+) -> RepairTrial:
+    """Return a repair tried with a value, after another trial and with other repairs made."""
+    changed = repair.parameter.set(race, value)
+    for other in others:
+        changed = other.apply(changed)
+    try:
+        return RepairTrial(repair, value, fly(changed, repair.relaxed, before))
+    except InputError:  # the inputs do not allow this value
+        return RepairTrial(repair, value, NOTHING_FLOWN)

@@ -101,10 +101,7 @@ class Relaxed:
 class ElasticSolver:
     """A solver of elastic problems of one race, along one plan, on one mesh."""
 
-    def __init__(
-        self, session: SolverSession, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]
-    ) -> None:
-        self._session = session
+    def __init__(self, race: Race, flight: StageProblem, mesh: Sequence[tuple[float, ...]]) -> None:
         self.mesh = mesh
         self._perturbed = PerturbedProblem(race, flight, mesh)
 
@@ -112,18 +109,23 @@ class ElasticSolver:
         """Return the flight of a race that differs in numbers, along the same plan."""
         return self._perturbed.formulation(race)
 
-    def solve_all(self, race: Race, parameters: Sequence[Parameter[Race]], start: Iterate) -> Relaxed | None:
+    def solve_all(
+        self, session: SolverSession, race: Race, parameters: Sequence[Parameter[Race]], start: Iterate
+    ) -> Relaxed | None:
         """Return the least relaxation of all parameters at once, each by as many steps; None if none is found."""
         milder = race
         for parameter in parameters:
             milder = parameter.set(milder, parameter.milder)
-        start = augment(start, 1.0)
-        return self._solve(race, milder, start, "every limit giving way", OPTIONS.iterations_max, SETTINGS.steps_max)
+        start, most = augment(start, 1.0), OPTIONS.iterations_max
+        return self._solve(session, race, milder, start, "every limit giving way", most, SETTINGS.steps_max)
 
-    def solve_single(self, race: Race, parameter: Parameter[Race], near: Relaxed, estimate: float) -> Relaxed | None:
+    def solve_single(
+        self, session: SolverSession, race: Race, parameter: Parameter[Race], near: Relaxed, estimate: float
+    ) -> Relaxed | None:
         """Return the least relaxation of one parameter; None if that alone does not help, or is not found.
 
         Args:
+            session: solves.
             race: with its limits as they are.
             parameter: that gives way.
             near: the race with all parameters relaxed.
@@ -131,7 +133,8 @@ class ElasticSolver:
         """
         start = augment(near.flight, min(max(estimate, 1.0), 0.9 * parameter.steps_max))
         milder, purpose = parameter.set(race, parameter.milder), f"{parameter.key} giving way"
-        return self._solve(race, milder, start, purpose, SETTINGS.single_iterations_max, parameter.steps_max)
+        most = SETTINGS.single_iterations_max
+        return self._solve(session, race, milder, start, purpose, most, parameter.steps_max)
 
     def attribution(self, race: Race, parameter: Parameter[Race], at: Relaxed) -> float:
         """Return what a usual step of a parameter would save, in steps of all parameters together."""
@@ -140,13 +143,19 @@ class ElasticSolver:
         return _saving(change, nominal, at) / SETTINGS.weight
 
     def _solve(
-        self, race: Race, milder: Race, start: Iterate, purpose: str, iterations_max: int, steps_max: float
+        self,
+        session: SolverSession,
+        race: Race,
+        milder: Race,
+        start: Iterate,
+        purpose: str,
+        iterations_max: int,
+        steps_max: float,
     ) -> Relaxed | None:
         nominal, relaxed = self._perturbed.problem(race), self._perturbed.problem(milder)
         objectives = _with_small_objective(nominal), _with_small_objective(relaxed)
         problem = elastic(*objectives, weight=SETTINGS.weight, furthest=steps_max)
-        session = self._session
-        session.progress.activity(f"no flight found; {purpose}", 0, 0)
+        session.progress.activity(purpose, 0, 0)
         iterations_max = min(iterations_max, session.settings.solver.iterations_max)
         options = dataclasses.replace(OPTIONS, iterations_max=iterations_max)
         solution = session.attempt(problem, start, purpose, session.settings.solver.primary, options)

@@ -6,7 +6,7 @@ whole race.
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from airrace.records import record
 
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)
 """A feasible flight is enough."""
+FAILING_ITERATIONS = 120
+"""The number of iterations after which the primary solver has failed."""
+CLAIM_ITERATIONS_MAX = 300
+"""The largest number of iterations of a solve that claims that there is no flight: IPOPT took 90 to 260."""
 REACH = 2
 """The number of legs before and after the infeasible one in a window."""
 WINDOWS_MAX = 4
@@ -49,32 +53,45 @@ class LocalInfeasibility:
 
 
 def find_local_infeasibility(
-    session: SolverSession, problem: Problem, phase: int, guesses: Sequence[Iterate], *, primary_only: bool = False
+    session: SolverSession,
+    problem: Problem,
+    phase: int,
+    guesses: Sequence[Iterate],
+    race_is_in_conflict: Callable[[], bool] | None = None,
 ) -> LocalInfeasibility | None:
     """Return the infeasibility of the window around a phase; None unless all solvers agree.
 
-    The primary solver has to fail from every guess, and the fallback has to claim that there is no flight near. Where
-    both are one solver nobody can claim it.
+    The primary solver has to fail from every guess. Then limits have to give way along every plan of the race, or else
+    the fallback has to claim that there is no flight near. Where both are one solver nobody can claim it.
 
     Args:
         session: solves.
         problem: of the race.
         phase: that could not be added.
         guesses: of the race.
-        primary_only: whether limits are known to have to give way along the plan; then the fallback is not asked.
+        race_is_in_conflict: tells whether limits have to give way along every plan; None where nobody knows.
     """
     primary, *others = session.solvers
-    if not primary_only and not others:
+    if race_is_in_conflict is None and not others:
         return None
-    worst = ""
-    options = dataclasses.replace(OPTIONS, iterations_max=300)  # IPOPT took 90 to 260 where it claimed so
-    for solver in (primary,) if primary_only else (primary, *others):
+
+    def fails(solver: str, options: SolverOptions) -> bool:
+        nonlocal worst
         for guess in guesses:
             window, start, _ = _window(problem, phase, guess)
             solution = session.attempt(window, start, "the legs around it alone", solver, options)
             if solution is None or solution.success or (solver != primary and not solution.infeasible):
-                return None
+                return False
             worst = solution.worst
+        return True
+
+    worst = ""
+    claiming = dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX)
+    if not fails(primary, dataclasses.replace(OPTIONS, iterations_max=FAILING_ITERATIONS)):
+        return None
+    known = race_is_in_conflict is not None and race_is_in_conflict()
+    if not known and not (others and all(fails(solver, claiming) for solver in others)):
+        return None
     return LocalInfeasibility(problem, guesses[0], phase, worst)
 
 

@@ -1,0 +1,50 @@
+"""The budget of the search for conflicts, which counts all that is solved for it, and its progress."""
+
+import dataclasses
+
+from airrace.planning.plan import Plan
+from airrace.procedure.result import Iteration, Progress, StageResult
+from airrace.procedure.settings import MeshSettings
+from airrace.procedure.solver_session import Budget, SolverSession
+from airrace.procedure.stage import Stage
+
+WORK_PER_INTERVAL = 2500
+"""The work that the search for the conflicts of a race may take, per interval of its first mesh: so many iterations."""
+
+
+def conflict_budget(plan: Plan, settings: MeshSettings) -> Budget:
+    """Return the budget of the search for the conflicts of a race, from its plan."""
+    whole = Budget.of(plan, settings, WORK_PER_INTERVAL)
+    return dataclasses.replace(whole, failed_only=False)
+
+
+def searching_conflicts(session: SolverSession, budget: Budget) -> SolverSession:
+    """Return a session that solves for the conflicts of a race within their budget, and says so."""
+    return dataclasses.replace(session, budget=budget, progress=ConflictProgress(session.progress, budget))
+
+
+class ConflictProgress(Progress):
+    """A progress of the search for conflicts, which tells how much of its budget is spent.
+
+    Args:
+        watched: takes what is told.
+        budget: of the search.
+    """
+
+    def __init__(self, watched: Progress, budget: Budget) -> None:
+        self._watched, self._budget = watched, budget
+
+    def stage_started(self, stage: Stage) -> None:
+        self._watched.stage_started(stage)
+
+    def activity(self, text: str, done: int, total: int) -> None:
+        spent, work = self._budget.spent, self._budget.work
+        share = f"{min(100.0, 100.0 * spent / work):.0f} % of the budget spent"
+        told = f"no flight found; searching for the limits in conflict ({share}): {text}"
+        self._watched.activity(told, min(spent, int(work)), int(work))
+
+    def iteration(self, iteration: Iteration) -> None:
+        self._watched.iteration(iteration)
+
+    def stage_finished(self, result: StageResult) -> None:
+        self._watched.stage_finished(result)
