@@ -28,7 +28,7 @@ from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.multistart.multistart import RoutesAround
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import StageProvenance, StageResult
+from airrace.procedure.result import NOT_SEARCHED, Route, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -144,16 +144,29 @@ def start_from(
         best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
         carried, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
         remark = _remark(another, obstacles, f"the start is {what}")
+
+        def route_of(flight: StageResult) -> str:
+            if flight is main:
+                return "the stored one"
+            if not any(flight is one for one in known):
+                return "past a pylon on its other side"
+            return around.text if around and flight is faster else "an alternative of the stored one"
+
         if best is not main and not isinstance(main, str):
-            if not any(best is one for one in known):
-                route = "past a pylon on its other side"
-            else:
-                route = around.text if around and best is faster else "an alternative of the stored one"
-            remark = "; ".join([*filter(None, [remark]), f"{another.name}: another route has become faster: {route}"])
-        return replace(best, alternatives=carried, attempts=log, timings=session.timings()), remark
+            told = f"{another.name}: another route has become faster: {route_of(best)}"
+            remark = "; ".join([*filter(None, [remark]), told])
+        if around is not None:
+            searched = around.report
+        else:  # what was stored is all that was evaluated
+            times = [(route_of(one), one.trajectory.race_time) for one in (best, *slower)]
+            routes = tuple(Route(text, time, time - times[0][1], "joint") for text, time in times)
+            searched = replace(NOT_SEARCHED, routes=routes if slower else ())
+        best = replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=searched)
+        return best, remark
     if around is not None:
         point_mass = continuation.refine_route(around.best, session)
         if point_mass.holds:
+            point_mass = replace(point_mass, search=around.report)
             return point_mass, _remark(another, obstacles, "the start is what the point mass makes of it")
     return None, _remark(another, obstacles, "the start is from scratch")
 

@@ -40,7 +40,7 @@ from airrace.procedure.multistart.segments import (
     segments_of,
     shape_of,
 )
-from airrace.procedure.result import Route, SearchReport, StageResult
+from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, mesh_of
@@ -248,11 +248,13 @@ class RoutesAround:
         best: the fastest flight found; the flight itself where nothing near it is faster.
         phases: the numbers of the phases that it takes on another route.
         text: which route that is and what it saves, in words; empty where it is the same.
+        report: what was tried, the fastest flight first.
     """
 
     best: CoarseSolution
     phases: frozenset[int] = frozenset()
     text: str = ""
+    report: SearchReport = NOT_SEARCHED
 
 
 def search_around(
@@ -273,6 +275,7 @@ def search_around(
         mesh: the settings of meshes.
         pool: what solves.
     """
+    began = time.perf_counter()
     flight = replace(point_mass, plan=plan_from_solution(course, point_mass.plan.cruise, optimum.trajectory))
     counts = [intervals(seconds) for seconds in optimum.trajectory.durations.tolist()]
     coarse, iterate = resample(mesh_of(optimum.trajectory), _as_point_mass(flight, source, optimum), counts)
@@ -285,10 +288,14 @@ def search_around(
     best = search.improve_rolls(*others or [base])
     segments = differing(base, best, segments_of(course))
     saved = base.race_time - best.race_time
+    tried, pace = search.result(), LOCAL.planning_radius.scale(point_mass.plan.cruise)
+    tried = replace(tried, flights=(*tried.flights, base))
+    report = _report(tried, best, course, pace, time.perf_counter() - began)
     if not segments or saved <= SAVED_MIN:
-        return RoutesAround(best)
+        return RoutesAround(best, report=report)
     phases = frozenset(phase for one in segments for phase in range(one.first, one.last))
-    return RoutesAround(best, phases, f"{describe_segments(course, best, segments)}, saves about {saved:.2f} s")
+    text = f"{describe_segments(course, best, segments)}, saves about {saved:.2f} s"
+    return RoutesAround(best, phases, text, report)
 
 
 def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:

@@ -47,6 +47,7 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.trajectory import Trajectory
+from airrace.views.stage_tables import claim
 
 SAME = 5e-3  # s
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -304,6 +305,8 @@ def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResu
 def test_run_started_from_a_flight_the_wrong_way_round_has_the_optimum_that_it_has_from_scratch() -> None:
     result = started(optimum(SLALOM, OFF), QUICK)
     assert result.remarks.startswith("calm.h5: another route has become faster: ")
+    assert "no other route was evaluated" not in claim([result])
+    assert max(one.difference for one in result.search.routes) > 5.0
     assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
 
 
@@ -389,6 +392,7 @@ def test_alternative_that_has_become_the_fastest_changes_places_with_the_stored_
     """As one that is slower from the beginning has."""
     result = started(dataclasses.replace(optimum(SLALOM, OFF), alternatives=(optimum(SLALOM),)), OFF)
     assert result.remarks.endswith("another route has become faster: an alternative of the stored one")
+    assert "the best of 2 routes" in claim([result])
     assert result.trajectory.race_time == pytest.approx(optimum(WINDY).trajectory.race_time, abs=SAME)
     (slower,) = result.alternatives
     assert slower.trajectory.race_time > result.trajectory.race_time + 5.0
