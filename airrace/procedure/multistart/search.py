@@ -16,7 +16,7 @@ from airrace.environment import g0
 from airrace.optimal_control.solvers.service import SolverPool
 from airrace.planning.plan import decisions_from_solution, plan
 from airrace.planning.planning_model import PlanningModel
-from airrace.planning.route_decisions import ANY, MIRRORED_TIES
+from airrace.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, same_route, segments_of
@@ -34,6 +34,13 @@ TABU_LOSS = 2.0
 
 On Air Race X, where flights around them became a second faster, the gain of moves changed by up to 0.7 s.
 """
+RETRIED_GAIN = 1.0
+"""The time by which the plan of a move is faster from which on it is solved jointly where its window has failed, s.
+
+A window asks for the states of the flight around it, which a route that is seconds faster does not pass.
+"""
+RETRIED_MAX = 2
+"""The number of moves that are solved jointly although their windows have failed, at most, those of the best plans."""
 
 
 @record
@@ -168,6 +175,7 @@ class Search:
         self._moves: list[EvaluatedMove] = []
         self._joint: list[EvaluatedMove] = []
         self._tabu: set[tuple[int, str]] = set()
+        self._failing: set[tuple[int, str]] = set()
         self._failed = 0
 
     def run(self, starts: Sequence[InitialGuess], solved: Sequence[CoarseSolution | None] = ()) -> SearchResult:
@@ -183,10 +191,53 @@ class Search:
 
     def improve(self, best: CoarseSolution) -> CoarseSolution:
         """Return the flight that moves lead to from another one, each of them faster than the one before."""
-        segments = segments_of(self._course)
+        best = self._improve_routes(best, segments_of(self._course))
+        better = self._retry_failing(best)
+        if better is None:
+            return best
+        return self._improve_routes(better, differing(best, better, segments_of(self._course)))
+
+    def _improve_routes(self, best: CoarseSolution, different: Sequence[Segment]) -> CoarseSolution:
         return self._repeat(
-            best, "routes", lambda generator, changed: self._other_routes(best, generator, changed), segments
+            best, "routes", lambda generator, changed: self._other_routes(best, generator, changed), different
         )
+
+    def _retry_failing(self, best: CoarseSolution) -> CoarseSolution | None:
+        """Return the fastest flight of the first move that leads to a faster one when it is solved jointly.
+
+        Only moves are tried whose window has failed and whose plan is much faster: the whole race is solved along it
+        from plans of several radii.
+        """
+        generator = self._generator(best)
+        known = (one for one in generator.moves(set(range(len(best.problem.phases)))) if self._is_promising(one))
+        for move in sorted(known, key=lambda one: one.plan_penalty)[:RETRIED_MAX]:
+            self._failing.discard((move.segment.number, move.kind))
+            self._report(f"another route as a whole: {best.race_time:.2f} s so far")
+            starts = self._starts_along(best, move)
+            found = [one for one in self._pool.work(starts, solve_coarse) if one is not None]
+            self._failed += len(starts) - len(found)
+            self._flights += found
+            fastest = min(found, key=lambda one: one.race_time, default=best)
+            if fastest.race_time < best.race_time - SAVED_MIN:
+                return fastest
+        return None
+
+    def _is_promising(self, move: Move) -> bool:
+        """Return whether the window of a move has failed although its plan is much faster than that of the flight."""
+        return (move.segment.number, move.kind) in self._failing and move.plan_penalty < -RETRIED_GAIN
+
+    def _starts_along(self, base: CoarseSolution, move: Move) -> list[InitialGuess]:
+        """Return plans of a flight in which a move is made, of the race's own radius and of those of the budget."""
+        starts: list[InitialGuess] = []
+        for radius in (Radius(1.0), *self._budget.radii):
+            planned = plan(self._course, radius.scale(self._pace), self._decisions_with(base, [move]))
+            start = planned_guess(self._flight, planned, InitialBarrier.COLD)
+            if not any(np.array_equal(start.guess.state, one.guess.state) for one in starts):
+                starts.append(start)
+        return starts
+
+    def _generator(self, base: CoarseSolution) -> MoveGenerator:
+        return MoveGenerator(base, self._course, self._budget.planning_radius.scale(self._pace))
 
     def improve_rolls(self, flight: CoarseSolution, unlike: CoarseSolution | None = None) -> CoarseSolution:
         """Return the fastest flight that is found by flying the rolls of one the other way.
@@ -228,7 +279,7 @@ class Search:
         left: list[EvaluatedMove] = []
         for number in range(self._budget.iterations):
             self._report(f"other {what}, {number + 1}: {best.race_time:.2f} s so far")
-            generator = MoveGenerator(best, self._course, self._budget.planning_radius.scale(self._pace))
+            generator = self._generator(best)
             changed = {phase for one in different for phase in range(one.first, one.last)}
             changed |= {phase for one in left for phase in one.move.changed}
             better, left = self._improve(best, generator, propose(generator, changed))
@@ -265,6 +316,8 @@ class Search:
         for move, evaluated in zip(moves, found, strict=True):
             if evaluated is None or evaluated.saved < -TABU_LOSS:
                 self._tabu.add((move.segment.number, move.kind))
+            if evaluated is None:
+                self._failing.add((move.segment.number, move.kind))
         known = [one for one in found if one is not None]
         self._moves += known
         return [one for one in known if one.saved > SAVED_MIN and not (self._budget.local and self._keeps_route(one))]
@@ -301,7 +354,7 @@ class Search:
                 together.append(one)
         groups = [together] if len(together) == 1 else [together, together[:1]]
         groups += [[one] for one in moves if one not in together][: self._budget.alternatives]
-        jobs = [(self._with_moves(base, group), base, group) for group in groups]
+        jobs = [(self._with_moves(base, [one.move for one in group]), base, group) for group in groups]
         found: list[tuple[CoarseSolution, Sequence[EvaluatedMove]]] = []
         joint = self._pool.work(jobs, lambda service, job: apply_moves(service, *job))
         for group, coarse in zip(groups, joint, strict=True):
@@ -317,13 +370,16 @@ class Search:
         best, made = min(found, key=lambda one: one[0].race_time)
         return best, [one for one in moves if one not in made]
 
-    def _with_moves(self, base: CoarseSolution, group: Sequence[EvaluatedMove]) -> StageProblem:
+    def _with_moves(self, base: CoarseSolution, moves: Sequence[Move]) -> StageProblem:
         """Return the model with the plan of a flight in which some moves are made."""
+        decisions = self._decisions_with(base, moves)
+        return dataclasses.replace(self._flight, plan=plan(self._course, self._pace, decisions))
+
+    def _decisions_with(self, base: CoarseSolution, moves: Sequence[Move]) -> RouteDecisions:
+        """Return the decisions of a flight in which some moves are made."""
         problem = base.problem
         decisions = decisions_from_solution(self._course, problem.system.states, base.iterate.state, problem.first_node)
-        for one in group:
-            waypoints = one.move.flight.plan.waypoints
-            decisions = decisions.as_planned(
-                {index: waypoints[index] for index in range(one.move.first, one.move.last + 1)}
-            )
-        return dataclasses.replace(self._flight, plan=plan(self._course, self._pace, decisions))
+        for one in moves:
+            waypoints = one.flight.plan.waypoints
+            decisions = decisions.as_planned({index: waypoints[index] for index in range(one.first, one.last + 1)})
+        return decisions

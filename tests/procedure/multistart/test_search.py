@@ -32,6 +32,7 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.multistart import search
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.moves import MoveGenerator
 from airrace.procedure.multistart.multistart import FoundRoutes, RoutesAround, search_around, search_routes
@@ -133,6 +134,26 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
     assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
     assert improved.routes[0].text == tight.routes[0].text
+
+
+def improved_without_windows(best: CoarseSolution) -> tuple[CoarseSolution, int]:
+    """What a search makes of a flight while all windows fail, and how many flights it solves jointly."""
+    with open_session() as session, session.pool() as pool, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "evaluate", lambda *_: None)
+        searching = Search(prepared(SLALOM), SLALOM.course, BUDGET, pool, lambda _: None)
+        found = searching.improve(best)
+        result = searching.result()
+    return found, len(result.flights) + result.failed
+
+
+def test_moves_with_much_faster_plans_are_solved_jointly_where_their_windows_fail() -> None:
+    wrong = planned_coarse_solution(SLALOM)
+    right, tried = improved_without_windows(wrong)
+    assert right.race_time < wrong.race_time - 5.0
+    assert 0 < tried <= search.RETRIED_MAX * (1 + len(BUDGET.radii))
+    again, tried = improved_without_windows(right)
+    assert again is right
+    assert tried == 0  # no plan is much faster than that of a good flight
 
 
 def test_routes_that_become_one_on_the_finer_mesh_are_refined_once(monkeypatch: pytest.MonkeyPatch) -> None:
