@@ -2,6 +2,8 @@
 
 from airrace.checkpoint.checkpoint import (
     Checkpoint,
+    ReserveAttempt,
+    StoredAttempt,
     StoredDocument,
     StoredInputs,
     StoredStage,
@@ -23,8 +25,10 @@ __all__ = [
     "Checkpoint",
     "LogCheckpoint",
     "RawLog",
+    "ReserveAttempt",
     "Sign",
     "Signature",
+    "StoredAttempt",
     "StoredDocument",
     "StoredHistory",
     "StoredInputs",

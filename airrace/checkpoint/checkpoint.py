@@ -62,6 +62,48 @@ class StoredStage:
 
 
 @record
+class ReserveAttempt:
+    """A finished attempt of the search for a reserve: what was measured, and with what the next one begins.
+
+    Attributes:
+        asked: JSON text of the reserve that is searched for.
+        flights: number of closed-loop flights; 0 where there is no flight with such margins.
+        outside: the flights that break a limit other than the load factor.
+        over_load: the flights that exceed the load factor.
+        risk: to be allocated to all limits but the load factor.
+        load_risk: to be allocated to the load factor; 0 where no margin of it is asked for.
+        lift: the share of the full margin of the lift coefficient.
+        done: whether no attempt follows.
+    """
+
+    asked: str
+    flights: int
+    outside: int
+    over_load: int
+    risk: float
+    load_risk: float
+    lift: float
+    done: bool
+
+
+@record
+class StoredAttempt:
+    """An attempt with the flight that it was measured along.
+
+    Attributes:
+        attempt: what was measured.
+        overrides: `key=value` entries of the inputs of that flight, margins included.
+        result: the flight; None where there is none with such margins.
+        chain_hash: link of the chain (hex), which goes on from that of the last stage.
+    """
+
+    attempt: ReserveAttempt
+    overrides: tuple[str, ...]
+    result: StageResult | None
+    chain_hash: str
+
+
+@record
 class Checkpoint:
     """A run as it is stored: its inputs and its finished stages.
 
@@ -69,26 +111,48 @@ class Checkpoint:
         inputs: what was asked for.
         versions: the versions of airrace and of what its numbers depend on (casadi, numpy, python), by name.
         stages: finished stages in the order of `Stage`, each at most once.
+        attempts: finished attempts of a search for a reserve that has not ended, in their order.
     """
 
     inputs: StoredInputs
     versions: Mapping[str, str]
     stages: tuple[StoredStage, ...] = ()
+    attempts: tuple[StoredAttempt, ...] = ()
 
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage.
 
-        Stages from this one on are dropped: they were computed from what `result` now replaces.
+        Stages from this one on are dropped, and attempts of a reserve: they were computed from what `result` now
+        replaces.
         """
         earlier = tuple(one for one in self.stages if STAGES.index(one.result.stage) < STAGES.index(result.stage))
         inputs = inputs_hash(self.inputs.resolved)
         link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
-        return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
+        return replace(self, stages=(*earlier, StoredStage(result, inputs, link)), attempts=())
+
+    def with_attempt(self, attempt: ReserveAttempt, overrides: tuple[str, ...], result: StageResult | None) -> Self:
+        """Return this run with one more attempt of the search for its reserve; arguments as of `StoredAttempt`."""
+        standing = self.standing_attempts(attempt.asked)
+        before = standing[-1].chain_hash if standing else self.stages[-1].chain_hash
+        link = attempt_hash(before, attempt, overrides, result)
+        return replace(self, attempts=(*standing, StoredAttempt(attempt, overrides, result, link)))
+
+    def standing_attempts(self, asked: str) -> tuple[StoredAttempt, ...]:
+        """Return the attempts that were made from the last stage as it is now, for the reserve that is asked for."""
+        standing: list[StoredAttempt] = []
+        before = self.stages[-1].chain_hash if self.stages else ""
+        for one in self.attempts:
+            link = attempt_hash(before, one.attempt, one.overrides, one.result)
+            if one.attempt.asked != asked or one.chain_hash != link:
+                break
+            standing.append(one)
+            before = link
+        return tuple(standing)
 
     def with_mesh_check(self, result: StageResult) -> Self:
         """Return this run with a stage whose mesh check was completed or tried, in place of the one that was solved.
 
-        Later stages stay, and those that stood on the one before stand on this one.
+        Later stages stay, and those that stood on the one before stand on this one; attempts of a reserve do not.
         """
         broken = {stage for stage, _ in stale_stages(self, inputs_hash(self.inputs.resolved))}
         stages: list[StoredStage] = []
@@ -99,7 +163,7 @@ class Checkpoint:
                 stages.append(replace(stored, result=one, chain_hash=link))
             else:
                 stages.append(stored)
-        return replace(self, stages=tuple(stages))
+        return replace(self, stages=tuple(stages), attempts=())
 
     def stage(self, stage: Stage) -> StoredStage | None:
         """Return the stored stage, or None if it has not been finished."""
@@ -115,6 +179,12 @@ def chain_hash(previous: str, inputs: str, result: StageResult) -> str:
     """Return the next link of the chain (hex); `previous` is empty for the first stage."""
     text = "\n".join((previous, inputs, result.stage.value, content_digest(result)))
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def attempt_hash(previous: str, attempt: ReserveAttempt, overrides: tuple[str, ...], result: StageResult | None) -> str:
+    """Return the next link of the chain for an attempt (hex); `previous` is that of the last stage or attempt."""
+    digests = (content_digest(one) for one in (attempt, overrides, result))
+    return hashlib.sha256("\n".join((previous, *digests)).encode()).hexdigest()
 
 
 def stale_stages(checkpoint: Checkpoint, current_inputs_hash: str) -> list[tuple[Stage, str]]:
@@ -136,9 +206,9 @@ def stale_stages(checkpoint: Checkpoint, current_inputs_hash: str) -> list[tuple
 
 
 def content_digest(value: object) -> str:
-    """Return the sha256 (hex) of a frozen dataclass.
+    """Return the sha256 (hex) of a frozen dataclass, or of what its fields may be.
 
-    Its fields may be arrays, strings, numbers, enums, tuples and further such dataclasses.
+    These are arrays, strings, numbers, enums, tuples and further such dataclasses.
 
     Numbers count as what they are stored as, 64-bit floats and integers: 1 and 1.0 have the same digest, as they are
     the same after a round trip; 0.0 and -0.0 have not. A field whose metadata say `"counts": "where set"` is left out

@@ -4,11 +4,10 @@ Only the plainest HDF5 is written, so that only that has to be read: groups; dat
 contiguously, of 64-bit numbers, of fixed-length UTF-8 strings, or of rows of both; scalar attributes of the same types.
 """
 
-import itertools
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Never, Protocol, TypeVar, get_type_hints
 
 import h5py
@@ -86,15 +85,12 @@ def table_of(record: type[R], rows: Sequence[R]) -> StoredTable:
 
 
 def rows_of(record: type[R], table: StoredTable, path: str) -> tuple[R, ...]:
-    """Return the records of a table; the last fields may be missing where they have defaults, as in earlier files.
+    """Return the records of a table.
 
     Raises:
         CheckpointError: its columns are not exactly the fields, or a truth value is neither 0 nor 1.
     """
     kinds = _column_kinds(record)
-    required = [one.name for one in fields(record) if one.default is MISSING]
-    if len(required) <= len(table.columns) < len(kinds):
-        kinds = dict(itertools.islice(kinds.items(), len(table.columns)))
     if list(table.columns) != list(kinds):
         raise CheckpointError(f"{path}: the columns are {', '.join(table.columns)}, not {', '.join(kinds)}")
     columns = [_entries(table.columns[name], kind, f"{path}.{name}") for name, kind in kinds.items()]

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
+from airrace.checkpoint.checkpoint import (
+    Checkpoint,
+    ReserveAttempt,
+    StoredAttempt,
+    StoredDocument,
+    StoredInputs,
+    StoredStage,
+)
 from airrace.checkpoint.hdf5 import Attribute, Group, GroupReader, Node, Series, StoredTable, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
@@ -35,8 +42,14 @@ from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 6
+SCHEMA = 7
 """The version of this layout; a reader refuses every other."""
+OTHER_SCHEMA = (
+    "Its inputs can be flown again: write the texts /inputs/track/text and /inputs/aircraft/text into files, as "
+    "docs/how_to/hdf5.md shows (Extract the inputs), and call `airrace optimize TRACK.yaml --aircraft AIRCRAFT.yaml`, "
+    "with `--set` for each of /inputs/overrides"
+)
+"""What to do with a run of another schema."""
 CONTENT = "content"
 """The attribute that tells files of another kind from runs, which have none."""
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
@@ -118,24 +131,38 @@ def encode(checkpoint: Checkpoint) -> Group:
     stages: dict[str, Node] = {}
     for stored in checkpoint.stages:
         name = stored.result.stage.value
-        alternatives = {
-            f"{number}": Group(_encode_result(alternative, f"/stages/{name}/alternatives/{number}"))
-            for number, alternative in enumerate(stored.result.alternatives, start=1)
-        }
-        stages[name] = Group(
-            {
-                "inputs_hash": stored.inputs_hash,
-                "chain_hash": stored.chain_hash,
-                **_encode_result(stored.result, f"/stages/{name}"),
-                "alternatives": Group(alternatives),
-            }
-        )
-    members = {
+        hashes = {"inputs_hash": stored.inputs_hash, "chain_hash": stored.chain_hash}
+        stages[name] = Group({**hashes, **_encode_stage(stored.result, f"/stages/{name}")})
+    attempts = {
+        f"{number}": Group(_encode_attempt(one, f"/reserve/{number}"))
+        for number, one in enumerate(checkpoint.attempts, start=1)
+    }
+    members: dict[str, Node] = {
         "inputs": inputs_group(checkpoint.inputs),
         "versions": versions_table(checkpoint.versions),
         "stages": Group(stages),
     }
-    return Group(members, {"schema": SCHEMA})
+    return Group(members | ({"reserve": Group(attempts)} if attempts else {}), {"schema": SCHEMA})
+
+
+def _encode_attempt(stored: StoredAttempt, path: str) -> dict[str, Node]:
+    members: dict[str, Node] = {
+        "attempt": table_of(ReserveAttempt, [stored.attempt]),
+        "overrides": StoredTable({"override": stored.overrides}),
+        "chain_hash": stored.chain_hash,
+    }
+    if stored.result is not None:
+        members["flight"] = Group(_encode_stage(stored.result, f"{path}/flight"))
+    return members
+
+
+def _encode_stage(result: StageResult, path: str) -> dict[str, Node]:
+    """Return a result with its alternatives."""
+    alternatives: dict[str, Node] = {
+        f"{number}": Group(_encode_result(alternative, f"{path}/alternatives/{number}"))
+        for number, alternative in enumerate(result.alternatives, start=1)
+    }
+    return {**_encode_result(result, path), "alternatives": Group(alternatives)}
 
 
 def inputs_group(inputs: StoredInputs) -> Group:
@@ -258,13 +285,36 @@ def decode(root: Group) -> Checkpoint:
         raise CheckpointError("this is a flight log, not a run; show, report, compare, plot and export take it")
     schema = root.attributes.get("schema")
     if schema != SCHEMA:
-        raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
-    place = GroupReader("", root).expecting("inputs", "versions", "stages")
+        raise CheckpointError(
+            f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA} alone. {OTHER_SCHEMA}"
+        )
+    place = GroupReader("", root).expecting("inputs", "versions", "stages", optional=("reserve",))
     stages = place.group("stages")
     if unknown := set(stages.node.members) - {stage.value for stage in STAGES}:
         raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
     stored = (_decode_stage(stages.group(one.value), one) for one in STAGES if one.value in stages.node.members)
-    return Checkpoint(inputs_of(place.group("inputs")), versions_of(place), tuple(stored))
+    attempts = _decode_attempts(place.group("reserve")) if "reserve" in place.node.members else ()
+    return Checkpoint(inputs_of(place.group("inputs")), versions_of(place), tuple(stored), attempts)
+
+
+def _decode_attempts(place: GroupReader) -> tuple[StoredAttempt, ...]:
+    numbers = [str(number) for number in range(1, len(place.node.members) + 1)]
+    groups = [place.expecting(*numbers).group(number) for number in numbers]
+    return tuple(_decode_attempt(group) for group in groups)
+
+
+def _decode_attempt(place: GroupReader) -> StoredAttempt:
+    place.expecting("attempt", "overrides", "chain_hash", optional=("flight",))
+    attempt, result = place.row("attempt", ReserveAttempt), None
+    counts, numbers = (attempt.outside, attempt.over_load), (attempt.risk, attempt.load_risk, attempt.lift)
+    if min(counts) < 0 or max(counts) > attempt.flights or not all(0.0 <= one < math.inf for one in numbers):
+        raise CheckpointError(f"{place.path}/attempt: counts or risks that no attempt can have")
+    if ("flight" in place.node.members) is not (attempt.flights > 0):
+        raise CheckpointError(f"{place.path}/flight: {attempt.flights} flights were counted along it")
+    if attempt.flights:
+        flight = place.group("flight").expecting(*_MEMBERS, "alternatives", optional=_OPTIONAL)
+        result = _decode_whole(flight, STAGES[-1])
+    return StoredAttempt(attempt, place.texts("overrides", "override"), result, place.text("chain_hash"))
 
 
 def inputs_of(place: GroupReader) -> StoredInputs:
@@ -297,11 +347,15 @@ _OPTIONAL = ("certificate", "pylon_conditions", "suggested_changes")
 
 def _decode_stage(place: GroupReader, stage: Stage) -> StoredStage:
     place.expecting(*_MEMBERS, "inputs_hash", "chain_hash", "alternatives", optional=_OPTIONAL)
+    return StoredStage(_decode_whole(place, stage), place.text("inputs_hash"), place.text("chain_hash"))
+
+
+def _decode_whole(place: GroupReader, stage: Stage) -> StageResult:
+    """Return a result with its alternatives."""
     alternatives = place.group("alternatives")
     numbers = [str(number) for number in range(1, len(alternatives.node.members) + 1)]
     groups = [alternatives.expecting(*numbers).group(one).expecting(*_MEMBERS, optional=_OPTIONAL) for one in numbers]
-    result = replace(_decode_result(place, stage), alternatives=tuple(_decode_result(group, stage) for group in groups))
-    return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
+    return replace(_decode_result(place, stage), alternatives=tuple(_decode_result(group, stage) for group in groups))
 
 
 def _decode_result(place: GroupReader, stage: Stage) -> StageResult:

@@ -228,7 +228,8 @@ def _fly(
 
     if dry_run:
         ensure_executable(plan, timeout=timeout)
-        steps = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]
+        stages = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]
+        steps = [*stages, *([plan.reserve] if plan.reserve else [])]
         answer.fields = {"track": plan.run.name, "steps": [step.as_object() for step in steps]}
         answer.texts.extend(() if quiet else ["\n".join(map(str, steps))])
         return

@@ -197,6 +197,7 @@ class FoundEntry(Schema):
     lower: Annotated[float, Ge(0), Le(1)] = Field(description="lower end of its interval of confidence 95 %")
     flights: Annotated[int, Ge(1)] = Field(default=1000, description="number of these flights")
     reached: bool = Field(description="whether that is what was asked for")
+    source: str | None = optional("the run along whose flight that was measured, where this one only keeps its margins")
 
 
 class ReserveEntry(Schema):

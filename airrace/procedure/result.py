@@ -400,6 +400,10 @@ class Progress(ABC):
     @abstractmethod
     def stage_finished(self, result: StageResult) -> None: ...
 
+    def remark(self, text: str) -> None:
+        """Receive a line on what is done besides the stages, such as an attempt of a reserve; by default not heard."""
+        del text
+
 
 class Silent(Progress):
     """A progress that shows nothing."""

@@ -3,14 +3,14 @@
 import contextlib
 import os
 import time
-from collections.abc import Collection, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from airrace import interrupts
-from airrace.checkpoint import write_checkpoint
+from airrace.checkpoint import ReserveAttempt, write_checkpoint
 from airrace.errors import OutOfTime, UsageError
 from airrace.inputs.rules import ReserveEntry
 from airrace.procedure import run as procedure
@@ -19,9 +19,10 @@ from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode
-from airrace.runs.json_objects import comparison_object, run_object
+from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
+from airrace.runs.reserve_attempts import ATTEMPTS_MAX
 from airrace.runs.run import RunState, stages_object
 from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
 
@@ -132,9 +133,17 @@ class Executed:
 
 
 def _execute(
-    plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
+    plan: ExecutionPlan,
+    *,
+    threads: int,
+    timeout: float | None = None,
+    progress: Progress,
+    attempted: Callable[[RunState], None] = lambda run: None,
 ) -> Iterator[Executed]:
-    """Yield all steps, the last one that of a reserve where one is asked for."""
+    """Yield all steps, the last one that of a reserve where one is asked for.
+
+    `attempted` receives the run with every attempt of that.
+    """
     ensure_time(timeout)
     started = time.monotonic()
     with run_lock(plan.run.path):
@@ -142,21 +151,20 @@ def _execute(
         for done in _execute_locked(plan, threads=threads, timeout=timeout, progress=progress):
             run = done.run
             yield done
-        if _asks_for_reserve(plan, run):
+        if plan.reserve is not None and run.certified:
             left = None if timeout is None else max(timeout - (time.monotonic() - started), 1e-3)
-            yield _keep_reserve(run, threads=threads, timeout=left, progress=progress)
+            yield _keep_reserve(run, threads=threads, timeout=left, progress=progress, attempted=attempted)
 
 
-def _asks_for_reserve(plan: ExecutionPlan, run: RunState) -> bool:
-    """Tell whether a reserve is still to be searched for: nothing was found yet, or for another one."""
-    wanted, start = run.inputs.reserve, plan.start
-    if wanted is None or plan.until is not procedure.STAGES[-1] or not run.certified:
-        return False
-    return wanted.found is None or (start is not None and start.inputs.reserve != wanted)
-
-
-def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progress: Progress) -> Executed:
-    """Fly a run again with the margins of its reserve, and store that in its file."""
+def _keep_reserve(
+    run: RunState,
+    *,
+    threads: int,
+    timeout: float | None,
+    progress: Progress,
+    attempted: Callable[[RunState], None],
+) -> Executed:
+    """Fly a run again with the margins of its reserve, and store that in its file, and before it every attempt."""
     from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
 
     until = None if timeout is None else time.monotonic() + timeout
@@ -169,8 +177,16 @@ def _keep_reserve(run: RunState, *, threads: int, timeout: float | None, progres
         *_, last = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
         return last.run
 
+    stored = run
+
+    def keep(attempt: ReserveAttempt, flown: RunState | None) -> None:
+        nonlocal stored
+        stored = stored.with_attempt(attempt, flown)
+        _store(stored, [one.stage for one in stored.results])
+        attempted(stored)
+
     assert run.inputs.reserve is not None
-    case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads)
+    case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
     renewed = replace(case.run, path=run.path, sign=run.sign)
     _store(renewed)
     return Executed(renewed, renewed.results[-1], replace(case, run=renewed))
@@ -219,20 +235,24 @@ def execute_for_command(
     """
     started, run = time.perf_counter(), plan.run
     finished, reserve = {result.stage: result for result in plan.reused}, None
+
+    def attempted(latest: RunState) -> None:
+        nonlocal run
+        run = latest
+
     try:
-        for done in _execute(plan, threads=threads, timeout=timeout, progress=progress):
+        for done in _execute(plan, threads=threads, timeout=timeout, progress=progress, attempted=attempted):
             finished[done.result.stage], run, reserve = done.result, done.run, done.reserve
         if reserve is not None:
             finished = {one.stage: one for one in run.results}
     except OutOfTime:
-        answer.fail(
-            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(plan, tuple(finished.values()))}"
-        )
+        left = _next_step(plan, run, tuple(finished.values()))
+        answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {left}")
     except BaseException as error:
         if not interrupts.caused(error):
             raise
         interrupts.hear()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(plan, tuple(finished.values()))}")
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(plan, run, tuple(finished.values()))}")
     finally:
         results = tuple(finished.values())
         summarise(answer, plan.run.name, results, time.perf_counter() - started)
@@ -245,6 +265,8 @@ def execute_for_command(
             answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
     if reserve is not None:
         answer.fields["reserve"] = reserve.as_object()
+    elif run.results and run.inputs.reserve is not None and run.inputs.reserve.found is None:
+        answer.fields["reserve"] = reserve_object(run.stages[-1].stamp.reserve)
     message = unreached(run.inputs.reserve)
     if message:
         answer.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
@@ -265,11 +287,13 @@ def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:
         write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
 
 
-def _next_step(plan: ExecutionPlan, results: Sequence[StageResult]) -> str:
-    """Return how a run that was ended before its end is continued, as a clause."""
+def _next_step(plan: ExecutionPlan, run: RunState, results: Sequence[StageResult]) -> str:
+    """Return how a run that was ended before its end is continued, and what of it is finished, as a clause."""
     if plan.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {plan.start.label} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
+    if plan.reserve is not None:
+        finished += f"; reserve: {len(run.attempts)} of {ATTEMPTS_MAX} attempts"
     return f"go on with `airrace resume {plan.run.path}` (finished: {finished})"
 
 

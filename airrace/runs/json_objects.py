@@ -10,7 +10,7 @@ import numpy as np
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
-from airrace.results import Confirmation, Flight, laps_of
+from airrace.results import Confirmation, Flight, ReserveState, Stamp, laps_of
 from airrace.results.clearances import Clearance, NearMiss, least_distances, near_misses
 from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, compare_flights, conditions
 from airrace.results.flight import passings_around
@@ -337,6 +337,36 @@ def flight_object(flight: Flight) -> dict[str, object]:
 def confirmation_object(confirmation: Confirmation) -> dict[str, object]:
     """Return the outcome of measuring a stage again: `verified` is null where nothing was measured."""
     return {"verified": confirmation.verified, "verification": confirmation.words}
+
+
+def stamp_object(stamp: Stamp) -> dict[str, object]:
+    """Return the object that says what a flight is; what is no question of it is null."""
+    return {
+        "text": stamp.text,
+        "stage": stamp.stage or None,
+        "certified": stamp.certified,
+        "failed": list(stamp.failed),
+        "aircraft": stamp.aircraft,
+        "air": stamp.air,
+        "pilot": stamp.pilot or None,
+        "reserve": reserve_object(stamp.reserve),
+    }
+
+
+def reserve_object(state: ReserveState | None) -> dict[str, object] | None:
+    """Return the object of what was asked of a flight in disturbances, and what was found; None for nothing."""
+    if state is None:
+        return None
+    return {
+        "text": state.text,
+        "probability": state.asked,
+        "measured": state.measured,
+        "flights": state.flights,
+        "reached": state.reached,
+        "measured_along": state.source or None,
+        "attempts": state.attempts,
+        "attempts_max": state.attempts_max,
+    }
 
 
 def _comparison_object(comparison: Comparison) -> dict[str, object]:

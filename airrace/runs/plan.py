@@ -27,6 +27,7 @@ from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.results.comparison import Comparison
 from airrace.runs.output import documents_of, ensure_unread
+from airrace.runs.reserve_attempts import PlannedReserve, asked_text
 from airrace.runs.run import (
     RunState,
     compare_stages,
@@ -189,6 +190,15 @@ class ExecutionPlan:
         return compare_stages(before, after, (self.start.label, self.run.label))
 
     @property
+    def reserve(self) -> PlannedReserve | None:
+        """The search for a reserve that follows the last stage; None where none is asked for, or it has ended."""
+        wanted = self.run.inputs.reserve
+        if wanted is None or wanted.found is not None or self.until is not procedure.STAGES[-1]:
+            return None
+        kept = self.run.attempts if self.steps and all(step.action == "keep" for step in self.steps) else ()
+        return PlannedReserve(wanted.probability, len(kept), done=bool(kept) and kept[-1].attempt.done)
+
+    @property
     def stages(self) -> tuple[Stage, ...]:
         """The stages of the run up to the last, reused ones as well."""
         if self.steps:
@@ -328,13 +338,26 @@ def plan_changed_run(
     if until is None and not before.results:
         raise UsageError(f"{before.label} has no finished stage to start from")
     last = before.results[-1].stage if until is None else stage_by_name(until)
-    run = new_run(changes.inputs(before), path)
+    run = new_run(_with_its_own_reserve(changes, before), path)
     ensure_unread([] if path is None else [path], [*documents_of(run.inputs), before.path])
     first = _ensure_startable(before, run, last)
     stages = procedure.STAGES[procedure.STAGES.index(first) : procedure.STAGES.index(last) + 1]
     reasons = [f"started from the one of {before.label}", *(f"{stage.value} runs before it" for stage in stages)]
     steps = tuple(PlannedStage(stage, reason) for stage, reason in zip(stages, reasons, strict=False))
     return ExecutionPlan(run, last, steps=steps, start=before)
+
+
+def _with_its_own_reserve(changes: Changes, before: RunState) -> Inputs:
+    """Return the changed inputs: margins of a reserve stay, and say where they were measured; for another reserve that
+    is asked for, they are searched for again.
+    """
+    given, after = before.inputs.reserve, changes.inputs(before)
+    if given is None or given.found is None or after.reserve is None or after.reserve.found is None:
+        return after
+    if asked_text(after.reserve) != asked_text(given):
+        return changes.with_overrides(["margins=null", "rules.reserve.found=null"]).inputs(before)
+    source = given.found.source or before.label
+    return changes.with_overrides([f"rules.reserve.found.source={value_text(source)}"]).inputs(before)
 
 
 def _ensure_startable(before: RunState, run: RunState, until: Stage) -> Stage:

@@ -10,13 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from airrace.errors import InputError, UsageError
+from airrace.checkpoint import ReserveAttempt
+from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.inputs.objects import is_of_objects
 from airrace.inputs.rules import FoundEntry, ReserveEntry
 from airrace.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.runs.plan import Changes
+from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
 from airrace.runs.run import RunState
 from airrace.runs.safety_case import SafetyCase, scatter_of
 from airrace.safety.monte_carlo import LOAD, Count, closed_loop_of
@@ -27,6 +29,8 @@ from airrace.views.tables import Column, Table
 
 FlyAgain = Callable[[RunState, Sequence[str]], RunState]
 """Flies a run again with some values set, as `key=value`."""
+Keep = Callable[[ReserveAttempt, RunState | None], None]
+"""Keeps a finished attempt with the run that it has flown, None where there is no flight with such margins."""
 
 
 @record
@@ -34,7 +38,6 @@ class ReserveIteration:
     """The settings of the iteration.
 
     Attributes:
-        attempts: how often a line is measured at most.
         passes: how often margins are computed again for one risk at most.
         same: the change of the race time by other margins below which they stay, s.
         tolerance: by how much the lower end of the interval of confidence may lie below the probability.
@@ -46,7 +49,6 @@ class ReserveIteration:
         flights: closed-loop flights.
     """
 
-    attempts: int = 4
     passes: int = 3
     same: float = 2e-3
     tolerance: float = 0.01
@@ -192,35 +194,77 @@ def reserve_named(run: RunState, texts: Sequence[str]) -> ReserveEntry:
     return wanted
 
 
-def fly_reserve(run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, *, threads: int | None = None) -> ReserveCase:
+def fly_reserve(
+    run: RunState,
+    wanted: ReserveEntry,
+    fly_again: FlyAgain,
+    *,
+    threads: int | None = None,
+    keep: Keep = lambda attempt, flown: None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> ReserveCase:
     """Fly a race again with the smallest margins that keep a reserve.
+
+    Attempts that the run holds for this reserve are not made again.
 
     Args:
         run: certified up to six-dof.
         wanted: the probability and the disturbances.
         fly_again: flies a run with other margins.
         threads: None for one per processor.
+        keep: keeps every attempt that is finished.
+        tell: receives a line about every attempt.
 
     Raises:
         UsageError: the run is not certified up to six-dof, or the pilot cannot hold it.
         InputError: its course was built in Python.
+        CheckpointError: the flights of an attempt that the run holds break more or less than it says.
     """
     if not run.certified or run.stages[-1].result.stage is not Stage.SIX_DOF:
         raise UsageError(f"a reserve takes a certified optimum of six-dof: {run.message or 'resume goes on to it'}")
     if run.inputs.margins:
         run = fly_again(run, UNSEARCHED)
-    return _Search(run, wanted, fly_again, threads).run()
+    return _Search(run, wanted, fly_again, threads, keep, tell).run()
 
 
 UNSEARCHED = ("rules.reserve=null", "margins=null")
 """What makes a race one without a reserve."""
 
 
+@record
+class _Measured:
+    """An attempt that has found a flight.
+
+    Attributes:
+        number: of the attempt, from 0, by which its disturbances are drawn.
+        run: the flight with its margins.
+        outside, over_load: the flights that break a limit other than the load factor, and that exceed the load factor.
+        reached: whether these are as few as was asked for.
+        case: the flights; None where they were flown before this search went on.
+    """
+
+    number: int
+    run: RunState
+    outside: Count
+    over_load: Count
+    reached: bool
+    case: SafetyCase | None
+
+
 class _Search:
     """The iteration for one reserve."""
 
-    def __init__(self, run: RunState, wanted: ReserveEntry, fly_again: FlyAgain, threads: int | None) -> None:
-        self.optimum, self.wanted, self.fly_again = run, wanted, fly_again
+    def __init__(
+        self,
+        run: RunState,
+        wanted: ReserveEntry,
+        fly_again: FlyAgain,
+        threads: int | None,
+        keep: Keep,
+        tell: Callable[[str], None],
+    ) -> None:
+        self.optimum, self.wanted, self.fly_again, self.keep, self.tell = run, wanted, fly_again, keep, tell
+        self.asked = asked_text(wanted)
         self.options: dict[str, Any] = {**wanted.model_dump(exclude=set(REQUEST)), "threads": threads}
         errors = (wanted.mass_error_percent, wanted.power_error_percent, wanted.density_error_percent)
         self.scatter = scatter_of(wanted.gusts, (wanted.wind_error_kt, *errors, wanted.roll_timing_s))
@@ -230,29 +274,63 @@ class _Search:
         if wanted.load_factor:
             self.risks[LOAD] = 1.0 - wanted.load_factor
         self.lift = 0.0  # the share of the full margin of the lift coefficient
-        self.found: list[ReserveCase] = []
+        self.found: list[_Measured] = []
 
     def run(self) -> ReserveCase:
-        latest = self.optimum
-        for attempt in range(SETTINGS.attempts):
-            enough, solved, limits = self._with_margins(latest)
-            if solved is None:  # no flight with such margins
-                self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
-                self.lift = max(self.lift - SETTINGS.lift, 0.0)
-                continue
-            if self.found and solved.inputs.margins == self.found[-1].run.inputs.margins:
-                break
-            latest = solved
-            if self._is_done(self._measure(latest, limits, attempt), limits, enough=enough):
-                break
+        done, first = self._take_up()
+        attempt = first
+        while not done and attempt < ATTEMPTS_MAX:
+            self.tell(f"{self._name(attempt)}: begins")
+            done = self._attempt(attempt)
+            attempt += 1
         if not self.found:
-            self._measure(self.optimum, self._limits(self.optimum), 0)
+            self._measure(self.optimum, 0)
         reached = [one for one in self.found if one.reached]
         if reached:
             best = min(reached, key=lambda one: one.run.race_time)
         else:
-            best = max(self.found, key=lambda one: one.measured.share)
-        return best.stored()
+            best = max(self.found, key=lambda one: one.outside.of - one.outside.flights)
+        return self._case_of(best).stored()
+
+    def _take_up(self) -> tuple[bool, int]:
+        """Take up the attempts that the run holds; return whether none is left, and the number of the next."""
+        kept = self.optimum.checkpoint.standing_attempts(self.asked)
+        for number, stored in enumerate(kept):
+            one, flown = stored.attempt, self.optimum.attempt_run(stored)
+            if flown is not None:
+                outside, over_load = (Count.among(few, one.flights) for few in (one.outside, one.over_load))
+                self._note(number, flown, outside, over_load, None)
+            self.risks = dict(zip(self.risks, (one.risk, one.load_risk), strict=False))
+            self.lift = one.lift
+            self.tell(f"{self._name(number)}: kept, not made again")
+        return bool(kept) and kept[-1].attempt.done, len(kept)
+
+    def _attempt(self, number: int) -> bool:
+        """Make an attempt and keep it; return whether none follows."""
+        enough, solved, limits = self._with_margins(self.found[-1].run if self.found else self.optimum)
+        if solved is None:  # no flight with such margins
+            self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
+            self.lift = max(self.lift - SETTINGS.lift, 0.0)
+            self.keep(self._record(None, done=False), None)
+            self.tell(f"{self._name(number)}: no flight with such margins")
+            return False
+        if self.found and solved.inputs.margins == self.found[-1].run.inputs.margins:
+            return True
+        latest = self._measure(solved, number)
+        done = self._is_done(latest, limits, enough=enough)
+        self.keep(self._record(latest, done=done), solved)
+        within = latest.outside.of - latest.outside.flights
+        self.tell(f"{self._name(number)}: {solved.race_time:.3f} s, {within} of {latest.outside.of} flights keep it")
+        return done
+
+    def _name(self, number: int) -> str:
+        return f"reserve {self.wanted.probability:g}, attempt {number + 1} of {ATTEMPTS_MAX}"
+
+    def _record(self, measured: _Measured | None, *, done: bool) -> ReserveAttempt:
+        counts = (0, 0, 0)
+        if measured is not None:
+            counts = measured.outside.of, measured.outside.flights, measured.over_load.flights
+        return ReserveAttempt(self.asked, *counts, self.risks[""], self.risks.get(LOAD, 0.0), self.lift, done)
 
     def _with_margins(self, latest: RunState) -> tuple[bool, RunState | None, list[Limit]]:
         """Fly with the margins that the risks need, until they stay.
@@ -293,61 +371,83 @@ class _Search:
             for kind, risk in self.risks.items()
         ]
 
-    def _measure(self, latest: RunState, limits: Sequence[Limit], attempt: int) -> SafetyCase:
+    def _measure(self, latest: RunState, number: int) -> _Measured:
         """Fly a line in closed loop, each attempt in other disturbances, and note its effect."""
-        case = latest.stages[-1].safety(flights=SETTINGS.flights, seed=attempt, **self.options)
-        after, units = _prices(latest), {one.key: one.unit for one in course_limits(latest.inputs.race)}
-        risks = [float(one.risk_now) for one in limits]
+        case = self._fly(latest, number)
+        return self._note(number, latest, case.result.outside, case.result.counts[LOAD], case)
+
+    def _fly(self, latest: RunState, number: int) -> SafetyCase:
+        return latest.stages[-1].safety(flights=SETTINGS.flights, seed=number, **self.options)
+
+    def _note(self, number: int, run: RunState, outside: Count, over_load: Count, case: SafetyCase | None) -> _Measured:
+        reached = all(_is_rare(count, risk) for count, risk in self._counts(outside, over_load))
+        self.found.append(_Measured(number, run, outside, over_load, reached, case))
+        return self.found[-1]
+
+    def _case_of(self, best: _Measured) -> ReserveCase:
+        """Return what was found in full.
+
+        Raises:
+            CheckpointError: the flights of an attempt that was kept break more or less than it says.
+        """
+        case = best.case or self._fly(best.run, best.number)
+        if (case.result.outside, case.result.counts[LOAD]) != (best.outside, best.over_load):
+            raise CheckpointError(
+                f"{self._name(best.number)} is not what was stored: {case.result.outside.flights} flights break a "
+                f"limit where it says {best.outside.flights}; `airrace resume --from six-dof` makes all attempts again"
+            )
+        limits, after = self._limits(best.run), _prices(best.run)
+        units = {one.key: one.unit for one in course_limits(best.run.inputs.race)}
+        pairs = self._risks_of(limits)
         margins = [
             KeptMargin(
                 key,
                 margin,
                 units[key],
                 0.5 * margin * (self.prices.get(key, 0.0) + after.get(key, 0.0)),
-                sum(risk for one, risk in zip(limits, risks, strict=True) if one.key == key),
+                sum(float(one.risk_now) for one in limits if one.key == key),
             )
-            for key, margin in latest.inputs.margins.items()
+            for key, margin in best.run.inputs.margins.items()
             if margin > 0.0
         ]
-        ignored = {STALL} if LOAD in self.risks else {STALL, LOAD}
-        pairs = [(risk, one) for risk, one in zip(risks, limits, strict=True) if one.kind not in ignored]
-        reached = all(_is_rare(count, risk) for count, risk in self._counts(case))
-        self.found.append(
-            ReserveCase(
-                run=latest,
-                wanted=self.wanted,
-                optimum=self.optimum.race_time,
-                margins=tuple(sorted(margins, key=lambda one: -one.cost)),
-                predicted=max(1.0 - sum(risk for risk, one in pairs if one.kind != LOAD), 0.0),
-                case=case,
-                reached=reached,
-                binding=() if reached else tuple(_limit_texts(pairs)),
-            )
+        return ReserveCase(
+            run=best.run,
+            wanted=self.wanted,
+            optimum=self.optimum.race_time,
+            margins=tuple(sorted(margins, key=lambda one: -one.cost)),
+            predicted=_predicted(pairs),
+            case=case,
+            reached=best.reached,
+            binding=() if best.reached else tuple(_limit_texts(pairs)),
         )
-        return case
 
-    def _counts(self, case: SafetyCase) -> Iterator[tuple[Count, float]]:
-        yield case.result.outside, 1.0 - self.wanted.probability
+    def _risks_of(self, limits: Sequence[Limit]) -> list[tuple[float, Limit]]:
+        """Return the risks that remain of the limits that are judged."""
+        ignored = {STALL} if LOAD in self.risks else {STALL, LOAD}
+        return [(float(one.risk_now), one) for one in limits if one.kind not in ignored]
+
+    def _counts(self, outside: Count, over_load: Count) -> Iterator[tuple[Count, float]]:
+        yield outside, 1.0 - self.wanted.probability
         if self.wanted.load_factor:
-            yield case.result.counts[LOAD], 1.0 - self.wanted.load_factor
+            yield over_load, 1.0 - self.wanted.load_factor
 
-    def _is_done(self, case: SafetyCase, limits: Sequence[Limit], *, enough: bool) -> bool:
+    def _is_done(self, latest: _Measured, limits: Sequence[Limit], *, enough: bool) -> bool:
         """Tell whether flights break neither too much nor too little; else keep off the stall, or scale the risks.
 
         Args:
-            case: the flights.
+            latest: the flights.
             limits: of what they follow.
             enough: whether margins sufficed for the risks.
         """
-        found, outside = self.found[-1], case.result.outside
-        if found.reached and not found.margins:
+        if latest.reached and not any(latest.run.inputs.margins.values()):
             return True
-        scattered = outside.lower > SETTINGS.linear * (1.0 - found.predicted)
-        if not found.reached and scattered and lift_margin(limits, self.pilot, self.lift + SETTINGS.lift):
+        scattered = latest.outside.lower > SETTINGS.linear * (1.0 - _predicted(self._risks_of(limits)))
+        if not latest.reached and scattered and lift_margin(limits, self.pilot, self.lift + SETTINGS.lift):
             self.lift += SETTINGS.lift
             return False
         done = True
-        for kind, (count, risk) in zip(self.risks, list(self._counts(case)), strict=True):
+        counts = list(self._counts(latest.outside, latest.over_load))
+        for kind, (count, risk) in zip(self.risks, counts, strict=True):
             allowed = _allowance(count, risk)
             if _is_rare(count, risk) and count.flights >= SETTINGS.excess * allowed:
                 continue
@@ -355,6 +455,11 @@ class _Search:
             factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
             self.risks[kind] *= min(max(factor, 1.0 / SETTINGS.change), SETTINGS.change)
         return done
+
+
+def _predicted(pairs: Sequence[tuple[float, Limit]]) -> float:
+    """Return the probability of no breach but of the load factor, at least, by the linear covariance."""
+    return max(1.0 - sum(risk for risk, one in pairs if one.kind != LOAD), 0.0)
 
 
 def _limit_texts(pairs: Sequence[tuple[float, Limit]]) -> list[str]:

@@ -11,7 +11,9 @@ from typing import Self
 
 from airrace.checkpoint import (
     Checkpoint,
+    ReserveAttempt,
     Sign,
+    StoredAttempt,
     StoredDocument,
     StoredInputs,
     inputs_hash,
@@ -29,6 +31,7 @@ from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, warnings_object
+from airrace.runs.reserve_attempts import attempts_of
 from airrace.runs.stage_data import Splits
 from airrace.runs.stage_view import (
     StageView,
@@ -94,13 +97,18 @@ class RunState:
     @property
     def stages(self) -> tuple[StageView, ...]:
         """The finished stages in their order; one that no longer stands or is refuted is not certified."""
-        stale = self.stale
-        return tuple(self._view(one, stale.get(one.stage, "")) for one in self.results)
+        stale, attempts = self.stale, len(self.attempts)
+        return tuple(self._view(one, stale.get(one.stage, ""), attempts) for one in self.results)
 
-    def _view(self, result: StageResult, stale: str) -> StageView:
+    @property
+    def attempts(self) -> tuple[StoredAttempt, ...]:
+        """The attempts of a search for the run's reserve that has not ended, as far as they stand."""
+        return attempts_of(self.checkpoint, self.inputs.reserve)
+
+    def _view(self, result: StageResult, stale: str, attempts: int) -> StageView:
         confirmed = self.confirmations.get(result.stage)
         reported = downgrade_stale(result, stale, "" if confirmed is None else confirmed.refutation)
-        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmed)
+        return StageView(self.inputs, reported, self.checkpoint.versions, stale, confirmed, attempts)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
@@ -162,6 +170,28 @@ class RunState:
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
+
+    def with_attempt(self, attempt: ReserveAttempt, flown: "RunState | None") -> Self:
+        """Return this run with one more attempt of the search for its reserve.
+
+        Args:
+            attempt: what was measured.
+            flown: the run with its margins; None where there is no flight with them.
+        """
+        overrides, result = ((), None) if flown is None else (tuple(flown.inputs.overrides), flown.results[-1])
+        return replace(self, checkpoint=self.checkpoint.with_attempt(attempt, overrides, result))
+
+    def attempt_run(self, stored: StoredAttempt) -> "RunState | None":
+        """Return the run that an attempt has flown, held in memory alone; None where it found no flight.
+
+        Raises:
+            InputError: this version of airrace does not accept its inputs.
+            CheckpointError: its flight is not that of the model.
+        """
+        if stored.result is None:
+            return None
+        inputs = inputs_from_documents(*stored_documents(self.checkpoint.inputs), stored.overrides)
+        return ensure_readable(new_run(inputs).with_stage(stored.result))
 
     def with_inputs(self, inputs: Inputs) -> Self:
         """Return this run with inputs by which the race is the same, so that its stages stand."""
@@ -322,7 +352,7 @@ def adopt_checkpoint(run: RunState) -> RunState:
         return run
     stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
     downgrade_stale = tuple(one for one in earlier.stages if one.result.stage not in stale)
-    return replace(run, checkpoint=replace(run.checkpoint, stages=downgrade_stale))
+    return replace(run, checkpoint=replace(run.checkpoint, stages=downgrade_stale, attempts=earlier.attempts))
 
 
 def stored_documents(stored: StoredInputs) -> tuple[Document, Document, Document | None]:

@@ -12,7 +12,6 @@ from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
-from airrace.inputs.rules import ReserveEntry
 from airrace.optimal_control.certificate import Certificate
 from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
@@ -21,10 +20,11 @@ from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
-from airrace.results.stamp import ReserveState, Stamp, stamp_of
+from airrace.results.stamp import Stamp, stamp_of
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
 from airrace.runs.output import write_or_return
+from airrace.runs.reserve_attempts import reserve_state
 from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
@@ -110,6 +110,7 @@ class StageView:
         versions: the versions of airrace and of the libraries that have computed it.
         stale: why the stage no longer stands, a clause; empty where it does.
         confirmation: the outcome of measuring it again; None where that was no question.
+        attempts: that the search for the run's reserve has made; 0 where it has ended.
     """
 
     inputs: Inputs
@@ -117,6 +118,7 @@ class StageView:
     versions: Mapping[str, str]
     stale: str = ""
     confirmation: Confirmation | None = None
+    attempts: int = 0
 
     @property
     def name(self) -> str:
@@ -250,7 +252,7 @@ class StageView:
             confirmation=self.confirmation,
             failed=self._failed,
             pilot=self.inputs.pilot,
-            reserve=reserve_state(self.inputs.reserve),
+            reserve=reserve_state(self.inputs.reserve, self.attempts),
         )
 
     @property
@@ -435,14 +437,6 @@ def is_certified(results: Sequence[StageResult]) -> bool:
     Stages before it may be merely solved on one mesh.
     """
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
-
-
-def reserve_state(entry: ReserveEntry | None) -> ReserveState | None:
-    """Return what was asked of a flight in disturbances, and what the search for it has found; None for nothing."""
-    if entry is None or entry.found is None:
-        return None if entry is None else ReserveState(entry.probability)
-    found = entry.found
-    return ReserveState(entry.probability, found.measured, found.flights, found.reached)
 
 
 def downgrade_stale(result: StageResult, stale: str, refutation: str = "") -> StageResult:

@@ -121,6 +121,9 @@ class PlainLines(Progress):
     def stage_finished(self, result: StageResult) -> None:
         self._line(outcome_line(result))
 
+    def remark(self, text: str) -> None:
+        self._line(text)
+
     def _line(self, text: str) -> None:
         self._last_line = self._clock()
         print(f"[{self._last_line - self._started:7.1f} s] {text}", file=self._stream, flush=True)

@@ -83,6 +83,9 @@ class LiveView(Progress):
         self._current = None
         self.live.console.print(Text(outcome_line(result)))
 
+    def remark(self, text: str) -> None:
+        self.live.console.print(Text(text))
+
     def _render(self) -> RenderableType:
         now = self._clock()
         rows = Table.grid(padding=(0, 2), expand=True)

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
+from airrace.checkpoint import Checkpoint, ReserveAttempt, StoredDocument, StoredInputs
 from airrace.checkpoint.run_layout import LARGEST
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import OUTCOMES, Attempt, GateSplit, Note, NoteKind, StageResult, Status, Timings
@@ -61,6 +61,13 @@ def example_checkpoint(*stages: Stage, intervals: int = 6) -> Checkpoint:
     for stage in stages or (Stage.HOMOTOPY, Stage.POINT_MASS):
         checkpoint = checkpoint.with_stage(example_result(stage, intervals=intervals))
     return checkpoint
+
+
+def with_attempts(checkpoint: Checkpoint) -> Checkpoint:
+    """The checkpoint with two attempts of a reserve, the second of which has found no flight."""
+    one = ReserveAttempt('{"probability":0.9}', 1000, 80, 20, 0.1, 0.0, 0.5, done=False)
+    flown = checkpoint.with_attempt(one, ("margins.rules.floor_m=0.5",), example_result(STAGES[-1]))
+    return flown.with_attempt(dataclasses.replace(one, flights=0, outside=0, over_load=0, lift=0.0), (), None)
 
 
 def assert_same(one: object, other: object, where: str = "") -> None:

@@ -22,13 +22,14 @@ from checkpoint_examples import (
     records,
     results,
     texts,
+    with_attempts,
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from airrace.checkpoint import Checkpoint, inputs_hash, read_checkpoint, stale_stages, write_checkpoint
 from airrace.checkpoint.checkpoint import content_digest
-from airrace.checkpoint.hdf5 import Group, StoredTable, image_of, rows_of, table_of, tree_of
+from airrace.checkpoint.hdf5 import Group, image_of, tree_of
 from airrace.checkpoint.run_layout import decode, encode
 from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
@@ -204,15 +205,35 @@ def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_i
             assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
 
 
-def test_last_columns_with_defaults_may_be_missing_and_no_others() -> None:
-    change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
-    columns = dict(table_of(SuggestedChange, [change]).columns)
-    for missing in ("certified", "failed_flies", "failed"):
-        del columns[missing]
-        assert rows_of(SuggestedChange, StoredTable(columns), "suggested_changes") == (change,)
-    del columns["race_time"]
-    with pytest.raises(CheckpointError, match="the columns are"):
-        rows_of(SuggestedChange, StoredTable(columns), "suggested_changes")
+def test_attempts_of_a_reserve_are_read_back_and_are_absent_where_none_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    plain = example_checkpoint()
+    assert "reserve" not in encode(plain).members
+    tried = with_attempts(plain)
+    write_checkpoint(path, tried)
+    assert_same(read_checkpoint(path), tried)
+    assert len(read_checkpoint(path).standing_attempts('{"probability":0.9}')) == 2
+    assert read_checkpoint(path).standing_attempts('{"probability":0.8}') == ()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"outside": 1001}, {"over_load": -1}, {"risk": -0.1}, {"load_risk": math.inf}, {"lift": math.nan}, {"flights": 0}],
+)
+def test_attempts_that_no_search_can_have_made_are_refused(tmp_path: Path, other: dict[str, Any]) -> None:
+    tried = with_attempts(example_checkpoint())
+    first = tried.attempts[0]
+    forged = replace(first, attempt=replace(first.attempt, **other))
+    with pytest.raises(CheckpointError, match=r"/reserve/1/"):
+        write_checkpoint(tmp_path / "run.h5", replace(tried, attempts=(forged,)))
+
+
+def test_a_stage_computed_or_checked_again_drops_the_attempts_that_were_made_from_it() -> None:
+    tried = with_attempts(example_checkpoint())
+    assert tried.with_stage(example_result(Stage.POINT_MASS)).attempts == ()
+    assert tried.with_mesh_check(example_result(Stage.POINT_MASS)).attempts == ()
+    changed = replace(tried, stages=(*tried.stages[:-1], replace(tried.stages[-1], chain_hash="0")))
+    assert changed.standing_attempts('{"probability":0.9}') == ()
 
 
 def test_conditions_on_pylons_are_read_back_and_are_absent_where_nothing_is_asked(tmp_path: Path) -> None:

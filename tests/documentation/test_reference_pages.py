@@ -9,7 +9,7 @@ import pytest
 import yaml
 from pages import DOCS, README, ROOT
 
-from airrace.checkpoint import store
+from airrace.checkpoint import ReserveAttempt, read_checkpoint, store, write_checkpoint
 from airrace.checkpoint.log_layout import LOG_SCHEMA
 from airrace.checkpoint.run_layout import SCHEMA
 from airrace.inputs import load_inputs
@@ -34,6 +34,7 @@ def rows(text: str, *heading: str) -> list[list[str]]:
 
 def general(path: str) -> str:
     """A path of a file as the page writes it."""
+    path = re.sub(r"^reserve/[^/]+", "reserve/N", path)
     path = re.sub(r"^stages/[^/]+", "stages/STAGE", path)
     return "/" + re.sub(r"/(states|controls)/.*", r"/\1/NAME", path)
 
@@ -57,8 +58,18 @@ def stored(run: Path) -> tuple[dict[str, str], set[tuple[str, str, str]], dict[s
     return paths, columns, attributes
 
 
-def test_the_layout_of_the_checkpoint_is_documented_in_full(flown: Path) -> None:
-    paths, columns, attributes = stored(flown)
+def test_the_layout_of_the_checkpoint_is_documented_in_full(flown: Path, tmp_path: Path) -> None:
+    run = read_checkpoint(flown)
+    attempt = ReserveAttempt("{}", 10, 1, 0, 0.1, 0.0, 0.0, done=False)
+    write_checkpoint(tmp_path / "run.h5", run.with_attempt(attempt, (), run.stages[-1].result))
+    paths, columns, attributes = stored(tmp_path / "run.h5")
+    flights = {path for path in paths if path.startswith("/reserve/N/flight/")}
+    assert {path.removeprefix("/reserve/N/flight/") for path in flights} == {
+        path.removeprefix("/stages/STAGE/")
+        for path in paths
+        if path.startswith("/stages/STAGE/") and not path.endswith("_hash")
+    }
+    paths = {path: kind for path, kind in paths.items() if path not in flights}
     documented = {path: kind for path, kind, *_ in rows(CHECKPOINT, "path", "kind", "shape", "content")}
     settings = {"/inputs/settings/path": "text", "/inputs/settings/text": "text"}  # this run had no file of settings
     conflicts = {"/stages/STAGE/suggested_changes": "table"}  # this run has a flight

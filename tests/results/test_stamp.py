@@ -14,7 +14,8 @@ from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.results import Confirmation
 from airrace.results.stamp import ReserveState, Stamp, air_text
-from airrace.runs.stage_view import StageView, downgrade_stale, reserve_state
+from airrace.runs.reserve_attempts import reserve_state
+from airrace.runs.stage_view import StageView, downgrade_stale
 
 OPTIMUM = Stamp("six-dof", Status.CERTIFIED, (), "Edge 540", "still air, 15 C, 1.225 kg/m3", "race")
 

@@ -16,16 +16,20 @@ from safety_courses import inputs, loop, optimum
 from scipy.special import ndtri
 
 import airrace
-from airrace.errors import InputError, OutOfTime, StorageError, UsageError
+from airrace.checkpoint import ReserveAttempt
+from airrace.checkpoint.checkpoint import content_digest
+from airrace.errors import CheckpointError, InputError, OutOfTime, StorageError, UsageError
 from airrace.inputs import Inputs, inputs_from_documents
 from airrace.inputs.variation import Variation
 from airrace.planning.parameters import course_limits, with_margins
+from airrace.procedure.result import Silent
 from airrace.quantities import KNOT
 from airrace.runs import reserve as reserves
-from airrace.runs.execute import unreached
-from airrace.runs.plan import in_force, plan_new_run
+from airrace.runs.execute import execute, unreached
+from airrace.runs.plan import Changes, in_force, plan_changed_run, plan_new_run, plan_resumed_run
 from airrace.runs.reserve import fly_reserve
-from airrace.runs.run import RunState, new_run
+from airrace.runs.reserve_attempts import asked_text, reserve_state
+from airrace.runs.run import RunState, new_run, open_run
 from airrace.safety.closed_loop import Scatter, fly
 from airrace.safety.evaluation import Judge, measure
 from airrace.safety.monte_carlo import LOAD, closed_loop_of
@@ -228,6 +232,104 @@ def test_what_ends_a_run_ends_a_search(error: Exception) -> None:
         fly_reserve(flown(), wanted, late, threads=1)
 
 
+class Killed(Exception):
+    """Stands for a signal that ends the process: nobody handles it."""
+
+
+@pytest.mark.slow
+def test_a_search_that_is_ended_in_its_second_attempt_goes_on_from_the_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With `excess` no attempt is the last one."""
+    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=100, passes=1, excess=10.0))
+    given = with_overrides("rules.reserve.probability=0.6")
+    path = tmp_path / "run.h5"
+    run = replace(new_run(given).with_stage(optimum()), path=path)
+    run.save(path)
+    lines: list[str] = []
+
+    class Watching(Silent):
+        def remark(self, text: str) -> None:
+            lines.append(text)
+            if killing and "attempt 2" in text:
+                raise Killed
+
+    killing = False
+    whole = list(execute(plan_resumed_run(run), threads=1, progress=Watching()))[-1]
+    assert any("attempt 2 of 4: begins" in one for one in lines)
+    run.save(path)
+    killing = True
+    with pytest.raises(Killed):
+        list(execute(plan_resumed_run(open_run(path)), threads=1, progress=Watching()))
+    left = open_run(path)
+    assert len(left.attempts) == 1
+    assert left.inputs.reserve == given.reserve
+    assert left.stages[-1].stamp.reserve_text == (
+        "0.6 asked, not reached yet: this is the line without; 1 of 4 attempts made"
+    )
+    planned = plan_resumed_run(left).reserve
+    assert planned is not None
+    assert str(planned) == "reserve 0.6: run (attempt 2 of 4 is next)"
+    killing = False
+    lines.clear()
+    renewed = list(execute(plan_resumed_run(left), threads=1, progress=Watching()))[-1]
+    assert lines[0] == "reserve 0.6, attempt 1 of 4: kept, not made again"
+    assert "reserve 0.6, attempt 1 of 4: begins" not in lines
+    assert renewed.race_time == whole.race_time
+    assert renewed.inputs.overrides == whole.inputs.overrides
+    assert content_digest(renewed.results[-1].trajectory) == content_digest(whole.results[-1].trajectory)
+    assert open_run(path).attempts == ()
+    assert open_run(path).stages[-1].stamp.reserve_text.startswith("0.")
+
+
+def test_attempts_are_kept_with_the_stage_and_the_reserve_that_they_are_of() -> None:
+    given = with_overrides("rules.reserve.probability=0.9")
+    assert given.reserve is not None
+    run = new_run(given).with_stage(optimum())
+    one = ReserveAttempt(asked_text(given.reserve), 1000, 80, 20, 0.1, 0.0, 0.5, done=False)
+    none = replace(one, flights=0, outside=0, over_load=0)
+    tried = run.with_attempt(one, flown()).with_attempt(none, None)
+    assert [stored.attempt for stored in tried.attempts] == [one, none]
+    again = tried.attempt_run(tried.attempts[0])
+    assert again is not None
+    assert again.race_time == run.race_time
+    assert tried.attempt_run(tried.attempts[1]) is None
+    assert tried.with_stage(optimum()).attempts == ()
+    other = with_overrides("rules.reserve.probability=0.8")
+    assert tried.with_inputs(other).attempts == ()
+    first, second = tried.checkpoint.attempts
+    forged = replace(first, attempt=replace(one, outside=10))
+    assert replace(tried, checkpoint=replace(tried.checkpoint, attempts=(forged, second))).attempts == ()
+    assert replace(tried, checkpoint=replace(tried.checkpoint, attempts=(second, first))).attempts == ()
+
+
+def test_counts_that_flights_do_not_confirm_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=10))
+    given = with_overrides("rules.reserve.probability=0.9", "rules.reserve.gusts=severe")
+    assert given.reserve is not None
+    run = new_run(given).with_stage(optimum())
+    forged = ReserveAttempt(asked_text(given.reserve), 10, 0, 0, 0.1, 0.0, 0.0, done=True)
+    with pytest.raises(CheckpointError, match="attempt 1 of 4 is not what was stored"):
+        fly_reserve(run.with_attempt(forged, flown()), given.reserve, again, threads=1)
+
+
+def test_another_reserve_is_searched_for_anew_and_margins_that_stay_say_where_they_were_measured() -> None:
+    found = [f"rules.reserve.found.{text}" for text in ("measured=0.93", "lower=0.91", "reached=true")]
+    given = with_overrides("margins.rules.floor_m=0.1", "rules.reserve.probability=0.9", *found)
+    run = replace(new_run(given).with_stage(optimum()), path=Path("calm.h5"))
+    harder = plan_changed_run(run, Changes(overrides=["rules.reserve.probability=0.95"]))
+    assert harder.run.inputs.margins == {}
+    assert harder.reserve is not None
+    windy = plan_changed_run(run, Changes(overrides=["environment.wind.speed_m_s=6"]))
+    assert windy.run.inputs.margins == given.margins
+    assert windy.reserve is None
+    state = reserve_state(windy.run.inputs.reserve)
+    assert state is not None
+    assert state.source == "calm.h5"
+    without = plan_changed_run(run, Changes(overrides=["rules.reserve=null", "margins=null"]))
+    assert without.run.inputs.reserve is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("probability", [0.5, 0.9])
 def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
@@ -256,7 +358,8 @@ def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
 
 @pytest.mark.slow
 def test_a_reserve_that_cannot_be_had_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=20, attempts=1, passes=1))
+    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=20, passes=1))
+    monkeypatch.setattr(reserves, "ATTEMPTS_MAX", 1)
     wanted = with_overrides("rules.reserve.probability=0.999", "rules.reserve.gusts=severe").reserve
     assert wanted is not None
     case = fly_reserve(flown(), wanted, again, threads=1)
