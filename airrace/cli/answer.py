@@ -8,6 +8,7 @@ import io
 import json
 import logging
 import math
+import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -123,7 +124,19 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
     if len(answer.findings) > FINDINGS_SHOWN:
         print(f"... (the first {FINDINGS_SHOWN} are shown; --json has more)", file=sys.stderr)
     if answer.error:
-        print(f"airrace: {answer.error}", file=sys.stderr)
+        print(_for_stderr(f"airrace: {answer.error}"), file=sys.stderr)
+
+
+def _for_stderr(message: str) -> str:
+    """Return a message in one line, for whatever reads it; on a terminal that is too narrow for it in several."""
+    if not sys.stderr.isatty():
+        return message
+    from rich.console import Console  # imported here, for it takes 0.05 s to load
+
+    return "\n".join(
+        textwrap.fill(line, Console(stderr=True).width, break_on_hyphens=False, break_long_words=False)
+        for line in message.splitlines()
+    )
 
 
 def json_line(fields: Mapping[str, object]) -> str:
@@ -202,6 +215,22 @@ def paragraph(text: str, *, begin: str = "", page: int = PAGE) -> str:
         break_on_hyphens=False,
         break_long_words=False,
     )
+
+
+def command_lines(words: Sequence[str], begin: str) -> str:
+    """Return a command as a shell takes it, over several lines where the terminal is too narrow for one.
+
+    Args:
+        words: of the command, each quoted by itself.
+        begin: stands before it.
+    """
+    columns, lines = terminal_columns() or UNLIMITED_WIDTH, [begin]
+    for word in map(shlex.quote, words):
+        if len(lines[-1]) + len(word) + 2 > columns and lines[-1].strip():
+            lines[-1] += "\\"
+            lines.append(" " * (len(begin) + 2))
+        lines[-1] += f"{word} "
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def takes_unicode() -> bool:

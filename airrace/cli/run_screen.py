@@ -4,13 +4,13 @@ The answer is race time and verdict, the table of the gates, what limits the fli
 the commands that come next.
 """
 
+import itertools
 import logging
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
-from airrace.cli.answer import PAGE, paragraph, render
+from airrace.cli.answer import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
     TABLE,
     distance_tables,
@@ -22,7 +22,7 @@ from airrace.cli.run_tables import (
     stages_table,
 )
 from airrace.errors import InputError, UsageError
-from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
+from airrace.procedure.result import UNVERIFIABLE, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
 from airrace.records import record
 from airrace.results import Confirmation, Flight
@@ -30,7 +30,7 @@ from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
-from airrace.runs.stage_view import StageView, downgrade_stale, is_certified
+from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.standard_streams import STANDARD
 from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
@@ -164,15 +164,10 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
     return StoredStages(checkpoint, path, every, results, confirmations, stamp=stamp)
 
 
-def solved_stages(run: RunState, results: Sequence[StageResult]) -> StoredStages:
-    """Return what is shown of a run whose stages were just solved, or kept.
-
-    Args:
-        run: the run by now.
-        results: all its stages, in order; at least one.
-    """
-    last, every = StageView(run.inputs, results[-1], {}), tuple(results)
-    flight = last.flight() if results[-1].is_flight else None
+def solved_stages(run: RunState) -> StoredStages:
+    """Return what is shown of a run whose stages were just solved, or kept; it has at least one."""
+    last, every = run.stage(), run.results
+    flight = last.flight() if last.result.is_flight else None
     name = "" if flight is None else last.name
     return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, last.stamp.text)
 
@@ -224,8 +219,7 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
     if lines:
         yield "\n".join(lines)
     if commands := next_commands(shown):
-        begins = ("next: ", *[6 * " "] * len(commands))
-        yield "\n".join(begin + command for begin, command in zip(begins, commands, strict=False))
+        yield "\n".join(command_lines(words, "      " if number else "next: ") for number, words in enumerate(commands))
 
 
 def _headline(shown: StoredStages) -> str:
@@ -266,26 +260,36 @@ def _flight_remarks(flight: Flight) -> Iterator[str]:
     yield from (one.text for one in sustained_loads(flight))
 
 
-def next_commands(shown: StoredStages) -> list[str]:
-    """Return the two commands that most likely come next; fewer where there is nothing to do, or no file to name."""
+def next_commands(shown: StoredStages) -> list[list[str]]:
+    """Return the words of the two commands that most likely come next; fewer where there is no more to do, or no file
+    to be named.
+    """
     if shown.path is None or shown.path == STANDARD:
         return []
-    run, last = shlex.quote(str(shown.path)), shown.every[-1] if shown.every else None
+    run, last = str(shown.path), shown.every[-1] if shown.every else None
+    resume = ["airrace", "resume", run]
     if last is None:
-        return [f"airrace resume {run}"]
+        return [resume]
     if not last.is_flight:
-        changes: dict[int, str] = {}  # the first of every conflict: all of them have to be resolved
-        for one in last.suggested_changes:
-            if one.key:
-                changes.setdefault(one.conflict, f"--set {shlex.quote(f'{one.key}={one.needed:g}')}")
-        track = shlex.quote(shown.checkpoint.inputs.track.path)
-        again = f"airrace optimize {track} {' '.join(changes.values())} --output NEW.h5"
-        return [again] if changes else [f"airrace check {track}", f"airrace resume {run}"]
+        return [_milder(shown, last)] if any(one.key for one in last.suggested_changes) else [resume]
     if not last.holds:
-        examined = [] if last.certificate is None else [f"airrace show {run} --certificate"]
-        return [*examined, f"airrace resume {run}"]
+        examined = [] if last.certificate is None else [["airrace", "show", run, "--certificate"]]
+        return [*examined, resume]
     higher = last.stage in STAGES and last.stage is not list(STAGES)[-1]
-    return [f"airrace brief {run}", f"airrace {'resume' if higher else 'report'} {run}"]
+    return [["airrace", "brief", run], resume if higher else ["airrace", "report", run]]
+
+
+def _milder(shown: StoredStages, last: StageResult) -> list[str]:
+    """Return the words of the command that flies a course with the first suggested change of every conflict."""
+    changes: dict[int, SuggestedChange] = {}
+    for one in last.suggested_changes:
+        if one.key:
+            changes.setdefault(one.conflict, one)
+    changed = {one.key: f"{one.needed:g}" for one in changes.values()}
+    kept = [one for one in shown.checkpoint.inputs.overrides if one.partition("=")[0] not in changed]
+    values = [*kept, *(f"{key}={value}" for key, value in changed.items())]
+    options = [word for value in values for word in ("--set", value)]
+    return ["airrace", "optimize", shown.checkpoint.inputs.track.path, *options, "--output", "NEW.h5"]
 
 
 def _routes(results: Sequence[StageResult]) -> Iterator[str]:
@@ -308,8 +312,10 @@ def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:
 
 def _certificate_texts(shown: StoredStages, results: Sequence[StageResult]) -> Iterator[str]:
     """Yield what is claimed of the last of some stages, their certificates, and what was verified."""
-    if claimed := claim(shown.every[: shown.every.index(results[-1]) + 1]):
-        yield paragraph(f"{results[-1].stage.value}: {claimed}")
+    last = results[-1]
+    before = itertools.takewhile(lambda one: one.stage is not last.stage, shown.every)
+    if claimed := claim([*before, last]):
+        yield paragraph(f"{last.stage.value}: {claimed}")
     for result in results:
         if result.certificate is not None:
             stands = result.outcome is Status.SOLVED or not result.certificate.holds

@@ -239,7 +239,7 @@ def _fly(
         from airrace.cli.run_screen import Parts, run_texts, solved_stages
         from airrace.cli.run_tables import comparison_texts
 
-        answer.texts.extend(run_texts(solved_stages(run, results), Parts(**parts)))
+        answer.texts.extend(run_texts(solved_stages(run), Parts(**parts)))
         compared = replace(plan, run=run).compare(results)
         if compared is not None:
             answer.texts.extend(comparison_texts([compared], every=parts["every"]))

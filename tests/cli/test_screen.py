@@ -1,6 +1,7 @@
 """The answer of a run: it fits one screen, whatever the width, and says first what matters most."""
 
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,8 +13,9 @@ import pytest
 from command import run
 from fake_optimizer import solve_single_mesh, stage_result
 
+from airrace.cli.answer import command_lines
 from airrace.cli.main import app
-from airrace.cli.run_screen import SCREEN, Parts, next_commands, run_texts, solved_stages
+from airrace.cli.run_screen import SCREEN, Parts, StoredStages, next_commands, run_texts, solved_stages
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
@@ -48,9 +50,14 @@ def state(fake_folder: Path) -> RunState:
     return open_run(Path("rovinj_2014.h5"))
 
 
-def told(state: RunState, *results: StageResult, every: bool = False) -> str:
-    """The answer about some stages, in one line."""
-    return " ".join(" ".join(run_texts(solved_stages(state, results), Parts(every=every))).split())
+def after(state: RunState, result: StageResult) -> StoredStages:
+    """What is shown of a run that ends with this stage."""
+    return solved_stages(state.with_stage(result))
+
+
+def told(shown: StoredStages, **parts: bool) -> str:
+    """What is printed, in one line."""
+    return " ".join(" ".join(run_texts(shown, Parts(**parts))).split())
 
 
 def flown(stage: Stage = Stage.SIX_DOF, **named: Any) -> StageResult:
@@ -121,32 +128,40 @@ def test_a_guess_shows_no_race_time(at: Show, monkeypatch: pytest.MonkeyPatch) -
 def test_the_most_important_remarks_are_told_and_the_others_counted(state: RunState) -> None:
     note = Note(NoteKind.MESH_CHECK, "the race time was not confirmed")
     result = flown(search=SearchReport(loops=LOOPS), notes=(note,))
-    text = told(state, flown(Stage.POINT_MASS), result)
+    text = told(after(state, result))
     assert text.index("note: six-dof: the race time was not confirmed") < text.index(
         f"note: a needless loop: {LOOPS[0]}"
     )
     assert text.count("note: ") == SCREEN.remarks_max == 3
     assert "3 more with --all" in text
-    text = told(state, flown(Stage.POINT_MASS), result, every=True)
+    text = told(after(state, result), every=True)
     assert text.count("note: ") == 6
     assert "with --all" not in text
 
 
 def test_what_is_claimed_of_the_curvature_stands_in_the_certificate_alone(state: RunState) -> None:
-    shown = solved_stages(state, [flown()])
-    assert "a local minimum" not in " ".join(run_texts(shown, Parts(stages=True, routes=True)))
-    assert "certified: a local minimum, all limits measured" in " ".join(run_texts(shown, Parts(certificate=True)))
+    shown = after(state, flown())
+    assert "a local minimum" not in told(shown, stages=True, routes=True)
+    assert "certified: a local minimum, all limits measured" in told(shown, certificate=True)
 
 
 def test_the_next_commands_suit_what_became_of_the_run(state: RunState) -> None:
-    def after(*results: StageResult) -> list[str]:
-        return next_commands(solved_stages(replace(state, path=Path("my run.h5")), results))
+    def commands(result: StageResult) -> list[str]:
+        return [" ".join(words) for words in next_commands(after(replace(state, path=Path("x.h5")), result))]
 
     assert list(STAGES)[-1] is Stage.SIX_DOF
-    assert after(flown()) == ["airrace brief 'my run.h5'", "airrace report 'my run.h5'"]
-    assert after(flown(Stage.POINT_MASS)) == ["airrace brief 'my run.h5'", "airrace resume 'my run.h5'"]
+    assert commands(flown()) == ["airrace brief x.h5", "airrace report x.h5"]
+    assert commands(flown(Stage.POINT_MASS)) == ["airrace brief x.h5", "airrace resume x.h5"]
     failed = stage_result(Stage.SIX_DOF, kkt_error=1.0, passings=PASSINGS)
-    assert after(failed) == ["airrace show 'my run.h5' --certificate", "airrace resume 'my run.h5'"]
+    assert commands(failed) == ["airrace show x.h5 --certificate", "airrace resume x.h5"]
+    assert commands(stage_result(Stage.POINT_MASS, Status.TIMEOUT)) == ["airrace resume x.h5"]
+    assert next_commands(after(replace(state, path=None), flown())) == []
+
+
+def test_a_course_that_cannot_be_flown_is_flown_next_with_one_change_for_each_conflict(fake_folder: Path) -> None:
+    """Other values that were set by hand stay."""
+    values = ("rules.ceiling_m=120", "rules.roll_rate_max_deg_s=300")
+    assert run("optimize", "rovinj_2014", "--quiet", *(word for one in values for word in ("--set", one))).code == 0
     changes = [
         SuggestedChange(conflict, "1:g1", key, "the ceiling", "m", 120.0, needed, 9.9)
         for conflict, key, needed in (
@@ -155,7 +170,22 @@ def test_the_next_commands_suit_what_became_of_the_run(state: RunState) -> None:
             (2, "rules.floor_m", 5),
         )
     ]
-    infeasible = replace(stage_result(Stage.POINT_MASS, Status.INFEASIBLE), suggested_changes=tuple(changes))
-    (command,) = after(infeasible)
-    assert command.endswith(" --set rules.ceiling_m=195 --set rules.floor_m=5 --output NEW.h5")
-    assert next_commands(solved_stages(replace(state, path=None), [flown()])) == []
+    result = replace(stage_result(Stage.POINT_MASS, Status.INFEASIBLE), suggested_changes=tuple(changes))
+    (words,) = next_commands(after(open_run(Path("rovinj_2014.h5")), result))
+    assert words[:2] + words[3:] == [
+        *("airrace", "optimize", "--set", "rules.roll_rate_max_deg_s=300"),
+        *("--set", "rules.ceiling_m=195", "--set", "rules.floor_m=5", "--output", "NEW.h5"),
+    ]
+    assert Path(words[2]).stem == "rovinj_2014"
+
+
+def test_a_command_is_broken_as_a_shell_reads_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["airrace", "resume", "my run.h5", "--set", "rules.n_z_max=9", "--output", "a very long name.h5"]
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    for columns in (30, 40, 200):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        text = command_lines(words, "next: ")
+        assert max(map(len, text.splitlines())) <= columns
+        assert ("\n" in text) is (columns < 200)
+        joined = text.replace("\\\n", "")  # as a shell joins lines
+        assert shlex.split(joined.removeprefix("next: ")) == words
