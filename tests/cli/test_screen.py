@@ -122,6 +122,7 @@ def test_a_guess_shows_no_race_time(at: Show, monkeypatch: pytest.MonkeyPatch) -
     assert "9.125" not in ran.out + ran.err
     assert "homotopy: solved, a guess, 12 iterations" in ran.err
     assert re.search(r"\nhomotopy +a guess +- ", ran.out)
+    assert "9.125" not in open_run(Path("x.h5"))._repr_html_()
     assert "9.125" not in "\n".join(at(80, "show", "x.h5", "--stage", "homotopy", "--no-verify")).partition("\n\n")[0]
 
 
