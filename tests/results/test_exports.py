@@ -1,7 +1,6 @@
 """Flights that are written and read back are the same flights."""
 
 import base64
-import csv
 import io
 import itertools
 import json
@@ -39,7 +38,6 @@ from airrace.export.geojson import geojson
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import GX, KML, kml
 from airrace.frames import rotation
-from airrace.report import film
 from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.runs.output import default_output_path
@@ -361,29 +359,6 @@ def test_hostile_names_reach_no_format_unescaped(name: str) -> None:
         json.loads(content)
 
 
-def test_descriptions_that_viewers_take_for_html_are_escaped() -> None:
-    one = flight()
-    one = replace(one, race=replace(one.race, aircraft=replace(one.race.aircraft, name="<img src=x onerror=hack()>")))
-    descriptions = [packet.get("description", "") for packet in json.loads(written("czml", [one]))]
-    assert any("&lt;img src=x onerror=hack()&gt;" in text for text in descriptions)
-    assert not any("<" in text for text in descriptions)
-
-
-@pytest.mark.parametrize("name", ['=HYPERLINK("http://a.b")', "+1+1", "-2+3", "@SUM(1)", "::error::x", "\t=1"])
-def test_no_cell_of_a_flight_is_a_formula_and_numbers_stay_numbers(name: str) -> None:
-    one = flight()
-    first, *others = one.crossings
-    first = replace(first, passage=replace(first.passage, name=name))
-    stream = io.StringIO(newline="")
-    export_flight_csv(replace(one, crossings=(first, *others)), stream)
-    head, *rows = csv.reader(line for line in stream.getvalue().splitlines() if not line.startswith("#"))
-    assert rows[0][-1] == f"'{name}"
-    assert not any(row[-1].startswith(("=", "+", "-", "@", "::", "\t")) for row in rows)
-    numbers = [[float(cell) for cell in row[:-1]] for row in rows]
-    assert min(value for row in numbers for value in row) < 0.0
-    assert len(head) == len(rows[0])
-
-
 def test_the_table_of_a_stage_is_read_by_one_line_of_pandas(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     path = tmp_path / "run.csv"
@@ -612,25 +587,6 @@ def test_results_lie_beside_the_run_and_are_not_overwritten(
     assert os.listdir(tmp_path) == []
     refused = CliRunner().invoke(app, [*words, flight])
     assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
-
-
-@pytest.mark.parametrize("name", ["", ".", "/", "./"])
-@pytest.mark.parametrize("words", ["plot", "report", "export kml", "export csv x.h5 -o", "film", "card", "init"])
-def test_what_can_be_no_file_is_wrong_usage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, name: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(film, "browser_path", lambda *_: "chromium")  # which is not needed to refuse a file
-    monkeypatch.setattr(film, "ffmpeg_path", lambda: "ffmpeg")
-    refused = CliRunner().invoke(app, [*words.split(), name])
-    assert refused.exit_code == 2, refused.stderr
-    assert refused.stderr == f"airrace: {Path(name)} is a folder; name a file\n"
-    assert os.listdir(tmp_path) == []
-
-
-def test_a_log_that_can_be_no_file_is_wrong_usage() -> None:
-    refused = CliRunner().invoke(app, ["import", "/", "--course", "rovinj_2014"])
-    assert (refused.exit_code, refused.stderr) == (2, "airrace: / is a folder; name a file\n")
 
 
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:
