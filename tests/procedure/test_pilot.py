@@ -17,6 +17,7 @@ from airrace.planning.plan import Race
 from airrace.procedure.formulation import NEAR_GROUND, PILOT_NAMES
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
+from airrace.procedure.result import Status
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import history
@@ -144,6 +145,15 @@ def test_an_infeasible_race_names_the_pilot() -> None:
     assert "the pilot's limits at gates" not in dict(without_one_limit(problem_of(SMALL), 1))
     start_alone = problem_of(flown_by(PilotLimits(steady_start=True, turn_tolerance=0.5)))
     assert not PILOT_NAMES & dict(without_one_limit(start_alone, 1))["the pilot's limits at gates"].start.bounds.keys()
+
+
+def test_where_the_pilot_s_limits_leave_no_flight_the_answer_names_them_and_offers_none() -> None:
+    """No steady turn with level wings has 3 g."""
+    hard = dataclasses.replace(RACE_PILOT, n_z_ends=3.0)
+    result = optimum(flown_by(hard), PLAN)
+    assert result.outcome is Status.INFEASIBLE
+    assert any(change.key.startswith("rules.pilot.") for change in result.suggested_changes)
+    assert result.message.endswith("or without the pilot's limits (rules.pilot=none), which was not tried")
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
+from airrace.track.course import PilotLimits
 
 
 @record
@@ -89,6 +90,9 @@ def diagnose_infeasibility(
         message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
         message = f"{message}; other routes were not tried (--search quick tries them)"
+    of_pilot = any(one.key.startswith("rules.pilot.") for one in changes)
+    if message is not None and race.course.rules.pilot != PilotLimits() and (of_pilot or not is_resolved):
+        message = f"{message}; or without the pilot's limits (rules.pilot=none), which was not tried"
     if message is not None and routes.budget.exhausted:
         message = f"{message}; more was not tried, for the budget of this search is spent"
     result = dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
