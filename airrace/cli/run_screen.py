@@ -6,7 +6,7 @@ the commands that come next.
 
 import itertools
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
@@ -172,16 +172,23 @@ def solved_stages(run: RunState) -> StoredStages:
     return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, last.stamp.text)
 
 
-def run_texts(shown: StoredStages, parts: Parts) -> Iterator[str]:
-    """Yield the answer, then the parts that were asked for, in lines that fit the terminal.
+def run_texts(shown: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
+    """Yield the answer, the parts that were asked for, and the next commands, in lines that fit the terminal.
 
     Args:
         shown: the stages.
         parts: what is shown besides the answer.
+        further: texts that come before the next commands.
     """
     yield from _answer(shown, every=parts.every)
-    if not shown.results:
-        return
+    if shown.results:
+        yield from _part_texts(shown, parts)
+    yield from further
+    if commands := next_commands(shown):
+        yield "\n".join(command_lines(words, "      " if number else "next: ") for number, words in enumerate(commands))
+
+
+def _part_texts(shown: StoredStages, parts: Parts) -> Iterator[str]:
     if parts.stages or parts.every:
         yield render(stages_table(shown.results), columns=PAGE)
     if parts.routes or parts.every:
@@ -218,8 +225,6 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
         lines.append(f"{len(remarks) - len(listed)} more with --all")
     if lines:
         yield "\n".join(lines)
-    if commands := next_commands(shown):
-        yield "\n".join(command_lines(words, "      " if number else "next: ") for number, words in enumerate(commands))
 
 
 def _headline(shown: StoredStages) -> str:

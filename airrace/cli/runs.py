@@ -239,12 +239,11 @@ def _fly(
         from airrace.cli.run_screen import Parts, run_texts, solved_stages
         from airrace.cli.run_tables import comparison_texts
 
-        answer.texts.extend(run_texts(solved_stages(run), Parts(**parts)))
         compared = replace(plan, run=run).compare(results)
-        if compared is not None:
-            answer.texts.extend(comparison_texts([compared], every=parts["every"]))
+        further = [] if compared is None else list(comparison_texts([compared], every=parts["every"]))
         if reserve is not None:
-            answer.texts.append(render(reserve.table()))
+            further.append(render(reserve.table()))
+        answer.texts.extend(run_texts(solved_stages(run), Parts(**parts), further))
 
 
 def show(

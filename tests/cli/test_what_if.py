@@ -46,6 +46,7 @@ def test_changes_come_on_top_of_what_was_stored_and_the_difference_is_told_leg_b
     assert [leg["passing"] for leg in flight["legs"]] == PASSINGS[1:]
     said = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5", "--force")
     assert "NEW.h5:point-mass against RUN.h5:point-mass: a tie within" in said.out
+    assert said.out.splitlines()[-2].startswith("next: ")
     ran = airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5", "--force", "--json")
     assert ran.code == 0
     assert "compared" in ran.answer
