@@ -7,6 +7,7 @@ the commands that come next.
 import itertools
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import field
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
@@ -25,10 +26,10 @@ from airrace.errors import InputError, UsageError
 from airrace.procedure.result import UNVERIFIABLE, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
 from airrace.records import record
-from airrace.results import Confirmation, Flight
+from airrace.results import Confirmation, Flight, Stamp
 from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
-from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object
+from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
 from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.standard_streams import STANDARD
@@ -92,7 +93,7 @@ class StoredStages:
         flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
             is none, or where this version of airrace does not accept the stored inputs.
         stage: the name of the stage that the flight belongs to; empty without one.
-        stamp: what the last of the stages that are shown is, in a line; empty without one, or likewise.
+        stamps: what the flights of the stages are; none where this version does not accept the stored inputs.
     """
 
     checkpoint: Checkpoint
@@ -102,7 +103,7 @@ class StoredStages:
     confirmations: Mapping[Stage, Confirmation]
     flight: Flight | None = None
     stage: str = ""
-    stamp: str = ""
+    stamps: Mapping[Stage, Stamp] = field(default_factory=dict[Stage, Stamp])
 
     @property
     def verified(self) -> bool | None:
@@ -122,6 +123,7 @@ class StoredStages:
             stage_object(result)
             | legs.get(result.stage.value, {})
             | confirmation_object(self.confirmations[result.stage])
+            | ({"stamp": stamp_object(self.stamps[result.stage])} if result.stage in self.stamps else {})
             for result in self.results
         ]
         run = run_object(track, self.results, wall, certified=is_certified(self.every))
@@ -156,12 +158,13 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
         raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     name = next((result.stage.value for result in reversed(results) if result.is_flight), None)
     confirmations = run.confirmations if run is not None else {one: Confirmation(None, REFUSED) for one in shown}
-    stamp = run.stage(results[-1].stage).stamp.text if run is not None and results else ""
-    if name is not None and run is not None:
-        return StoredStages(checkpoint, path, every, results, confirmations, run.flight(name), name, stamp)
+    if run is not None:
+        flight = None if name is None else run.flight(name)
+        stamps = {one.stage: one.stamp for one in run.stages}
+        return StoredStages(checkpoint, path, every, results, confirmations, flight, name or "", stamps)
     if name is not None:
         logger.warning("legs and laps are left out: %s: %s", REFUSED, refusal)
-    return StoredStages(checkpoint, path, every, results, confirmations, stamp=stamp)
+    return StoredStages(checkpoint, path, every, results, confirmations)
 
 
 def solved_stages(run: RunState) -> StoredStages:
@@ -169,7 +172,7 @@ def solved_stages(run: RunState) -> StoredStages:
     last, every = run.stage(), run.results
     flight = last.flight() if last.result.is_flight else None
     name = "" if flight is None else last.name
-    return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, last.stamp.text)
+    return StoredStages(run.checkpoint, run.path, every, every, {}, flight, name, {last.stage: last.stamp})
 
 
 def run_texts(shown: StoredStages, parts: Parts, further: Iterable[str] = ()) -> Iterator[str]:
@@ -210,8 +213,9 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
     if not shown.results:
         yield "no stage is finished yet"
     else:
-        yield "\n".join(paragraph(one) for one in (_headline(shown), shown.stamp) if one)
         last = shown.results[-1]
+        stamp = shown.stamps[last.stage].text if last.stage in shown.stamps else ""
+        yield "\n".join(paragraph(text) for text in (_headline(shown), stamp) if text)
         if shown.flight is not None and last.stage.value == shown.stage:
             laps = laps_text(shown.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)

@@ -44,6 +44,7 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
         "0,ReferenceLatitude=0",
         "0,DataSource=airrace",
         f"0,Title={_text(title)}",
+        f"0,Comments={_text('; '.join(f'{flight.label}: {flight.stamp.text}' for flight in flights))}",
         *_features(flights),
     ]
     for number, flight in enumerate(flights):

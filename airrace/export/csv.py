@@ -22,15 +22,15 @@ from airrace.export.flight_table import (
 from airrace.export.globe import printable
 from airrace.procedure.result import StageResult
 from airrace.records import record
-from airrace.results import Flight
+from airrace.results import Flight, Stamp
 
 
 @record
 class Provenance:
-    """The origin of a flight: names of track and aircraft, and the version of airrace that found it."""
+    """The origin of a flight: the name of its track, what it is, and the version of airrace that found it."""
 
     track: str
-    aircraft: str
+    stamp: Stamp
     version: str
 
 
@@ -65,7 +65,10 @@ def export_csv(
     solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
     entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
     if provenance is not None:
-        names = {"track": provenance.track, "aircraft": provenance.aircraft}
+        names = {"track": provenance.track, "aircraft": provenance.stamp.aircraft}
+        if provenance.stamp.failed:
+            entries["certified"] = f"no ({', '.join(provenance.stamp.failed)})"
+        entries["certified"] += f"; {_further(provenance.stamp)}"
         entries = {**names, **entries, "airrace version": provenance.version}
     _write_comments(entries, stream)
     _write_rows(((table.columns, table.phases) for table in tables), stream)
@@ -81,9 +84,19 @@ def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None =
     """
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
     entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
-    _write_comments({**entries, "race time": race_time, "airrace version": flight.source.version}, stream)
+    entries |= {"race time": f"{race_time}; {_further(flight.stamp)}", "airrace version": flight.source.version}
+    _write_comments(entries, stream)
     parts = [flight] if rate_hz is None else (flight.at(times) for times in pieces(flight.times_at_rate(rate_hz)))
     _write_rows(map(_columns_and_phases, parts), stream)
+
+
+def _further(stamp: Stamp) -> str:
+    """Return what a stamp says besides stage, certificate and aircraft.
+
+    It shares a line with another entry, so that the number of lines before the table stays what readers skip.
+    """
+    told = ("stage", "certificate", "aircraft")
+    return "; ".join(f"{name}: {value}" for name, value in stamp.entries().items() if name not in told)
 
 
 def _write_comments(entries: Mapping[str, str], stream: TextIO) -> None:

@@ -53,6 +53,7 @@ def _lines(flight: Flight, begin: datetime, model: str) -> Iterator[str]:
     columns = [one for one in COLUMNS if one[1] in flight]
     yield from ("A", "4", "")
     yield f"COMM, {_plain(flight.course.name)} flown by {_plain(flight.aircraft.name)}: {_plain(flight.label)}"
+    yield f"COMM, {_plain(flight.stamp.text)}"
     yield "COMM, headings are true; altitudes are the course's heights above mean sea level"
     yield f"ACFT, {model}"
     yield "TAIL, AIRRACE"

@@ -82,6 +82,7 @@ def _line(flight: Flight, begin: datetime) -> dict[str, object]:
             "stage": flight.source.stage or None,
             "status": None if flight.source.status is None else flight.source.status.value,
             "certified": flight.source.certified,
+            **flight.stamp.properties(),
             "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
             "begin": stamp(begin, 0.0),
             "time_s": times[0] if len(times) == 1 else times,

@@ -27,6 +27,7 @@ def gpx(flights: Sequence[Flight], begin: datetime) -> bytes:
     for flight in flights:
         track = add_element(root, "trk")
         add_element(track, "name", printable(flight.label))
+        add_element(track, "desc", printable(flight.stamp.text))
         segment = add_element(track, "trkseg")
         for time, (east, north, up) in zip(flight.time.tolist(), places(flight), strict=True):
             point = add_element(segment, "trkpt", lat=f"{north:.8f}", lon=f"{east:.8f}")

@@ -116,7 +116,7 @@ def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str,
     """Add the line of a flight, its track in time, by choice with a model, and a point for every passing."""
     label, line = printable(flight.label), _coordinates(flight)
     _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, absolute=True)
-    track = add_element(_placemark(folder, label, style), "gx:Track")
+    track = add_element(_placemark(folder, label, style, printable(flight.stamp.text)), "gx:Track")
     add_element(track, "altitudeMode", "absolute")
     for time in flight.time.tolist():
         add_element(track, "when", stamp(begin, time))

@@ -40,6 +40,7 @@ def _structure(flight: Flight, begin: datetime) -> dict[str, object]:
         "track": flight.course.name,
         "aircraft": flight.aircraft.name,
         "stage": flight.source.stage,
+        **flight.stamp.properties(),
         "race_time": flight.race_time,
         "begin": stamp(begin, 0.0),
         "time": flight.time,

@@ -37,6 +37,9 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     _texts(file, "track", [flight.course.name for flight in flights], {"long_name": "course of the race"})
     _texts(file, "aircraft", [flight.aircraft.name for flight in flights], {"long_name": "aircraft that flies"})
     _texts(file, "stage", [flight.source.stage for flight in flights], {"long_name": "stage of the run"})
+    for name, meaning in _PROPERTIES.items():
+        texts = [flight.stamp.properties()[name] for flight in flights]
+        _texts(file, name, texts, {"long_name": meaning})
     size = file.createVariable("rowSize", "i", ("trajectory",))
     size[:] = np.array([len(flight.time) for flight in flights])
     size.sample_dimension, size.long_name = "obs", "number of observations of this flight"
@@ -56,6 +59,14 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     content = written.getvalue()
     file.close()
     return content
+
+
+_PROPERTIES = {
+    "certificate": "whether it is certified, and why not",
+    "air": "air of the day",
+    "pilot": "whose limits the pilot keeps to",
+    "reserve": "what was asked of it in disturbances",
+}
 
 
 def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
@@ -102,11 +113,12 @@ def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provena
         },
         attrs={
             "track": provenance.track,
-            "aircraft": provenance.aircraft,
+            "aircraft": provenance.stamp.aircraft,
             "stage": result.stage.value,
             "race_time_s": result.trajectory.race_time if result.is_flight else float("nan"),
             "status": result.status.value,
             "certified": str(result.certified).lower(),
+            **provenance.stamp.properties(),
             "airrace_version": provenance.version,
         },
     )

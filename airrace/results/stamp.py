@@ -111,6 +111,15 @@ class Stamp:
         }
         return {name: value for name, value in values.items() if value}
 
+    def properties(self) -> dict[str, str]:
+        """Return the entries that formats of flights have no field of their own for, by names that are identifiers."""
+        return {
+            "certificate": self.verdict,
+            "air": self.air,
+            "pilot": self.pilot,
+            "reserve": self.reserve_text,
+        }
+
     @property
     def text(self) -> str:
         """All of it in one line."""

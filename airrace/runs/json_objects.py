@@ -265,6 +265,7 @@ def log_object(view: "LogView") -> dict[str, object]:
         "flown": True,
         "track": flight.course.name,
         "aircraft": flight.aircraft.name,
+        "stamp": stamp_object(flight.stamp),
         "log": log.path,
         "format": log.format,
         "begins": log.begins or None,
@@ -331,6 +332,7 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "certified": flight.source.certified,
         **({} if (found := flight.source.confirmation) is None else confirmation_object(found)),
         "race_time_s": finite(flight.race_time),
+        "stamp": stamp_object(flight.stamp),
     }
 
 

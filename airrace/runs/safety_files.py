@@ -29,7 +29,6 @@ from airrace.report.document import (
 from airrace.results import Flight
 from airrace.results.clearances import least_distances, near_misses
 from airrace.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
-from airrace.results.stamp import wind_text
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
 from airrace.runs.run import RunState, current_versions
@@ -138,8 +137,9 @@ def _first_page(
             ("aircraft", flight.aircraft.name),
             ("race time", f"{flight.race_time:.3f} s, {view.name}"),
             ("the optimum is", claim_of(run, view) or view.status),
-            ("reserve", _reserve(run)),
-            ("air", wind_text(flight.air.wind)),
+            *((name, view.stamp.entries().get(name, "")) for name in ("pilot's limits", "reserve")),
+            ("margins", f"from {len(run.inputs.margins)} of its limits" if run.inputs.margins else ""),
+            ("air", view.stamp.air),
             ("simulated", f"{case.result.flights} closed-loop flights, gusts: {case.result.scatter.gusts.value}"),
             ("run", run.label),
             ("made", f"{datetime.now(UTC).date().isoformat()} by airrace {current_versions()['airrace']}"),
@@ -157,13 +157,6 @@ def _first_page(
         '<p class="note">All of this is computed, by models whose numbers, sources and limits stand below. It is no '
         "permission, and no formula of an authority.</p>"
     )
-
-
-def _reserve(run: RunState) -> str:
-    """Return what the line keeps beyond the rules, in words; empty where that is nothing."""
-    margins, reserve = run.inputs.margins, run.inputs.reserve
-    asked = f", for a probability of {reserve.probability:g} to break none" if reserve else ""
-    return f"margins from {len(margins)} of its limits{asked}" if margins else ""
 
 
 def _in_short(case: SafetyCase, flight: Flight, footprint: Footprint) -> Table:

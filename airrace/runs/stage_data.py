@@ -68,7 +68,7 @@ class Brief(Sequence[Cue]):
     def table(self, units: Units = RACE, *, unicode: bool = True) -> Table:
         """Return the table that `airrace brief` prints, in ASCII where `unicode` is False."""
         title = f"{self.flight.label}: what the pilot does, leg by leg"
-        return cue_table(self.cues, title, units=units, notes=[NOTE], unicode=unicode)
+        return cue_table(self.cues, title, units=units, notes=[self.flight.stamp.text, NOTE], unicode=unicode)
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace brief --json` prints: one entry of `actions` per row of the CSV."""

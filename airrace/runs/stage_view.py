@@ -22,7 +22,7 @@ from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
 from airrace.results.stamp import Stamp, stamp_of
 from airrace.runs.command_result import ExitCode, worst
-from airrace.runs.json_objects import stage_object
+from airrace.runs.json_objects import stage_object, stamp_object
 from airrace.runs.output import write_or_return
 from airrace.runs.reserve_attempts import reserve_state
 from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
@@ -381,7 +381,7 @@ class StageView:
 
     def as_object(self) -> dict[str, object]:
         """Return the object of this stage in `airrace show --json`."""
-        return stage_object(self.result)
+        return stage_object(self.result) | {"stamp": stamp_object(self.stamp)}
 
     def __repr__(self) -> str:
         return f"<StageView {run_line(one_line(Path(self.inputs.track.path).stem), [self.result])}>"
@@ -391,8 +391,7 @@ class StageView:
 
     @property
     def _provenance(self) -> Provenance:
-        race = self.inputs.race
-        return Provenance(race.course.name, race.aircraft.name, self.versions.get("airrace", "unknown"))
+        return Provenance(self.inputs.race.course.name, self.stamp, self.versions.get("airrace", "unknown"))
 
     @property
     def _derived(self) -> Derived:

@@ -34,7 +34,8 @@ class PageStyle:
 
     Attributes:
         margin: around everything.
-        head, foot: heights of what stands above and below.
+        head, foot: heights of what stands above and below, without the lines that say what the flight is.
+        small, small_pitch: the size of the letters below, and of their lines.
         row: the height of a row of the table, at most.
         rows_max: of the table; of longer courses the middle is left out.
         table_share: of the page's height that the table may take.
@@ -50,6 +51,8 @@ class PageStyle:
     margin: float = 14.0
     head: float = 36.0
     foot: float = 11.0
+    small: float = 5.5
+    small_pitch: float = 7.0
     row: float = 10.0
     rows_max: int = 44
     table_share: float = 0.5
@@ -97,7 +100,8 @@ def kneeboard_figure(flight: Flight, units: Units = RACE) -> Figure:
     limit, inner = flight.limit("n_z"), width - 2.0 * STYLE.margin
     footnote = "bank + right wing down; track over ground, from true north; heights above the track's origin"
     footnote += f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
-    footnote += f"; {flight.source.verdict}" if flight.source.certified is False else ""
+    stamp = textwrap.wrap(flight.stamp.text, int(inner / (STYLE.letter_width * STYLE.small)))
+    foot = STYLE.foot + STYLE.small_pitch * len(stamp)
     figure = new_figure(PAGE_WIDTH, PAGE_HEIGHT, layout=None)
 
     def text(across: float, up: float, words: str, size: float, **style: object) -> None:
@@ -110,18 +114,19 @@ def kneeboard_figure(flight: Flight, units: Units = RACE) -> Figure:
 
     text(STYLE.margin, height - 15.0, flight.course.name[:60], 12.0, fontweight="bold")
     text(STYLE.margin, height - 28.0, _subtitle(flight, units), 7.5, color=GREY)
-    text(STYLE.margin, 7.0, footnote, 5.5, color=GREY)
+    for row, line in enumerate([footnote, *stamp]):
+        text(STYLE.margin, foot - 4.0 - STYLE.small_pitch * row, line, STYLE.small, color=BLACK if row else GREY)
     rows = min(len(flight.crossings), STYLE.rows_max) + 1
     table_height = min(STYLE.row * rows, STYLE.table_share * height)
-    room = height - STYLE.head - STYLE.foot - table_height - STYLE.map_share * height
+    room = height - STYLE.head - foot - table_height - STYLE.map_share * height
     columns, size = _fit(cues_of(flight), units, inner, room)
     pitch = STYLE.cue_pitch * size
     cues_height = pitch * max((len(lines) for lines in columns), default=0)
     for number, lines in enumerate(columns):
         for row, (words, weight) in enumerate(lines):
             across = STYLE.margin + number * 0.5 * (inner + 6.0)
-            text(across, STYLE.foot + cues_height - (row + 0.5) * pitch, words, size, fontweight=weight)
-    table_bottom = STYLE.foot + cues_height + (4.0 if cues_height else 0.0)
+            text(across, foot + cues_height - (row + 0.5) * pitch, words, size, fontweight=weight)
+    table_bottom = foot + cues_height + (4.0 if cues_height else 0.0)
     table = place(table_bottom, table_bottom + table_height)
     table.axis("off")
     _draw_table(table, flight, units, inner, table_height)

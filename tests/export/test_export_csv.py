@@ -28,6 +28,7 @@ from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import GateSplit, StageResult, Status, Timings
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
+from airrace.results import Stamp
 from airrace.trajectory import Array, Trajectory
 from airrace.views.stage_tables import splits_table
 
@@ -43,7 +44,8 @@ SPLITS = (
     GateSplit("1:g1", 1.25, 90.0, 21.5, 4.0, 0.1, -0.05, 3.0),
     GateSplit("1:g2", 3.75, 85.0, 20.0, 7.5, -math.pi / 2, 0.0, -1e-12),
 )
-PROVENANCE = Provenance("Rovinj\n2014", "Edge 540", "0.1.0")
+STAMP = Stamp("point-mass", Status.CERTIFIED, (), "Edge 540", "still air", "race")
+PROVENANCE = Provenance("Rovinj\n2014", STAMP, "0.1.0")
 
 
 def at_rate(trajectory: Trajectory, rate: float) -> Samples:
@@ -223,7 +225,7 @@ def test_comments_say_whose_flight_it_is_one_line_each() -> None:
         "# aircraft: Edge 540",
         "# stage: point-mass",
         f"# race time: {TIME[-1]:.6f} s",
-        "# certified: yes",
+        "# certified: yes; air: still air; pilot's limits: race; reserve: none",
         "# airrace version: 0.1.0",
     ]
 
@@ -312,4 +314,4 @@ def test_a_dataset_holds_every_history_in_its_own_unit() -> None:
             np.testing.assert_array_equal(held.values[: len(row)], row)
     assert set(dataset["phase"].values.tolist()) == set(trajectory.phases)
     assert dataset.attrs["race_time_s"] == trajectory.race_time
-    assert dataset.attrs["aircraft"] == PROVENANCE.aircraft
+    assert dataset.attrs["aircraft"] == STAMP.aircraft

@@ -122,9 +122,10 @@ def test_a_line_with_reserve_says_so() -> None:
     given = inputs_from_documents(Document("course.yaml", COURSE), AIRCRAFT, FROM_PLAN, overrides)
     one = new_run(given, None).with_stage(optimum())
     page = html.document_fromstring(safety_document(one, one.stage(), case()))
-    assert "margins from 1 of its limits, for a probability of 0.5" in first_page(page)
+    assert "0.52 of 1,000 measured, 0.5 asked" in first_page(page)
+    assert "from 1 of its limits" in first_page(page)
     assert "margins.rules.floor_m" in chapters(page)["Inputs"]
-    assert "reserve" not in first_page(page_of())
+    assert "0.5 asked" not in first_page(page_of())
 
 
 def test_hashes_are_those_of_the_texts_and_paths_of_machines_are_left_out() -> None:
