@@ -15,6 +15,7 @@ from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.planning.plan import Race, plan, plan_from_solution, plan_with_room
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
+from airrace.procedure.complexity import FlightComplexity, complexity_of
 from airrace.procedure.fidelity import fidelity_of, iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import solve_homotopy
@@ -64,6 +65,7 @@ class ChoiceThresholds:
         other_side_iterations_max: the largest number of iterations of the first solve on another side. Some that
             led to a flight took 9 to 19; two that led to none took 900 together, three times as long as from scratch.
         same_flight: the difference of race times below which two optima from different starts are one, s.
+        hardly_slower: the difference of race times below which the flight that is simpler to fly is chosen, s.
     """
 
     near_tie: float = 4.0
@@ -71,6 +73,7 @@ class ChoiceThresholds:
     other_sides_max: int = 3
     other_side_iterations_max: int = 60
     same_flight: float = 2e-4
+    hardly_slower: float = 0.010
 
 
 CHOICE = ChoiceThresholds()
@@ -184,7 +187,7 @@ class FidelityContinuation:
             jobs = [functools.partial(self._optimum_above, stage, below)]
             jobs += [functools.partial(self._alternative_above, stage, one) for one in below.alternatives]
             found = [one for one in session.side_by_side(jobs) if isinstance(one, StageResult)]
-            result = _with_log(self._fastest(found), session)
+            result = _with_log(self._chosen(found), session)
         self.done[stage] = result
         return result
 
@@ -271,19 +274,46 @@ class FidelityContinuation:
             for one, near in zip(after, close, strict=True)
         ]
 
-    def _fastest(self, results: Sequence[StageResult]) -> StageResult:
-        """Return the fastest of the results that hold, with others that are to be carried on; the first if none holds.
+    def _chosen(self, results: Sequence[StageResult]) -> StageResult:
+        """Return the result that is chosen, with others that are to be carried on.
 
         Those are as many as the settings say, else those that are hardly slower.
         """
-        fastest, wanted = results[_winner(results)], self._settings.alternatives
-        others, longest = list[StageResult](), math.inf if wanted else fastest.trajectory.race_time + CARRIED_LAG
+        chosen, wanted = self.with_note_on_faster(self.choice(results), results), self._settings.alternatives
+        others, longest = list[StageResult](), math.inf if wanted else chosen.trajectory.race_time + CARRIED_LAG
         for one in sorted(results, key=lambda one: one.trajectory.race_time):
-            known = [each.trajectory.race_time for each in (fastest, *others)]
+            known = [each.trajectory.race_time for each in (chosen, *others)]
             differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > CHOICE.same_flight
-            if one.holds and one is not fastest and differs and one.trajectory.race_time <= longest:
+            is_chosen = one.trajectory is chosen.trajectory
+            if one.holds and not is_chosen and differs and one.trajectory.race_time <= longest:
                 others.append(one)
-        return dataclasses.replace(fastest, alternatives=tuple(others[: (wanted or CARRIED_MAX) - 1]))
+        return dataclasses.replace(chosen, alternatives=tuple(others[: (wanted or CARRIED_MAX) - 1]))
+
+    def choice(self, results: Sequence[StageResult]) -> StageResult:
+        """Return, of the results that hold and are hardly slower than the fastest, the one that is simplest to fly.
+
+        Without one that holds it is the first.
+        """
+        fastest = results[_winner(results)]
+        longest = fastest.trajectory.race_time + CHOICE.hardly_slower
+        close = [one for one in results if one.holds and one.trajectory.race_time < longest]
+        close = [one for one in close if one.certified or not fastest.certified]
+        if len(close) < 2:
+            return fastest
+        return min(close, key=lambda one: (self._complexity(one).rank, one.trajectory.race_time))
+
+    def with_note_on_faster(self, chosen: StageResult, results: Sequence[StageResult]) -> StageResult:
+        """Return a result that was chosen with a note on what the fastest would have saved, if it is another one."""
+        fastest = results[_winner(results)]
+        saved = chosen.trajectory.race_time - fastest.trajectory.race_time
+        if not (chosen.holds and fastest.holds and saved > CHOICE.same_flight):
+            return chosen
+        harder, simpler = (self._complexity(one).describe() for one in (fastest, chosen))
+        text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
+        return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))
+
+    def _complexity(self, result: StageResult) -> FlightComplexity:
+        return complexity_of(self.flight(result.stage), result.trajectory)
 
     def search_around(self, optimum: StageResult) -> Callable[[SolverPool], RoutesAround | None]:
         """Return the search around another run's optimum for a faster route; it finds None where none is looked for.
@@ -330,10 +360,10 @@ class FidelityContinuation:
             results.append(self._optimum(Stage.POINT_MASS, known, session))
         started = len(results)
         results = list(self._resolve_near_ties(self.with_other_sides(results, session), session))
-        result = self._fastest(results)
-        winner = _winner(results)
-        if winner >= started:  # past a pylon on its other side, on the route of the fastest before
-            winner = _winner(results[:started])
+        result = self._chosen(results)
+        winner = _place_of(result, results)
+        if winner >= started:  # past a pylon on its other side, on the route of the one chosen before
+            winner = _place_of(self.choice(results[:started]), results)
         report = found.report(winner) if winner < len(found.starts) else best
         for loop in report.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
@@ -551,6 +581,11 @@ def _winner(results: Sequence[StageResult]) -> int:
     """Return the number of the fastest of the results that hold; 0 if none does."""
     times = [one.trajectory.race_time if one.holds else math.inf for one in results]
     return times.index(min(times))
+
+
+def _place_of(result: StageResult, results: Sequence[StageResult]) -> int:
+    """Return the number of the result with the trajectory of another one."""
+    return next(number for number, one in enumerate(results) if one.trajectory is result.trajectory)
 
 
 def _with_log(result: StageResult, session: SolverSession) -> StageResult:

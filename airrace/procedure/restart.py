@@ -141,7 +141,8 @@ def start_from(
         flights += [faster] if faster else []
     if flights:
         known, flights = flights, continuation.with_other_sides(flights, session)
-        best, *slower = sorted(flights, key=lambda one: one.trajectory.race_time)
+        best = continuation.choice(flights)
+        slower = sorted((one for one in flights if one is not best), key=lambda one: one.trajectory.race_time)
         carried, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
         remark = _remark(another, obstacles, f"the start is {what}")
 
@@ -153,7 +154,9 @@ def start_from(
             return around.text if around and flight is faster else "an alternative of the stored one"
 
         if best is not main and not isinstance(main, str):
-            told = f"{another.name}: another route has become faster: {route_of(best)}"
+            is_faster = best.trajectory.race_time < main.trajectory.race_time
+            what = "has become faster" if is_faster else "is simpler to fly and hardly slower"
+            told = f"{another.name}: another route {what}: {route_of(best)}"
             remark = "; ".join([*filter(None, [remark]), told])
         if around is not None:
             searched = around.report
@@ -161,6 +164,7 @@ def start_from(
             times = [(route_of(one), one.trajectory.race_time) for one in (best, *slower)]
             routes = tuple(Route(text, time, time - times[0][1], "joint") for text, time in times)
             searched = replace(NOT_SEARCHED, routes=routes if slower else ())
+        best = continuation.with_note_on_faster(best, flights)
         best = replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=searched)
         return best, remark
     if around is not None:

@@ -124,6 +124,8 @@ class NoteKind(Enum):
     """Which start from another run failed, and what was started from instead."""
     PLANNED_PHASES = "planned phases"
     """Which phases the homotopy could not add."""
+    SIMPLER_ROUTE = "simpler route"
+    """Which hardly faster flight was left for one that is simpler to fly."""
     MESH_CHECK = "mesh check"
     """Why the race time could not be confirmed on a second mesh."""
 
@@ -294,7 +296,8 @@ class StageResult:
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         search: which other routes were tried; empty in all stages but the one that explores.
         suggested_changes: what would resolve the conflicts for which no flight was found, the least of each first.
-        alternatives: flights of this stage on other routes that hold, slower ones, which go through all stages as well.
+        alternatives: flights of this stage on other routes that hold, which go through all stages as well: slower ones,
+            or hardly faster ones that are harder to fly.
         notes: what users should know although the stage holds.
         pylon_conditions: that it was solved with; none where the rules ask for none.
     """

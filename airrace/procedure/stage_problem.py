@@ -10,7 +10,7 @@ import numpy as np
 from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.dynamics.observations import crossing_observation
-from airrace.dynamics.outer_loop import ATTITUDE
+from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
 from airrace.frames import angles, rotation
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
@@ -395,3 +395,10 @@ def _at_new_place(waypoint: Waypoint, passage: Passage) -> Waypoint:
     return dataclasses.replace(
         waypoint, passage=passage, axis=waypoint.axis + (after.axis or 0.0) - (before.axis or 0.0), bank=bank
     )
+
+
+def load_factors_along(flight: StageProblem, trajectory: Trajectory) -> LoadFactors[Array]:
+    """Return load factors (g) and roll rate (rad/s) at the nodes of a stage's flight, each of shape (N + 1,)."""
+    control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
+    values = at_points(load_factors(flight.model.system), trajectory.state, control, flight.model.parameter_values)
+    return LoadFactors[Array].split(values)

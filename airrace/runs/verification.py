@@ -275,6 +275,7 @@ def _message(result: StageResult) -> Iterator[str]:
     possible = {
         NoteKind.START: True,
         NoteKind.PLANNED_PHASES: guess,
+        NoteKind.SIMPLER_ROUTE: result.is_flight and not guess,
         NoteKind.MESH_CHECK: result.holds and not result.certified,
     }
     strange = [note.text for note in result.notes if not possible[note.kind]]

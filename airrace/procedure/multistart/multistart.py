@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 
-from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
@@ -43,12 +42,10 @@ from airrace.procedure.multistart.segments import (
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import StageProblem, mesh_of
+from airrace.procedure.stage_problem import StageProblem, load_factors_along, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
-from airrace.system import at_points
 from airrace.track.course import Course
-from airrace.trajectory import Array
 
 
 @record
@@ -300,11 +297,8 @@ def search_around(
 
 def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:
     """Return the states and controls of the point mass that flies as an optimum does."""
-    trajectory, system = optimum.trajectory, source.model.system
-    control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
-    load = LoadFactors[Array].split(
-        at_points(load_factors(system), trajectory.state, control, source.model.parameter_values)
-    )
+    trajectory = optimum.trajectory
+    load = load_factors_along(source, trajectory)
     known = {one.name: row for one, row in zip(trajectory.states, trajectory.state, strict=True)}
     known |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
     controls = {one.name: row for one, row in zip(trajectory.controls, trajectory.control, strict=True)}

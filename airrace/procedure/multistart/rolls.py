@@ -143,12 +143,24 @@ def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
         yield Reroll(first, last, "pull on the other side", _roll_over(problem, iterate, added), SETTINGS.reach)
 
 
+def pushes(time: Array, load: Array) -> list[tuple[int, int]]:
+    """Return the first and the last node of each push: a stretch under negative load factors that is long and hard.
+
+    Args:
+        time: of the nodes, s; shape (n,).
+        load: factor, shape (n,).
+    """
+    return [
+        (first, last)
+        for first, last in _runs(load < 0.0)
+        if time[last] - time[first] >= SETTINGS.push_min and load[first : last + 1].min() <= SETTINGS.push
+    ]
+
+
 def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each stretch that is pushed, under negative load factors, pulled half a roll away with the same lift."""
     time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION])
-    for first, last in _runs(load < 0.0):
-        if time[last] - time[first] < SETTINGS.push_min or load[first : last + 1].min() > SETTINGS.push:
-            continue
+    for first, last in pushes(time, load):
         shares = np.clip((time - time[[[first], [last]]]) / SETTINGS.blend, -1.0, 1.0)
         around = (np.flatnonzero(np.abs(one) < 1.0) for one in shares)
         rolled = [float(bank[nodes[-1]] - bank[nodes[0]]) for nodes in around]
