@@ -94,7 +94,7 @@ def test_limits_of_a_pilot_are_named_by_what_they_are(overrides: list[str], name
 
 
 def test_margins_are_not_taken_for_other_limits_of_a_pilot() -> None:
-    assert view("rules.pilot=race", "margins.rules.floor_m=2").stamp.pilot == "race"
+    assert view("rules.pilot=race", "margins.rules.floor_m=0.05").stamp.pilot == "race"
 
 
 def test_a_reserve_is_told_as_asked_as_reached_and_as_missed() -> None:
@@ -106,7 +106,7 @@ def test_a_reserve_is_told_as_asked_as_reached_and_as_missed() -> None:
     assert reached == "0.93 of 1,000 measured, 0.9 asked"
     missed = view(*found, "rules.reserve.found.reached=false", "rules.reserve.found.flights=400").stamp.reserve_text
     assert missed == "0.9 asked, not reached: 0.93 of 400 measured"
-    assert view("margins.rules.floor_m=2").stamp.reserve_text == "none asked, margins of the inputs"
+    assert view("margins.rules.floor_m=0.05").stamp.reserve_text == "none asked, margins of the inputs"
     assert reserve_state(None) is None
 
 
