@@ -323,6 +323,7 @@ def verify(
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.command_result import ExitCode
+        from airrace.runs.json_objects import reserve_object
         from airrace.runs.run import ensure_readable, run_of_checkpoint
         from airrace.runs.signing import ensure_signed, signer_of
         from airrace.runs.verification import confirm_log, verify_run
@@ -355,10 +356,14 @@ def verify(
         unverified = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
         answer.fields.update(unverified=unverified, signed_by=signed_by or None)
+        reserve = run.stages[-1].stamp.reserve if run.results else None
+        answer.fields["reserve"] = reserve_object(reserve)
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.finding}")
             if stage.certificate is not None:
                 answer.texts.append(render(items_table(stage.certificate)))
+        if reserve is not None:
+            answer.texts.append(f"reserve: {reserve.text}")
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         elif unverified:

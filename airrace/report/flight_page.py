@@ -103,6 +103,7 @@ def flight_page(
         title=html.escape(plain(first.course.name)),
         heading=escape_html(first.course.name),
         subtitle=escape_html(_subtitle(first)),
+        stamp=escape_html(first.stamp.text),
         race_time=number(first.race_time, 3),
         verdict=verdict,
         readings="".join(

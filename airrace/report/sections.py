@@ -8,7 +8,7 @@ from airrace.logs.violations import CERTAIN_DEVIATIONS, Violation, shown
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
-from airrace.results import Confirmation
+from airrace.results import Confirmation, Stamp
 from airrace.sensitivity import Activity, Sensitivity
 from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
@@ -46,17 +46,20 @@ def _facts(pairs: Iterable[tuple[str, str]]) -> str:
     return f'<dl class="facts">{entries}</dl>'
 
 
-def claim_section(claim: str, confirmation: Confirmation) -> str:
+def claim_section(claim: str, confirmation: Confirmation, stamp: Stamp) -> str:
     """Return what is claimed of a flight, whether that was verified, and what it does not say; its badge leads there.
 
     Args:
         claim: empty where nothing is claimed.
         confirmation: the outcome of measuring the stage again.
+        stamp: what the flight is.
     """
-    texts = [claim or "nothing is claimed of this flight", confirmation.words]
+    texts = [claim or "nothing is claimed of this flight", confirmation.words, stamp.text]
     body = "".join(f"<p>{escape_html(capitalise(one))}.</p>" for one in texts)
     if claim:
-        body += f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in LIMITS_OF_CLAIM)}</ul>"
+        kept = stamp.reserve is not None and stamp.reserve.reached and not stamp.reserve.source
+        limits = LIMITS_OF_CLAIM[:-1] if kept else LIMITS_OF_CLAIM  # the last one says that there is no reserve
+        body += f"<ul>{''.join(f'<li>{escape_html(one)}</li>' for one in limits)}</ul>"
     return f'<section class="panel" id="claim"><h2>What is claimed, and what is not</h2>{body}</section>'
 
 

@@ -335,7 +335,8 @@ def _stage_page(
     sections = stage_sections(view, explored_stage(run, view), sensitivities=sensitivities)
     scatter = view.safety(flights=envelope).result if envelope else None
     footer = "; ".join(text for text in (f"airrace {view.versions['airrace']}", view.message, view.stale) if text)
-    return flight_page(flights, [claim_section(claimed, found), *sections], footer, claimed=True, envelope=scatter)
+    sections = [claim_section(claimed, found, view.stamp), *sections]
+    return flight_page(flights, sections, footer, claimed=True, envelope=scatter)
 
 
 def claim_of(run: RunState, view: StageView) -> str:

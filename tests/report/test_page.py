@@ -23,13 +23,13 @@ import airrace
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.procedure.result import Route, SearchReport
+from airrace.procedure.result import Route, SearchReport, Status
 from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, STRIPS, as_json, contents_of, pack, short_labels, time_lost
 from airrace.report.flight_page import flight_page
 from airrace.report.script import FOLDER, LIBRARIES, join_modules, page_script
-from airrace.report.sections import number
-from airrace.results import Flight
+from airrace.report.sections import claim_section, number
+from airrace.results import Confirmation, Flight, ReserveState
 from airrace.results.comparison import compare_flights
 from airrace.results.flight_facts import leg_facts
 from airrace.runs.command_result import ExitCode
@@ -120,6 +120,28 @@ def test_flights_beside_it_are_listed_with_their_difference() -> None:
     cells = read(whole_page()).texts["td"]
     assert {"20.000", "25.000", "+5.000"} <= set(cells)
     assert "+5.000" not in read(flight_page([circle()])).texts["td"]
+
+
+def test_the_page_says_what_the_flight_is_in_its_head_where_cards_and_films_take_it_from() -> None:
+    asked = replace(circle().source, status=Status.CERTIFIED, pilot="race", reserve=ReserveState(0.9))
+    page = flight_page([replace(circle(), source=asked)])
+    head = page[page.index('<header class="mast">') : page.index("</header>")]
+    assert "limits: race; reserve: 0.9 asked, not reached yet: this is the line without" in head
+    assert page_script().count(".mast .stamp") == 2
+
+
+def test_only_a_flight_whose_reserve_was_measured_is_not_said_to_have_none() -> None:
+    stamp = replace(circle().stamp, status=Status.CERTIFIED)
+    measured = ReserveState(0.9, 0.93, 1000, reached=True)
+    for reserve, told in (
+        (None, True),
+        (ReserveState(0.9), True),
+        (measured, False),
+        (replace(measured, source="calm.h5"), True),
+        (replace(measured, reached=False), True),
+    ):
+        section = claim_section("certified", Confirmation(True), replace(stamp, reserve=reserve))
+        assert ("the flight has no reserve" in section) is told
 
 
 def test_a_run_adds_certificate_and_inputs_and_on_request_sensitivities() -> None:

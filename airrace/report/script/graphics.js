@@ -236,6 +236,13 @@ export class Graphics {
     }
   }
 
+  /** What the flight is, in small letters at the foot of a picture. */
+  stamp(width, height) {
+    const text = document.querySelector(".mast .stamp").textContent;
+    const within = width - 20 * this.unit;
+    this.write(text, width / 2, height - 7 * this.unit, 14, { align: "center", colour: PALE, within, outline: true });
+  }
+
   write(text, x, y, size, { weight = 500, align = "left", colour = WHITE, within = undefined, outline = false } = {}) {
     const { context } = this;
     context.font = `${weight} ${size * this.unit}px ${getComputedStyle(document.body).fontFamily}`;
@@ -270,6 +277,7 @@ export class Film {
     const size = NAMES * Math.sqrt((width * height) / FULL);
     writeLabels(context, this.scene.labels, view.camera, width, height, size);
     this.graphics.draw(context, width, height, time, view, { whole: true });
+    this.graphics.stamp(width, height);
     return this.sheet.toDataURL("image/jpeg", QUALITY).split(",")[1];
   }
 
@@ -309,10 +317,11 @@ export class Film {
     };
     context.textBaseline = "alphabetic";
     write(text("h1"), 48, height - 84, 58, 700, "#ffffff", "left", 760);
-    write(text(".mast p"), 50, height - 42, 25, 500, "#c7d4df", "left", 800);
+    write(text(".mast p"), 50, height - 46, 25, 500, "#c7d4df", "left", 800);
+    write(text(".mast .stamp"), 50, height - 16, 17, 500, "#c7d4df", "left", width - 100);
     write(text(".race-time").replace(/ ?s$/, " s"), width - 48, height - 72, 78, 750, "#ffffff", "right", 330);
     const verdict = document.querySelector(".verdict");
     const colour = Object.entries(VERDICTS).find(([name]) => verdict.classList.contains(name))[1];
-    write(verdict.dataset.state, width - 50, height - 40, 22, 600, colour, "right", 330);
+    write(verdict.dataset.state, width - 50, height - 46, 22, 600, colour, "right", 330);
   }
 }
