@@ -10,10 +10,10 @@ AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 SHIPPED = sorted((ROOT / "tracks").glob("*.yaml"))
 
 EVERYTHING = """
-schema: airrace/track/1
+schema: airrace/track/2
 name: Everything at once
 environment: {wind: {from_deg: 320, speed_kt: 34}}
-rules: {preset: rbar-2016, crowd_distance_m: 90, ceiling_m: 400}
+rules: {preset: rbar-2016, pilot: none, crowd_distance_m: 90, ceiling_m: 400}
 gates:
   start: {type: level, north_m: 0, east_m: 0, heading_deg: 0}
   corner: {type: pylon, north_m: 420, east_m: 60, pass_side_deg: 270}
@@ -55,7 +55,7 @@ def many_gates(folder: Path, count: int) -> Path:
     ]
     order = ", ".join(f"g{i}" for i in range(1, count))
     path = folder / "many.yaml"
-    head = "schema: airrace/track/1\nname: Many\nrules: rbar-2016\ngates:\n"
+    head = "schema: airrace/track/2\nname: Many\nrules: {preset: rbar-2016, pilot: none}\ngates:\n"
     path.write_text(head + "\n".join(gates) + f"\ncourse:\n  start: g0\n  lap: [{order}]\n", encoding="utf-8")
     return path
 

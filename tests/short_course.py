@@ -12,9 +12,9 @@ FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\n
 def short_course(rules: str, wind_m_s: int) -> str:
     """Three gates and a pylon; `rules` are those beside the height of the floor and the speed at the start."""
     return f"""
-schema: airrace/track/1
+schema: airrace/track/2
 name: three gates and a pylon
-rules: {{floor_m: 5, start_speed_max_kt: 200, {rules}}}
+rules: {{floor_m: 5, pilot: none, start_speed_max_kt: 200, {rules}}}
 environment:
   wind: {{from_deg: 250, speed_m_s: {wind_m_s}}}
 gate_defaults: {{height_m: 20, height_min_m: 15, height_max_m: 25, climb_min_deg: -10, climb_max_deg: 10}}
