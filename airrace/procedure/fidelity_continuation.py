@@ -15,6 +15,7 @@ from airrace.optimal_control.solvers.service import SolverPool, SolverService
 from airrace.planning.plan import Race, plan, plan_from_solution, plan_with_room
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
+from airrace.procedure.choice import SAME_FLIGHT, fastest_of, place_of, simplest_of, with_note_on_faster
 from airrace.procedure.complexity import FlightComplexity, complexity_of
 from airrace.procedure.fidelity import fidelity_of, iterate_of
 from airrace.procedure.guess import first_mesh, guess
@@ -64,16 +65,12 @@ class ChoiceThresholds:
             one at a time.
         other_side_iterations_max: the largest number of iterations of the first solve on another side. Some that
             led to a flight took 9 to 19; two that led to none took 900 together, three times as long as from scratch.
-        same_flight: the difference of race times below which two optima from different starts are one, s.
-        hardly_slower: the difference of race times below which the flight that is simpler to fly is chosen, s.
     """
 
     near_tie: float = 4.0
     loss_max: float = 0.1
     other_sides_max: int = 3
     other_side_iterations_max: int = 60
-    same_flight: float = 2e-4
-    hardly_slower: float = 0.010
 
 
 CHOICE = ChoiceThresholds()
@@ -283,34 +280,19 @@ class FidelityContinuation:
         others, longest = list[StageResult](), math.inf if wanted else chosen.trajectory.race_time + CARRIED_LAG
         for one in sorted(results, key=lambda one: one.trajectory.race_time):
             known = [each.trajectory.race_time for each in (chosen, *others)]
-            differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > CHOICE.same_flight
+            differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
             is_chosen = one.trajectory is chosen.trajectory
             if one.holds and not is_chosen and differs and one.trajectory.race_time <= longest:
                 others.append(one)
         return dataclasses.replace(chosen, alternatives=tuple(others[: (wanted or CARRIED_MAX) - 1]))
 
     def choice(self, results: Sequence[StageResult]) -> StageResult:
-        """Return, of the results that hold and are hardly slower than the fastest, the one that is simplest to fly.
-
-        Without one that holds it is the first.
-        """
-        fastest = results[_winner(results)]
-        longest = fastest.trajectory.race_time + CHOICE.hardly_slower
-        close = [one for one in results if one.holds and one.trajectory.race_time < longest]
-        close = [one for one in close if one.certified or not fastest.certified]
-        if len(close) < 2:
-            return fastest
-        return min(close, key=lambda one: (self._complexity(one).rank, one.trajectory.race_time))
+        """Return the simplest to fly of the fastest results that hold, see `simplest_of`."""
+        return simplest_of(results, self._complexity)
 
     def with_note_on_faster(self, chosen: StageResult, results: Sequence[StageResult]) -> StageResult:
         """Return a result that was chosen with a note on what the fastest would have saved, if it is another one."""
-        fastest = results[_winner(results)]
-        saved = chosen.trajectory.race_time - fastest.trajectory.race_time
-        if not (chosen.holds and fastest.holds and saved > CHOICE.same_flight):
-            return chosen
-        harder, simpler = (self._complexity(one).describe() for one in (fastest, chosen))
-        text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
-        return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))
+        return with_note_on_faster(chosen, results, self._complexity)
 
     def _complexity(self, result: StageResult) -> FlightComplexity:
         return complexity_of(self.flight(result.stage), result.trajectory)
@@ -361,9 +343,9 @@ class FidelityContinuation:
         started = len(results)
         results = list(self._resolve_near_ties(self.with_other_sides(results, session), session))
         result = self._chosen(results)
-        winner = _place_of(result, results)
+        winner = place_of(result, results)
         if winner >= started:  # past a pylon on its other side, on the route of the one chosen before
-            winner = _place_of(self.choice(results[:started]), results)
+            winner = place_of(self.choice(results[:started]), results)
         report = found.report(winner) if winner < len(found.starts) else best
         for loop in report.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
@@ -383,10 +365,10 @@ class FidelityContinuation:
         """
         found, tried, spent = list(results), set[frozenset[Side]](), session.budget.spent
         for _ in range(CHOICE.other_sides_max):
-            fastest = found[_winner(found)]
+            fastest = fastest_of(found)
             tried.add(_sides(fastest.pylon_conditions))
             solved = session.side_by_side(self._on_other_sides(fastest, tried))
-            least = fastest.trajectory.race_time - CHOICE.same_flight
+            least = fastest.trajectory.race_time - SAME_FLIGHT
             faster = [one for one in solved if isinstance(one, StageResult) and one.trajectory.race_time < least]
             faster = [one for one in faster if one.certified or (one.holds and not fastest.certified)]
             if not faster:
@@ -575,17 +557,6 @@ class FidelityContinuation:
         is_alternative = below is not self.done[below.stage]  # which goes another route than the point mass
         if point_mass is not None and below is not point_mass and not is_alternative:
             yield functools.partial(trimmed_in, point_mass)
-
-
-def _winner(results: Sequence[StageResult]) -> int:
-    """Return the number of the fastest of the results that hold; 0 if none does."""
-    times = [one.trajectory.race_time if one.holds else math.inf for one in results]
-    return times.index(min(times))
-
-
-def _place_of(result: StageResult, results: Sequence[StageResult]) -> int:
-    """Return the number of the result with the trajectory of another one."""
-    return next(number for number, one in enumerate(results) if one.trajectory is result.trajectory)
 
 
 def _with_log(result: StageResult, session: SolverSession) -> StageResult:

@@ -10,8 +10,9 @@ from races import PLAN, SMALL, optimum, prepared
 
 from airrace.frames import quaternion
 from airrace.procedure import fidelity_continuation
+from airrace.procedure.choice import HARDLY_SLOWER
 from airrace.procedure.complexity import FlightComplexity, complexity_of
-from airrace.procedure.fidelity_continuation import CHOICE, FidelityContinuation
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.result import NoteKind, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.trajectory import Array
@@ -104,7 +105,7 @@ def test_of_flights_that_hardly_differ_the_simpler_one_wins_and_what_the_other_s
 
 
 def test_a_flight_that_is_faster_by_more_or_as_simple_wins() -> None:
-    for others in ((9.0 + 1.1 * CHOICE.hardly_slower, SIMPLE), (9.005, HARD)):
+    for others in ((9.0 + 1.1 * HARDLY_SLOWER, SIMPLE), (9.005, HARD)):
         number, result = chosen((9.0, HARD), others)
         assert (number, result.notes) == (0, ())
 

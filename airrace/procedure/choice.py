@@ -1,0 +1,54 @@
+"""The choice among several flights of one stage: the fastest, or one that is hardly slower and simpler to fly."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+from airrace.procedure.complexity import FlightComplexity
+from airrace.procedure.result import Note, NoteKind, StageResult
+
+SAME_FLIGHT = 2e-4
+"""The difference of race times below which two optima from different starts are one, s."""
+HARDLY_SLOWER = 0.010
+"""The difference of race times below which the flight that is simpler to fly is chosen, s."""
+
+
+def fastest_of(results: Sequence[StageResult]) -> StageResult:
+    """Return the fastest of the results that hold; the first if none does."""
+    return min(results, key=lambda one: one.trajectory.race_time if one.holds else math.inf)
+
+
+def place_of(result: StageResult, results: Sequence[StageResult]) -> int:
+    """Return the number of the result with the trajectory of another one."""
+    return next(number for number, one in enumerate(results) if one.trajectory is result.trajectory)
+
+
+def simplest_of(results: Sequence[StageResult], complexity: Callable[[StageResult], FlightComplexity]) -> StageResult:
+    """Return, of the results that hold and are hardly slower than the fastest, the one that is simplest to fly.
+
+    Without one that holds it is the first. One that is not certified never takes the place of one that is.
+
+    Args:
+        results: of one stage.
+        complexity: counts what makes one of them hard to fly.
+    """
+    fastest = fastest_of(results)
+    longest = fastest.trajectory.race_time + HARDLY_SLOWER
+    close = [one for one in results if one.holds and one.trajectory.race_time < longest]
+    close = [one for one in close if one.certified or not fastest.certified]
+    if len(close) < 2:
+        return fastest
+    return min(close, key=lambda one: (complexity(one).rank, one.trajectory.race_time))
+
+
+def with_note_on_faster(
+    chosen: StageResult, results: Sequence[StageResult], complexity: Callable[[StageResult], FlightComplexity]
+) -> StageResult:
+    """Return a result that was chosen with a note on what the fastest would have saved, if it is another one."""
+    fastest = fastest_of(results)
+    saved = chosen.trajectory.race_time - fastest.trajectory.race_time
+    if not (chosen.holds and fastest.holds and saved > SAME_FLIGHT):
+        return chosen
+    harder, simpler = (complexity(one).describe() for one in (fastest, chosen))
+    text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
+    return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))
