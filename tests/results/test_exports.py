@@ -38,8 +38,7 @@ from airrace.export.geojson import geojson
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import GX, KML, kml
 from airrace.frames import rotation
-from airrace.procedure.result import Status
-from airrace.results import Flight, ReserveState
+from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.runs.output import default_output_path
 from airrace.track.course import Origin, metres
@@ -340,32 +339,6 @@ def test_mat_is_read_by_scipy() -> None:
         np.testing.assert_array_equal(told["V_A"], one["V_A"])
         np.testing.assert_array_equal(told["time"], one.time)
         assert list(told["passings"]["name"]) == [crossing.name for crossing in one.crossings]
-
-
-def readable(name: str, content: bytes) -> str:
-    """All texts of a file, as plain as its format has them."""
-    match name:
-        case "kmz":
-            with zipfile.ZipFile(io.BytesIO(content)) as zipped:
-                return zipped.read("doc.kml").decode()
-        case "mat":
-            return str(loadmat(io.BytesIO(content), simplify_cells=True))
-        case _:
-            return content.decode("utf-8", "replace")
-
-
-@pytest.mark.parametrize("name", sorted(formats()))
-def test_every_format_says_what_the_flight_is(name: str) -> None:
-    if name == "parquet":
-        pytest.importorskip("pyarrow")
-    one = flight()
-    asked = replace(
-        one.source, stage="six-dof", status=Status.NOT_CERTIFIED, failed=("clearance",), pilot="race, changed"
-    )
-    told = readable(name, written(name, [replace(one, source=replace(asked, reserve=ReserveState(0.9)))]))
-    for text in ("not certified: clearance", "1.225 kg/m3", "not reached yet: this is the line without"):
-        assert text in told, name
-    assert "race, changed" in told.replace("\\,", ",").replace("race;", "race,")
 
 
 @pytest.mark.parametrize("name", sorted(formats()))

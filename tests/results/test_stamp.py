@@ -1,12 +1,17 @@
 """The stamp of a flight says what it is, in one line and as names and values."""
 
+import io
 import math
+import zipfile
 from dataclasses import replace
 
 import pytest
 from example_flights import circling, half_cuban, rovinj
+from scipy.io import loadmat
 
 from airrace.environment import Air, StaticWind, Thermal
+from airrace.export.formats import formats
+from airrace.export.globe import BEGIN, on_globe
 from airrace.inputs import load_inputs
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.planning.parameters import with_margins
@@ -119,3 +124,31 @@ def test_margins_by_hand_are_seen_in_the_race_itself() -> None:
     race = with_margins(rovinj(), {"rules.floor_m": 1.0})
     assert circling(race).stamp.by_hand
     assert not circling(rovinj()).stamp.by_hand
+
+
+def readable(name: str, content: bytes) -> str:
+    """All texts of a file, as plain as its format has them."""
+    match name:
+        case "kmz":
+            with zipfile.ZipFile(io.BytesIO(content)) as zipped:
+                return zipped.read("doc.kml").decode()
+        case "mat":
+            return str(loadmat(io.BytesIO(content), simplify_cells=True))
+        case _:
+            return content.decode("utf-8", "replace")
+
+
+@pytest.mark.parametrize("name", sorted(formats()))
+def test_every_format_says_what_the_flight_is(name: str) -> None:
+    if name == "parquet":
+        pytest.importorskip("pyarrow")
+    one = on_globe(circling(rovinj()), None).at_rate(20.0)
+    asked = replace(
+        one.source, stage="six-dof", status=Status.NOT_CERTIFIED, failed=("clearance",), pilot="race, changed"
+    )
+    told = readable(
+        name, formats()[name].write([replace(one, source=replace(asked, reserve=ReserveState(0.9)))], BEGIN)
+    )
+    for text in ("not certified: clearance", "1.225 kg/m3", "not reached yet: this is the line without"):
+        assert text in told, name
+    assert "race, changed" in told.replace("\\,", ",").replace("race;", "race,")
