@@ -140,5 +140,5 @@ def test_pictures_show_the_nearest_of_every_kind() -> None:
 
 def test_a_run_has_them_and_its_file_does_not() -> None:
     run = half_cuban()
-    assert (run.flight()["distance_floor"] == run.flight()["height"] - 10.0).all()
+    assert (run.flight()["distance_floor"] == run.flight()["height"] - 79.9).all()
     assert not any(one.name.startswith("distance") for one in run["point-mass"].trajectory.states)
