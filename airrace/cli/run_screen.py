@@ -284,8 +284,10 @@ def next_commands(shown: StoredStages) -> list[list[str]]:
     if not last.holds:
         examined = [] if last.certificate is None else [["airrace", "show", run, "--certificate"]]
         return [*examined, resume]
+    stamp = shown.stamps.get(last.stage)
+    searching = stamp is not None and stamp.reserve is not None and stamp.reserve.measured is None
     higher = last.stage in STAGES and last.stage is not list(STAGES)[-1]
-    return [["airrace", "brief", run], resume if higher else ["airrace", "report", run]]
+    return [["airrace", "brief", run], resume if higher or searching else ["airrace", "report", run]]
 
 
 def _milder(shown: StoredStages, last: StageResult) -> list[str]:

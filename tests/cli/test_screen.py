@@ -157,6 +157,9 @@ def test_the_next_commands_suit_what_became_of_the_run(state: RunState) -> None:
     assert commands(failed) == ["airrace show x.h5 --certificate", "airrace resume x.h5"]
     assert commands(stage_result(Stage.POINT_MASS, Status.TIMEOUT)) == ["airrace resume x.h5"]
     assert next_commands(after(replace(state, path=None), flown())) == []
+    asked = load_inputs("rovinj_2014", overrides=["rules.reserve.probability=0.9"])
+    state = replace(state, inputs=asked)  # of which no attempt has ended
+    assert commands(flown()) == ["airrace brief x.h5", "airrace resume x.h5"]
 
 
 def test_a_course_that_cannot_be_flown_is_flown_next_with_one_change_for_each_conflict(fake_folder: Path) -> None:
