@@ -79,15 +79,16 @@ class Budget:
     failed_only: bool = True
 
     @classmethod
-    def of(cls, plan: Plan, settings: MeshSettings, per_interval: int = LIMITS.work_per_interval) -> Self:
+    def of(cls, plan: Plan, settings: MeshSettings, per_interval: int | None = None) -> Self:
         """Return a budget from the plan of a race, by default that of each of its stages.
 
         Args:
             plan: of the race.
             settings: of its first mesh.
-            per_interval: the work per interval of that mesh: so many iterations.
+            per_interval: the work per interval of that mesh: so many iterations; by default that of a stage.
         """
         intervals = sum(len(fractions) for fractions in first_mesh(plan, settings))
+        per_interval = LIMITS.work_per_interval if per_interval is None else per_interval
         return cls(per_interval * max(intervals, LIMITS.fewest_intervals))
 
     def for_an_explanation(self) -> "Budget":

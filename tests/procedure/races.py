@@ -80,6 +80,8 @@ SMALL = Race(
 )
 
 RACES = {**SHIPPED, "four_gates": SMALL}
+DIVING_EIGHT = load_inputs("half_cuban_eight", overrides=["rules.floor_m=10", "rules.pilot=none"]).race
+"""The Half Cuban Eight without its floor and a pilot's limits: it is pushed, rolls and dives for speed."""
 
 
 def one_lap(race: Race) -> Race:

@@ -5,7 +5,19 @@ import dataclasses
 import numpy as np
 import pytest
 from matched_laps import laps, matched_laps
-from races import COURSES, PLAN, RACES, ROOT, SIXTEEN, assert_certified, blown, one_lap, optimum, solve_stages
+from races import (
+    COURSES,
+    DIVING_EIGHT,
+    PLAN,
+    RACES,
+    ROOT,
+    SIXTEEN,
+    assert_certified,
+    blown,
+    one_lap,
+    optimum,
+    solve_stages,
+)
 from test_shipped_optima import plane_of
 
 from airrace.environment import Thermal
@@ -63,8 +75,8 @@ def test_course_between_thermals_is_certified_up_to_six_degrees_of_freedom(name:
 
 def test_thermals_beside_a_leg_are_felt() -> None:
     """The point mass takes another time between them, by 24 ms."""
-    race = RACES["half_cuban_eight"]
-    still, rising = (optimum(one, PLAN).trajectory.race_time for one in (race, between_thermals(race)))
+    pair = DIVING_EIGHT, between_thermals(DIVING_EIGHT)
+    still, rising = (optimum(race, PLAN).trajectory.race_time for race in pair)
     assert abs(rising - still) > 0.01
 
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from races import EDGE_540, SHIPPED, SMALL, course, level, prepared, pylon
+from races import DIVING_EIGHT, EDGE_540, SMALL, course, level, prepared, pylon
 from races import planned as plan_of
 from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solution, slalom
 from transformations import mirrored
@@ -197,13 +197,12 @@ def test_short_turn_that_leads_high_is_tried_flat() -> None:
     assert shapes(with_state(base, state)) == ["flat"]
 
 
-HALF_CUBAN = SHIPPED["half_cuban_eight"]
 each_small_race = pytest.mark.parametrize(
     "race",
     [
         pytest.param(SMALL, id="four gates"),
         pytest.param(SLALOM, id="slalom"),
-        pytest.param(HALF_CUBAN, id="half cuban eight"),
+        pytest.param(DIVING_EIGHT, id="half cuban eight"),
     ],
 )
 
@@ -223,7 +222,7 @@ COARSER = dataclasses.replace(SETTINGS, interval=0.5, intervals_min=3, quantum=1
 def test_errors_of_integration_on_a_coarse_mesh_become_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Corrected, a race time is nearer to that of the same mesh where intervals are integrated more finely."""
     monkeypatch.setattr(coarse_solution, "SETTINGS", dataclasses.replace(COARSER, meshes_max=1))
-    flight = prepared(HALF_CUBAN)
+    flight = prepared(DIVING_EIGHT)
     with open_session() as session:
         coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))
         assert coarse is not None
@@ -247,13 +246,13 @@ def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -
 
 def test_mesh_with_large_errors_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coarse_solution, "SETTINGS", COARSER)
-    flight = prepared(HALF_CUBAN)
+    flight = prepared(DIVING_EIGHT)
     first = planned_guess(flight, flight.plan, InitialBarrier.COLD)
     with open_session() as session:
         found = solve_coarse(session.service, first)
     assert found is not None
     assert found.problem.intervals > sum(len(phase) for phase in first.mesh)
-    assert abs(found.race_time - optimum(HALF_CUBAN, OFF).trajectory.race_time) < 0.2
+    assert abs(found.race_time - optimum(DIVING_EIGHT, OFF).trajectory.race_time) < 0.2
 
 
 def test_intervals_grow_with_the_duration_in_steps_up_to_a_limit() -> None:

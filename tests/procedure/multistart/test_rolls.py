@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from races import DEGREE, SMALL
+from races import DEGREE, DIVING_EIGHT, SMALL
 from search_races import SLALOM, open_session, planned_coarse_solution
-from test_moves import HALF_CUBAN, each_small_race, own_window
+from test_moves import each_small_race, own_window
 from transformations import mirrored
 
 from airrace.frames import quaternion, rotation
@@ -150,10 +150,10 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
 
 
 def test_windows_of_pushes_are_wider_than_those_of_rolls() -> None:
-    base, settings = planned_coarse_solution(HALF_CUBAN), roll_moves.SETTINGS
+    base, settings = planned_coarse_solution(DIVING_EIGHT), roll_moves.SETTINGS
     (pulled,) = [one for one in rerolls(base.problem, base.iterate) if one.kind == PULLED]
     assert pulled.reach == settings.push_reach > settings.reach
-    (move,) = [one for one in rolls(base, HALF_CUBAN) if one.kind == PULLED]
+    (move,) = [one for one in rolls(base, DIVING_EIGHT) if one.kind == PULLED]
     assert (move.phases, move.changed) == (range(4), range(1))
 
 
