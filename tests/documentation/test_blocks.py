@@ -36,6 +36,8 @@ CALL_ERROR = cast(type[Exception], typer.BadParameter.__base__)
 def calls() -> Iterator[tuple[str, list[str]]]:
     """Every call of airrace, as the words that follow it; a call behind `&&` is one of its own."""
     for page, line in shell_lines():
+        if "airrace " not in line:  # of another program, or what one prints: an apostrophe in it quotes nothing
+            continue
         words = shlex.split(re.sub(r"\[[^]]*\]", "", line), comments=True)
         for start, word in enumerate(words):
             if word != "airrace" or (start and words[start - 1] not in ENDS):
