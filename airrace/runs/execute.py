@@ -256,7 +256,7 @@ def execute_for_command(
     finally:
         results = tuple(finished.values())
         summarise(answer, plan.run.name, results, time.perf_counter() - started)
-        answer.fields["stages"] = stages_object(run.inputs, results)
+        answer.fields["stages"] = stages_object(run, results)
         for result in results:
             if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")

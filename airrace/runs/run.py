@@ -30,7 +30,7 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
-from airrace.runs.json_objects import run_object, stage_object, warnings_object
+from airrace.runs.json_objects import run_object, stage_object, stamp_object, warnings_object
 from airrace.runs.reserve_attempts import attempts_of
 from airrace.runs.stage_data import Splits
 from airrace.runs.stage_view import (
@@ -232,7 +232,7 @@ class RunState:
         summary = run_object(
             self.name, self.valid_results, sum(one.timings.wall for one in self.results), certified=self.certified
         )
-        return summary | {"stages": stages_object(self.inputs, self.valid_results)}
+        return summary | {"stages": stages_object(self, self.valid_results)}
 
     def __repr__(self) -> str:
         return f"<Run {run_line(self.name, self.valid_results)}>"
@@ -362,16 +362,20 @@ def stored_documents(stored: StoredInputs) -> tuple[Document, Document, Document
     return *documents, None if settings is None else Document(settings.path, settings.text)
 
 
-def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[str, object]]:
+def stages_object(run: RunState, results: Sequence[StageResult]) -> list[dict[str, object]]:
     """Return `stages` of a run: the last one that found a flight has `near_misses` and `sustained_loads`.
 
     Args:
-        inputs: of the run.
+        run: whose stages they are.
         results: its stages as they may be reported, in order.
     """
     stages = [stage_object(result) for result in results]
+    stamps = {stage.stage: stage.stamp for stage in run.stages}
+    for result, stage in zip(results, stages, strict=True):
+        if result.stage in stamps:
+            stage["stamp"] = stamp_object(stamps[result.stage])
     for result, stage in zip(reversed(results), reversed(stages), strict=True):
         if result.is_flight:
-            stage |= warnings_object(StageView(inputs, result, {}).flight())
+            stage |= warnings_object(StageView(run.inputs, result, {}).flight())
             break
     return stages

@@ -26,6 +26,8 @@ CERTIFICATE = {
     "path_angular_rate",
     "path_speed",
     "gate_acceleration",
+    "gate_angle",
+    "gate_angular_rate",
     "gate_attitude",
     "gate_length",
     "gate_speed",
