@@ -242,7 +242,7 @@ def test_limits_are_drawn_in_the_unit_of_their_strip() -> None:
     run = half_cuban()
     strips = {strip["title"]: strip for strip in contents(run.flight())["strips"]}
     rules, aircraft = run.race.course.rules, run.race.aircraft
-    allowed = rules.n_z.intersect(aircraft.envelope.n_z)
+    allowed = rules.n_z_allowed.intersect(aircraft.envelope.n_z)
     assert {limit["value"] for limit in strips["Load factor"]["limits"]} == {allowed.lower, allowed.upper}
     fastest = math.degrees(min(rules.p, aircraft.point_mass.p))
     assert max(limit["value"] for limit in strips["Roll rate"]["limits"]) == pytest.approx(fastest)
