@@ -80,7 +80,7 @@ def optimize(
     Examples:
         >>> run = airrace.optimize("half_cuban_eight", until="point-mass", search="off")
         >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
-        8.634 s, certified: True
+        8.908 s, certified: True
 
     Args:
         track: a course that comes along, by name (see `airrace.tracks`); a file; or a `Course` or a `Race` that was
@@ -156,7 +156,7 @@ def resume(
     Examples:
         >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
         >>> print(f"{windy.race_time - run.race_time:+.3f} s")
-        -0.052 s
+        -0.079 s
 
     Args:
         run: a run, or its file.
@@ -348,7 +348,7 @@ class Run(RunState):
 
     Examples:
         >>> run
-        <Run half_cuban_eight: point-mass, 8.634 s, certified>
+        <Run half_cuban_eight: point-mass, 8.908 s, certified>
         >>> run["point-mass"].race_time == run.race_time
         True
         >>> [stage.name for stage in run]

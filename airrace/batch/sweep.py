@@ -156,7 +156,7 @@ def sweep(
     Examples:
         >>> found = airrace.sweep(run, {"rules.n_z_max": "9:9.5:0.5"})
         >>> [f"{one.race_time - found.reference:.3f}" for one in found.points]
-        ['0.121', '0.049']
+        ['0.074', '0.028']
 
     Args:
         run: the run, or its file.

@@ -46,7 +46,7 @@ class Session:
         >>> with airrace.Session(run, "point-mass") as session:
         ...     slower = session.solve({"rules.n_z_max": 9})
         ...     print(f"{slower.race_time - session.optimum.race_time:.3f} s, {slower.status}")
-        0.121 s, solved
+        0.074 s, solved
 
     Attributes:
         optimum: the stage of the run, solved on the mesh of all answers.

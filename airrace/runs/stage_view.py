@@ -100,7 +100,7 @@ class StageView:
 
     Examples:
         >>> run["point-mass"]
-        <StageView half_cuban_eight: point-mass, 8.634 s, certified>
+        <StageView half_cuban_eight: point-mass, 8.908 s, certified>
         >>> run["point-mass"].to_dataframe(rate=10).index[:3].tolist()
         [0.0, 0.1, 0.2]
 
