@@ -45,9 +45,10 @@ from airrace.trajectory import Array, Trajectory
 SCHEMA = 7
 """The version of this layout; a reader refuses every other."""
 OTHER_SCHEMA = (
-    "Its inputs can be flown again: write the texts /inputs/track/text and /inputs/aircraft/text into files, as "
-    "docs/how_to/hdf5.md shows (Extract the inputs), and call `airrace optimize TRACK.yaml --aircraft AIRCRAFT.yaml`, "
-    "with `--set` for each of /inputs/overrides"
+    "Its inputs can be flown again: docs/how_to/hdf5.md (Extract the inputs) writes the texts /inputs/track/text, "
+    "/inputs/aircraft/text and, where there is one, /inputs/settings/text into files; call `airrace optimize "
+    "TRACK.yaml --aircraft AIRCRAFT.yaml --settings SETTINGS.yaml` with `--set` for each of /inputs/overrides. With "
+    "`rules.reserve.found.…` among them, leave these and `margins.…` out, which a search for a reserve has written"
 )
 """What to do with a run of another schema."""
 CONTENT = "content"

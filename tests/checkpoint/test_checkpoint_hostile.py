@@ -188,7 +188,10 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "unknown member": (lambda f: f.create_group(f"{STAGE}/more"), "'more' is unknown"),
     "unknown stage": (lambda f: f.move(STAGE, "stages/warp"), "unknown stage 'warp'"),
     "another schema": (lambda f: f.attrs.modify("schema", np.int64(2)), "schema is 2"),
-    "an older schema": (lambda f: f.attrs.modify("schema", np.int64(6)), "`airrace optimize TRACK.yaml"),
+    "an older schema": (
+        lambda f: f.attrs.modify("schema", np.int64(6)),
+        r"/inputs/settings/text .*`airrace optimize TRACK.yaml .*leave these and `margins\.…` out",
+    ),
     "no schema": (lambda f: f.attrs.pop("schema"), "schema is None"),
     "no declaration": (lambda f: f[f"{STAGE}/states/V_K"].attrs.pop("upper"), "V_K: is not declared"),
     "the same row twice": (lambda f: f[f"{STAGE}/states/V_K"].attrs.modify("row", np.int64(0)), "are not 0, 1, 2"),

@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
+import h5py
 import jsonschema
+import numpy as np
 import pytest
 import typer.core
 import typer.main
@@ -255,6 +257,47 @@ def test_the_python_of_a_page_runs(
     for block in found:
         exec(compiled(block), names)
     assert "certified: False" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("overrides", "kept"),
+    [
+        (["name=Two words", "margins.rules.floor_m=2"], ["name=Two words", "margins.rules.floor_m=2"]),
+        (
+            ["rules.reserve.probability=0.9", "margins.rules.floor_m=2", "rules.reserve.found.reached=true"],
+            ["rules.reserve.probability=0.9"],
+        ),
+    ],
+)
+@pytest.mark.parametrize("settings", [False, True])
+def test_the_inputs_of_another_schema_are_extracted_in_full(
+    overrides: list[str],
+    kept: list[str],
+    settings: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What a search for a reserve has found is left out, margins that were set by hand are not."""
+    names = ["track", "aircraft", *(["settings"] if settings else [])]
+    monkeypatch.chdir(tmp_path)
+    with h5py.File("rovinj.h5", "w") as file:
+        for name in names:
+            file[f"inputs/{name}/text"] = np.bytes_(f"the {name}")
+        rows = np.array([(text.encode(),) for text in overrides], [("override", "S64")])
+        file["inputs/overrides"] = rows
+    (block,) = (one for one in RUN if one.page == "docs/how_to/hdf5.md" and "old_track.yaml" in one.text)
+    exec(compiled(block), {"h5py": h5py})
+    assert {path.name: path.read_text() for path in tmp_path.glob("*.yaml")} == {
+        f"old_{name}.yaml": f"the {name}" for name in names
+    }
+    words = shlex.split(capsys.readouterr().out)
+    assert words == [
+        *("airrace", "optimize", "old_track.yaml", "--aircraft", "old_aircraft.yaml"),
+        *(["--settings", "old_settings.yaml"] if settings else []),
+        *(word for text in kept for word in ("--set", text)),
+    ]
+    parse(words[1:])
 
 
 @pytest.mark.parametrize("block", PYTHON, ids=str)
