@@ -483,11 +483,9 @@ class FidelityContinuation:
             return Start(along, *self._plan_guess(along, session), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
-            if pieces is None:  # nor has the plan led anywhere
-                self._conflict(session)
             first = self._homotopy(session)
-            where = "" if self._relaxed is None else self._conflict(session)
-            if where and first.notes:  # phases could not be added
+            has_failed = any(one.kind is NoteKind.PLANNED_PHASES for one in first.notes)
+            if has_failed and (where := self._conflict(session)):
                 message = f"the limits contradict each other at {where}"
                 return self._infeasible(session, *self._plan_guess(flight, session), message)
             if self._local_infeasibility is not None:

@@ -33,6 +33,7 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, attribute_parameter
 from airrace.planning.parameters import relaxable_parameters
 from airrace.planning.plan import Race
+from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
@@ -60,7 +61,7 @@ from airrace.procedure.infeasibility.local_infeasibility import (
 )
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
-from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.records import record
@@ -302,6 +303,17 @@ def test_a_single_solver_contradicts_nothing() -> None:
     problem, made = sixteen()
     assert find_local_infeasibility(used, problem, FAILED_PHASE, [made]) is None
     assert asked(used) == []
+    assert find_local_infeasibility(used, problem, FAILED_PHASE, [made], lambda: False) is None
+    assert find_local_infeasibility(used, problem, FAILED_PHASE, [made], lambda: True) is not None
+    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]
+
+
+def test_nothing_is_infeasible_that_there_was_no_budget_to_try() -> None:
+    used = session("infeasible")
+    used.budget = Budget(work=1.0, spent=1)
+    problem, made = sixteen()
+    assert find_local_infeasibility(used, problem, FAILED_PHASE, [made], lambda: True) is None
+    assert asked(used) == []
 
 
 @pytest.mark.parametrize("answer", [True, False])
@@ -330,7 +342,7 @@ CLAIMED = ["infeasible", "infeasible"]
     [
         (GuessKind.HOMOTOPY, [], [*LEGS_FAIL, *RELAXED_FAILS, *CLAIMED], SearchEffort.QUICK),
         (GuessKind.HOMOTOPY, [], [*LEGS_FAIL, *RELAXED_FAILS, *CLAIMED], SearchEffort.OFF),
-        (GuessKind.PLAN, ["stuck", *RELAXED_FAILS], [*LEGS_FAIL, *CLAIMED], SearchEffort.OFF),
+        (GuessKind.PLAN, ["stuck"], [*LEGS_FAIL, *RELAXED_FAILS, *CLAIMED], SearchEffort.OFF),
     ],
 )
 def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
@@ -350,11 +362,34 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     first = result.trajectory.phases[0]
     assert result.remarks.startswith(f"the limits contradict each other at {first}; without the limit of ")
     assert [one.purpose for one in result.attempts if one.purpose.startswith("all ")] == [
-        f"all {len(result.trajectory.phases)} phases" for _ in before[1:]
+        f"all {len(result.trajectory.phases)} phases" for _ in before
     ]
     purposes = [one.purpose for one in result.attempts]
     explaining = next(place for place, one in enumerate(reversed(purposes), start=1) if "without" in one) - 1
     assert len(asked(used)) - explaining == len(before) + len(found_out) + 2 + plans  # two limits are taken away
+
+
+@pytest.mark.parametrize("from_file", [False, True])
+def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_was_solved_before(
+    from_file: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The legs around the phases that fail are feasible alone."""
+
+    def location(_: object) -> str:
+        return "a -> b"
+
+    monkeypatch.setattr(fidelity_continuation, "conflict_location", location)
+    chosen = settings(GuessKind.HOMOTOPY, search=SearchEffort.OFF)
+    used = SolverSession(Canned("stuck", "solved", "stuck"), chosen, Silent())
+    ladder = FidelityContinuation(SMALL, chosen, ())
+    pieces = ladder.solve_stage(Stage.HOMOTOPY, used)
+    assert pieces.remarks.startswith("left as planned: ")
+    if from_file:
+        ladder = FidelityContinuation(SMALL, chosen, (pieces,))
+    used.reset_log()
+    result = ladder.solve_stage(Stage.POINT_MASS, used)
+    assert result.outcome is Status.INFEASIBLE
+    assert not [one.purpose for one in result.attempts if one.purpose.startswith("all ")]
 
 
 KNOWN = {one.key: one for one in relaxable_parameters(SMALL)}

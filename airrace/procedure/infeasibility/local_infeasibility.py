@@ -12,7 +12,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers.interface import SolverOptions
+from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.procedure.formulation import without_pilot, without_trim
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.solver_session import SolverSession
@@ -59,10 +59,11 @@ def find_local_infeasibility(
     guesses: Sequence[Iterate],
     race_is_in_conflict: Callable[[], bool] | None = None,
 ) -> LocalInfeasibility | None:
-    """Return the infeasibility of the window around a phase; None unless all solvers agree.
+    """Return the infeasibility of the window around a phase; None unless it is confirmed.
 
     The primary solver has to fail from every guess. Then limits have to give way along every plan of the race, or else
-    the fallback has to claim that there is no flight near. Where both are one solver nobody can claim it.
+    the fallback has to claim from every guess that there is no flight near; without another solver nobody does. Without
+    a budget to solve anything nothing has failed.
 
     Args:
         session: solves.
@@ -75,23 +76,23 @@ def find_local_infeasibility(
     if race_is_in_conflict is None and not others:
         return None
 
-    def fails(solver: str, options: SolverOptions) -> bool:
-        nonlocal worst
+    options = {solver: dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX) for solver in others}
+    options[primary] = dataclasses.replace(OPTIONS, iterations_max=FAILING_ITERATIONS)
+    worst = ""
+    for solver in session.solvers:
         for guess in guesses:
             window, start, _ = _window(problem, phase, guess)
-            solution = session.attempt(window, start, "the legs around it alone", solver, options)
-            if solution is None or solution.success or (solver != primary and not solution.infeasible):
-                return False
+            solution = session.attempt(window, start, "the legs around it alone", solver, options[solver])
+            if solution is None or solution.success or solution.ending is Ending.BUDGET_EXHAUSTED:
+                return None
+            if solver != primary and not solution.infeasible:
+                return None
             worst = solution.worst
-        return True
-
-    worst = ""
-    claiming = dataclasses.replace(OPTIONS, iterations_max=CLAIM_ITERATIONS_MAX)
-    if not fails(primary, dataclasses.replace(OPTIONS, iterations_max=FAILING_ITERATIONS)):
-        return None
-    known = race_is_in_conflict is not None and race_is_in_conflict()
-    if not known and not (others and all(fails(solver, claiming) for solver in others)):
-        return None
+        if solver == primary:
+            if race_is_in_conflict is not None and race_is_in_conflict():
+                break
+            if not others:
+                return None
     return LocalInfeasibility(problem, guesses[0], phase, worst)
 
 
