@@ -23,16 +23,18 @@ from airrace.cli.run_tables import (
     stages_table,
 )
 from airrace.errors import InputError, UsageError
-from airrace.procedure.result import UNVERIFIABLE, StageResult, Status, SuggestedChange
+from airrace.inputs.objects import is_of_objects
+from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
 from airrace.records import record
 from airrace.results import Confirmation, Flight, Stamp
 from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.plan import in_force
+from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint, stored_documents
 from airrace.runs.stage_view import downgrade_stale, is_certified
-from airrace.standard_streams import STANDARD
+from airrace.standard_streams import STANDARD, name_of
 from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
 from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, verdict_words
@@ -280,7 +282,7 @@ def next_commands(shown: StoredStages) -> list[list[str]]:
     if last is None:
         return [resume]
     if not last.is_flight:
-        return [_milder(shown, last)] if any(one.key for one in last.suggested_changes) else [resume]
+        return _milder_commands(shown, last) if last.suggested_changes else [resume]
     if not last.holds:
         examined = [] if last.certificate is None else [["airrace", "show", run, "--certificate"]]
         return [*examined, resume]
@@ -290,17 +292,26 @@ def next_commands(shown: StoredStages) -> list[list[str]]:
     return [["airrace", "brief", run], resume if higher or searching else ["airrace", "report", run]]
 
 
-def _milder(shown: StoredStages, last: StageResult) -> list[str]:
-    """Return the words of the command that flies a course with the first suggested change of every conflict."""
-    changes: dict[int, SuggestedChange] = {}
-    for one in last.suggested_changes:
-        if one.key:
-            changes.setdefault(one.conflict, one)
-    changed = {one.key: f"{one.needed:g}" for one in changes.values()}
-    kept = [one for one in shown.checkpoint.inputs.overrides if one.partition("=")[0] not in changed]
-    values = [*kept, *(f"{key}={value}" for key, value in changed.items())]
-    options = [word for value in values for word in ("--set", value)]
-    return ["airrace", "optimize", shown.checkpoint.inputs.track.path, *options, "--output", "NEW.h5"]
+def _milder_commands(shown: StoredStages, last: StageResult) -> list[list[str]]:
+    """Return the words of the command that flies a course with the first suggested change that has a key.
+
+    There is none with several conflicts, for the changes that are reported of them were not flown together, nor where a
+    document of the run has no file.
+    """
+    change = next((one for one in last.suggested_changes if one.key), None)
+    inputs = shown.checkpoint.inputs
+    track, aircraft, settings = stored_documents(inputs)
+    documents = [track, aircraft] if settings is None else [track, aircraft, settings]
+    if any(is_of_objects(one) or one.path == name_of(STANDARD) for one in documents):
+        return []
+    if change is None or any(one.conflict != change.conflict for one in last.suggested_changes):
+        return []
+    words = ["airrace", "optimize", track.path, "--aircraft", aircraft.path]
+    if settings is not None:
+        words += ["--settings", settings.path]
+    for text in in_force([*inputs.overrides, f"{change.key}={change.needed:g}"]):
+        words += ["--set", text]
+    return [[*words, "--output", "NEW.h5"]]
 
 
 def _routes(results: Sequence[StageResult]) -> Iterator[str]:

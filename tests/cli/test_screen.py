@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,16 +12,19 @@ from typing import Any
 import fake_optimizer
 import pytest
 from command import run
+from example_courses import ROOT
 from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.cli.answer import command_lines
 from airrace.cli.main import app
 from airrace.cli.run_screen import SCREEN, Parts, StoredStages, next_commands, run_texts, solved_stages
-from airrace.inputs import load_inputs
+from airrace.inputs import Document, load_inputs
+from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
-from airrace.runs.run import RunState, open_run
+from airrace.runs.run import RunState, new_run, open_run
+from airrace.standard_streams import STANDARD, name_of
 from airrace.views.stage_tables import verdict_words
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
@@ -162,25 +166,56 @@ def test_the_next_commands_suit_what_became_of_the_run(state: RunState) -> None:
     assert commands(flown()) == ["airrace brief x.h5", "airrace resume x.h5"]
 
 
-def test_a_course_that_cannot_be_flown_is_flown_next_with_one_change_for_each_conflict(fake_folder: Path) -> None:
-    """Other values that were set by hand stay."""
+def infeasible(*changes: tuple[int, str, float]) -> StageResult:
+    """A stage without a flight: conflict, key and value of every suggested change."""
+    suggested_changes = tuple(
+        SuggestedChange(conflict, f"{conflict}:g1", key, "a limit", "", 1.0, needed, 9.9)
+        for conflict, key, needed in changes
+    )
+    return replace(stage_result(Stage.POINT_MASS, Status.INFEASIBLE), suggested_changes=suggested_changes)
+
+
+def test_a_course_that_cannot_be_flown_is_flown_next_with_one_change_and_all_else_as_it_was(fake_folder: Path) -> None:
+    """Values that were set by hand stay, but for those that the change replaces."""
+    shutil.copy(ROOT / "configs" / "edge540.yaml", "mine.yaml")
+    Path("careful.yaml").write_text("schema: airrace/settings/1\n")
     values = ("rules.ceiling_m=120", "rules.roll_rate_max_deg_s=300")
-    assert run("optimize", "rovinj_2014", "--quiet", *(word for one in values for word in ("--set", one))).code == 0
-    changes = [
-        SuggestedChange(conflict, "1:g1", key, "the ceiling", "m", 120.0, needed, 9.9)
-        for conflict, key, needed in (
-            (1, "rules.ceiling_m", 195.0),
-            (1, "rules.n_z_max", 11.0),
-            (2, "rules.floor_m", 5),
-        )
-    ]
-    result = replace(stage_result(Stage.POINT_MASS, Status.INFEASIBLE), suggested_changes=tuple(changes))
+    options = ["--aircraft", "mine.yaml", "--settings", "careful.yaml"]
+    overrides = [word for one in values for word in ("--set", one)]
+    assert run("optimize", "rovinj_2014", *options, *overrides, "--quiet").code == 0
+    result = infeasible((1, "", -12.0), (1, "rules.ceiling_m", 195.0), (1, "rules.n_z_max", 11.0))
     (words,) = next_commands(after(open_run(Path("rovinj_2014.h5")), result))
-    assert words[:2] + words[3:] == [
-        *("airrace", "optimize", "--set", "rules.roll_rate_max_deg_s=300"),
-        *("--set", "rules.ceiling_m=195", "--set", "rules.floor_m=5", "--output", "NEW.h5"),
+    assert words == [
+        *("airrace", "optimize", "rovinj_2014", *options, "--set", "rules.roll_rate_max_deg_s=300"),
+        *("--set", "rules.ceiling_m=195", "--output", "NEW.h5"),
     ]
-    assert Path(words[2]).stem == "rovinj_2014"
+    assert run(*words[1:], "--quiet").code == 0
+    flown, before = (open_run(Path(name)).inputs for name in ("NEW.h5", "rovinj_2014.h5"))
+    assert (flown.aircraft, flown.settings_file) == (before.aircraft, before.settings_file)
+    assert flown.race.course.rules.height.upper == 195.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [(1, "rules.ceiling_m", 195.0), (2, "rules.n_z_max", 11.0)],  # never flown together
+        [(1, "rules.ceiling_m", 195.0), (2, "", 0.0)],
+        [(1, "", 0.0)],
+    ],
+)
+def test_no_command_is_suggested_with_which_no_flight_was_found(
+    changes: list[tuple[int, str, float]], state: RunState
+) -> None:
+    assert next_commands(after(state, infeasible(*changes))) == []
+
+
+def test_no_command_names_a_document_that_has_no_file(state: RunState) -> None:
+    piped = Document(name_of(STANDARD), state.inputs.track.text)
+    built = document_of_objects(CourseAndAir(state.inputs.race.course, state.inputs.race.air), "mine")
+    for document in (piped, built):
+        inputs = load_inputs(document, aircraft=state.inputs.aircraft)
+        shown = after(new_run(inputs, Path("x.h5")), infeasible((1, "rules.ceiling_m", 195.0)))
+        assert next_commands(shown) == []
 
 
 def test_a_command_is_broken_as_a_shell_reads_it(monkeypatch: pytest.MonkeyPatch) -> None:
