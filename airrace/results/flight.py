@@ -206,6 +206,17 @@ class Source:
         """Whether something that was measured of an optimum does not hold, or nothing was measured."""
         return self.status not in (None, Status.CERTIFIED, Status.SOLVED)
 
+    def stamp(self, race: Race) -> Stamp:
+        """Return the stamp of the flight, which is one of this race."""
+        return stamp_of(
+            race,
+            stage=self.stage,
+            status=self.status,
+            failed=self.failed,
+            pilot=self.pilot,
+            reserve=self.reserve,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Flight:
@@ -252,10 +263,7 @@ class Flight:
     @property
     def stamp(self) -> Stamp:
         """What the flight is: stage, certificate, aircraft, air, pilot's limits and reserve."""
-        one = self.source
-        return stamp_of(
-            self.race, stage=one.stage, status=one.status, failed=one.failed, pilot=one.pilot, reserve=one.reserve
-        )
+        return self.source.stamp(self.race)
 
     @property
     def race_time(self) -> float:

@@ -140,8 +140,8 @@ def stamp_of(
     reserve: ReserveState | None = None,
 ) -> Stamp:
     """Return the stamp of a flight of a race; the arguments are those of `Stamp`."""
-    margins = race.rules_course is not None
-    return Stamp(stage, status, failed, race.aircraft.name, air_text(race.air), pilot, reserve, by_hand=margins)
+    by_hand = race.rules_course is not None and reserve is None  # a reserve finds its own margins, and takes no others
+    return Stamp(stage, status, failed, race.aircraft.name, air_text(race.air), pilot, reserve, by_hand=by_hand)
 
 
 def air_text(air: Air) -> str:

@@ -352,6 +352,7 @@ def stamp_object(stamp: Stamp) -> dict[str, object]:
         "air": stamp.air,
         "pilot": stamp.pilot or None,
         "reserve": reserve_object(stamp.reserve),
+        "margins_by_hand": None if stamp.status is None else stamp.by_hand,
     }
 
 

@@ -20,7 +20,7 @@ from airrace.procedure.stage import Stage
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
-from airrace.results.stamp import Stamp, stamp_of
+from airrace.results.stamp import Stamp
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object, stamp_object
 from airrace.runs.output import write_or_return
@@ -232,15 +232,7 @@ class StageView:
     @property
     def stamp(self) -> Stamp:
         """What the stage's flight is: stage, certificate, aircraft, air, pilot's limits and reserve."""
-        one = self._source("")
-        return stamp_of(
-            self.inputs.race,
-            stage=one.stage,
-            status=one.status,
-            failed=one.failed,
-            pilot=one.pilot,
-            reserve=one.reserve,
-        )
+        return self._source("").stamp(self.inputs.race)
 
     def _source(self, label: str) -> Source:
         return Source(

@@ -19,10 +19,17 @@ from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.results import Confirmation
 from airrace.results.stamp import ReserveState, Stamp, air_text
+from airrace.runs.json_objects import stamp_object
 from airrace.runs.reserve_attempts import reserve_state
 from airrace.runs.stage_view import StageView, downgrade_stale
 
 OPTIMUM = Stamp("six-dof", Status.CERTIFIED, (), "Edge 540", "still air, 15 C, 1.225 kg/m3", "race")
+
+
+FOUND = tuple(
+    f"rules.reserve.{line}"
+    for line in ("probability=0.9", "found.measured=0.93", "found.lower=0.91", "found.reached=true")
+)
 
 
 def view(*overrides: str) -> StageView:
@@ -124,6 +131,25 @@ def test_margins_by_hand_are_seen_in_the_race_itself() -> None:
     race = with_margins(rovinj(), {"rules.floor_m": 1.0})
     assert circling(race).stamp.by_hand
     assert not circling(rovinj()).stamp.by_hand
+
+
+@pytest.mark.parametrize(
+    ("overrides", "by_hand"),
+    [
+        ((), False),
+        (("margins.rules.floor_m=0.05",), True),
+        (("rules.reserve.probability=0.9",), False),
+        ((*FOUND, "margins.rules.floor_m=0.05"), False),
+    ],
+)
+def test_programs_are_told_of_margins_by_hand_and_not_of_those_that_a_search_found(
+    overrides: tuple[str, ...], by_hand: bool
+) -> None:
+    assert stamp_object(view(*overrides).stamp)["margins_by_hand"] is by_hand
+
+
+def test_margins_are_no_question_of_a_recorded_flight() -> None:
+    assert stamp_object(circling(with_margins(rovinj(), {"rules.floor_m": 1.0})).stamp)["margins_by_hand"] is None
 
 
 def readable(name: str, content: bytes) -> str:
