@@ -10,6 +10,7 @@ import io
 import os
 import re
 import sys
+import textwrap
 import unicodedata
 from typing import Any, TextIO, cast
 
@@ -22,8 +23,15 @@ _COMMAND = re.compile(r"\x1b(?!\[[0-9;]*m)")
 """An escape that begins anything but a change of colour or weight."""
 _TO_A_RUNNER = re.compile(r"^([^\S\n]*:):|(##\w*)\[", re.MULTILINE)
 """How commands to runners of workflows begin: `::` at the start of a line (GitHub), `##[` or `##vso[` anywhere."""
-_LINKED = re.compile(r"://|www\.|@", re.IGNORECASE)
-"""What GitHub's Markdown makes a link or a mention of without any marks around it."""
+_LINKED = re.compile(r":(?=//)|www(?=\.)|[@#]|\bgh(?=-\d)", re.IGNORECASE)
+"""The beginning of what GitHub's Markdown makes a link or a mention of without any marks around it.
+
+An address, a mention, an issue (`#12`, `owner/name#12`, `GH-12`).
+"""
+_COMMIT = re.compile(r"(?<![a-z\d])[a-f\d]{7,}(?![a-z\d])", re.IGNORECASE)
+"""What GitHub makes a link of where a commit has that number."""
+_MARKS = re.compile(r"[\\`*~\[\]|]|_(?![^\W_])|(?<![^\W_])_")
+"""Marks of Markdown; an underscore within a word is none."""
 
 
 def plain(text: str) -> str:
@@ -42,10 +50,15 @@ def inert(text: str) -> str:
 
 
 def escape_markdown(text: str) -> str:
-    """Return a text as one line of Markdown, also of a table: it is no link, mention, code or HTML."""
+    """Return a text as one line of GitHub's Markdown, also of a table: it is no link, mention, emphasis, code or HTML.
+
+    What a repository itself has declared to be a reference, such as `TICKET-12`, becomes a link all the same.
+    """
     shown = " ".join(plain(text).split()).replace("&", "&amp;").replace("<", "&lt;")
-    shown = re.sub(r"[\\`\[\]|]", r"\\\g<0>", shown)
-    return _LINKED.sub(lambda found: "".join(f"&#{ord(sign)};" for sign in found[0]), shown)
+    shown = _MARKS.sub(r"\\\g<0>", shown)
+    # GitHub looks for these in what was rendered, where backslashes and entities are gone: a comment parts the text.
+    shown = _LINKED.sub(r"\g<0><!-- -->", shown)
+    return _COMMIT.sub(lambda found: "<!-- -->".join(textwrap.wrap(found[0], 6)), shown)
 
 
 def escape_html(text: str) -> str:
