@@ -216,8 +216,8 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
         yield "no stage is finished yet"
     else:
         last = shown.results[-1]
-        stamp = shown.stamps[last.stage].text if last.stage in shown.stamps else ""
-        yield "\n".join(paragraph(text) for text in (_headline(shown), stamp) if text)
+        flown = shown.stamps[last.stage].circumstances if last.stage in shown.stamps else ""
+        yield "\n".join(paragraph(text) for text in (_headline(shown), flown) if text)
         if shown.flight is not None and last.stage.value == shown.stage:
             laps = laps_text(shown.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)

@@ -121,13 +121,18 @@ class Stamp:
         }
 
     @property
+    def circumstances(self) -> str:
+        """Aircraft, air, pilot's limits and reserve in one line, beside a verdict on the stage."""
+        named = ("pilot's limits", "reserve")
+        values = {name: value for name, value in self.entries().items() if name not in ("stage", "certificate")}
+        return "; ".join(f"{name}: {value}" if name in named else value for name, value in values.items())
+
+    @property
     def text(self) -> str:
         """All of it in one line."""
         entries = self.entries()
-        head = ", ".join(entries.pop(name) for name in ("stage", "certificate") if name in entries)
-        named = ("pilot's limits", "reserve")
-        rest = (f"{name}: {value}" if name in named else value for name, value in entries.items())
-        return "; ".join((head, *rest))
+        head = ", ".join(entries[name] for name in ("stage", "certificate") if name in entries)
+        return f"{head}; {self.circumstances}"
 
 
 def stamp_of(

@@ -91,7 +91,7 @@ def test_the_answer_of_a_race_of_two_laps_fits_forty_lines(at: Show) -> None:
     assert len(PASSINGS) == 17
     assert len(lines) <= 40
     assert lines[0] == "point-mass: 10.000 s, certified: local optimum; verified"
-    assert lines[1].startswith("point-mass, certified; Edge 540")
+    assert lines[1].startswith("Edge 540")
     assert lines[-2:] == ["next: airrace brief rovinj_2014.h5", "      airrace resume rovinj_2014.h5"]
     for words in ("stages", "routes", "kkt_error", "least distances"):
         assert not any(words in line for line in lines)
@@ -110,6 +110,23 @@ def test_the_answer_of_a_race_of_two_laps_fits_forty_lines(at: Show) -> None:
 )
 def test_the_verdict_is_a_few_words_or_the_item_that_fails(result: StageResult, words: str) -> None:
     assert verdict_words(result) == words
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (solve_single_mesh(flown()), "six-dof: 10.000 s, solved on one mesh: local optimum"),
+        (stage_result(Stage.SIX_DOF, kkt_error=1.0, passings=PASSINGS), "six-dof: 10.000 s, NOT certified: kkt_error"),
+    ],
+)
+def test_the_verdict_stands_in_the_first_line_alone(state: RunState, result: StageResult, words: str) -> None:
+    shown = after(state, result)
+    verdict, what, *_ = next(run_texts(shown, Parts())).splitlines()
+    assert verdict == words
+    assert what.startswith("Edge 540")
+    assert "certified" not in what
+    assert "mesh" not in what
+    assert what in shown.stamps[Stage.SIX_DOF].text
 
 
 def test_a_guess_shows_no_race_time(at: Show, monkeypatch: pytest.MonkeyPatch) -> None:
