@@ -212,12 +212,14 @@ class Route:
         race_time: of the whole race on this route, as far as a rough mesh tells, s.
         difference: to the best, on the same terms, s.
         evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held.
+        rolls: whether it rolls from side to side on each leg on which it differs from the best.
     """
 
     text: str
     race_time: float
     difference: float
     evaluated_by: str
+    rolls: bool = False
 
 
 @record

@@ -74,6 +74,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
                 "race_time_s": finite(route.race_time),
                 "difference_s": finite(route.difference),
                 "evaluated_by": route.evaluated_by,
+                "rolls": route.rolls,
             }
             for route in result.search.routes
         ],

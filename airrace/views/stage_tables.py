@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.procedure.result import CLEARANCE, GateSplit, Route, SearchReport, StageResult, Status
+from airrace.procedure.result import CLEARANCE, GateSplit, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.active_limits import ActiveLimit, active_limits
@@ -148,11 +148,6 @@ def _touches(certificate: Certificate | None) -> str:
     return text if missed >= NEAR_MISS else ""
 
 
-def _only_rolls(route: Route) -> bool:
-    """Tell whether a route hardly costs time and, by its words, rolls on each leg on which it differs."""
-    return abs(route.difference) <= NEAR_ROLLS and all("rolling " in leg for leg in route.text.split("; "))
-
-
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
     """Return a table of the best route and those that came next, on a coarse mesh.
 
@@ -165,7 +160,7 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
     tried = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s"
     best_route, *others = search.routes
-    rolls = [route for route in others if _only_rolls(route)]
+    rolls = [route for route in others if route.rolls and abs(route.difference) <= NEAR_ROLLS]
     rolls = rolls if len(rolls) > 1 else []
     rows: list[tuple[str | float, ...]] = [(best_route.text, best_route.race_time, "best", best_route.evaluated_by)]
     if rolls:

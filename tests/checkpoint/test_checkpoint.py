@@ -142,6 +142,7 @@ EXPLORED = SearchReport(
     routes=(
         Route("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "joint"),
         Route("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
+        Route("g4 -> g5: straight, flat, rolling left through level", 54.91, 0.31, "window", rolls=True),
     ),
     converged_to_best=3,
     converged_elsewhere=1,
@@ -150,7 +151,7 @@ EXPLORED = SearchReport(
     loops=("g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m",),
 )
 STAGE = "stages/point-mass"
-routes = records(Route, text=texts, race_time=numbers, difference=numbers, evaluated_by=texts)
+routes = records(Route, text=texts, race_time=numbers, difference=numbers, evaluated_by=texts, rolls=st.booleans())
 explored = st.builds(
     SearchReport,
     routes,
@@ -278,7 +279,8 @@ def test_plain_hdf5_shows_routes_and_alternatives(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "run.h5", "r") as file:
         stage = file[STAGE]
         assert stage["search/routes"]["text"][0].decode() == EXPLORED.routes[0].text
-        assert stage["search/routes"]["difference"].tolist() == [0.0, 0.3]
+        assert stage["search/routes"]["difference"].tolist() == [0.0, 0.3, 0.31]
+        assert stage["search/routes"]["rolls"].tolist() == [0, 0, 1]
         assert list(stage["alternatives"]) == ["1", "2"]
         # The time axis of an alternative's histories is its own.
         assert stage["alternatives/2/states/V_K"].dims[0][0] == stage["alternatives/2/time"]

@@ -196,16 +196,19 @@ def _report(
     for flight in found.flights:
         if different := differing(best, flight, segments):
             text, race_time = describe_segments(course, flight, different), flight.race_time
-            others.append(Route(text, race_time, race_time - best.race_time, "joint"))
+            rolls = all(shape_of(flight, one).rolls for one in different)
+            others.append(Route(text, race_time, race_time - best.race_time, "joint", rolls))
         else:
             converged += 1
     for one in found.moves:
         window = one.as_solution
         apart = [pair for pair in one.inside(segments) if not same_route(window, pair[0], best, pair[1])]
         if apart:
-            texts = [f"{segment_name(course, place)}: {shape_of(window, inside).describe()}" for inside, place in apart]
-            race_time = one.move.base.race_time - one.saved
-            others.append(Route("; ".join(texts), race_time, race_time - best.race_time, "window"))
+            shapes = [shape_of(window, inside) for inside, _ in apart]
+            places = [segment_name(course, place) for _, place in apart]
+            text = "; ".join(f"{place}: {shape.describe()}" for place, shape in zip(places, shapes, strict=True))
+            race_time, rolls = one.move.base.race_time - one.saved, all(shape.rolls for shape in shapes)
+            others.append(Route(text, race_time, race_time - best.race_time, "window", rolls))
     # Of those with the same words the fastest is reported, and a flight optimised jointly before a window.
     unique = {
         route.text: route for route in sorted(others, key=lambda one: (one.evaluated_by == "joint", -one.race_time))

@@ -226,6 +226,9 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
         assert way.difference == pytest.approx(way.race_time - best.race_time, abs=1e-12)
         assert way.evaluated_by in ("joint", "window")
         assert way.difference > -SAVED_MIN, "a price that was not tried jointly"
+    for way in others:
+        assert way.rolls is all("rolling" in leg for leg in way.text.split("; "))
+    assert not best.rolls
     texts = [way.text for way in others]
     assert len(set(texts)) == len(texts)
     assert explored.converged_to_best >= 1
