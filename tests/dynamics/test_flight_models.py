@@ -198,7 +198,7 @@ def test_angle_of_attack_ends_with_the_lift_curve_or_the_rules(edge540: Aircraft
     assert bounds(kind.build(edge540, rules, Air()))["alpha_A"] == pytest.approx((-stall, stall))
     strict, stalling = (dataclasses.replace(rules, alpha_A=Interval(*ends)) for ends in ((-0.1, 0.2), (0.35, 0.5)))
     assert bounds(kind.build(edge540, strict, Air()))["alpha_A"] == (-0.1, 0.2)
-    with pytest.raises(InputError, match="rules.alpha_min_deg"):
+    with pytest.raises(InputError, match=r"rules\.alpha_min_deg"):
         kind.build(edge540, stalling, Air())
 
 
