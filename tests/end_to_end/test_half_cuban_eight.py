@@ -18,7 +18,7 @@ POINT_MASS_OFF_PLANE, OFF_PLANE = 1.0, 3.0
 """The largest deviation from the vertical plane through the entry, m: at the point mass, and with an inner loop."""
 
 
-def flown(folder: Path, *options: str) -> list[StageView]:
+def solved_stages(folder: Path, *options: str) -> list[StageView]:
     """The stages of the course that comes along, as the command flies it."""
     ran = inside("optimize", "half_cuban_eight", "--output", "eight.h5", "--quiet", *options, cwd=folder)
     assert ran.code == 0, ran.err
@@ -34,7 +34,7 @@ def wing_angle_in_the_pull(stage: StageView) -> float:
 
 
 def test_the_default_flight_in_still_air_stays_a_figure_in_its_plane(tmp_path: Path) -> None:
-    stages = flown(tmp_path)
+    stages = solved_stages(tmp_path)
     assert [stage.name for stage in stages] == FIDELITIES
     assert stages[-1].certified
     for stage in stages:
@@ -51,7 +51,7 @@ def test_the_default_flight_in_still_air_stays_a_figure_in_its_plane(tmp_path: P
 @pytest.mark.parametrize("until", ["point-mass", pytest.param("six-dof", marks=pytest.mark.slow)])
 def test_in_a_crosswind_the_figure_leans_into_the_wind(tmp_path: Path, until: str) -> None:
     """The plane through the flight, east = a + b north + c height, leans to the west, where the wind comes from."""
-    for stage in flown(tmp_path, "--until", until, *KNOT_20_FROM_WEST):
+    for stage in solved_stages(tmp_path, "--until", until, *KNOT_20_FROM_WEST):
         flight = stage.to_dataframe()
         north, east, height = (flight[name].to_numpy() for name in ("x_m", "y_m", "height_m"))
         columns = np.stack([np.ones_like(north), north, height], axis=1)

@@ -1,4 +1,4 @@
-"""`scripts/flown_as_a_pilot.py` finds in tables of known flights what was put there."""
+"""`scripts/measure_flyability.py` finds in tables of known flights what was put there."""
 
 import importlib.util
 import math
@@ -16,7 +16,7 @@ KINDS = {"a": "gate", "b": "pylon", "c": "gate"}
 
 @pytest.fixture(scope="module", name="script")
 def loaded_script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("flown_as_a_pilot", ROOT / "scripts" / "flown_as_a_pilot.py")
+    spec = importlib.util.spec_from_file_location("measure_flyability", ROOT / "scripts" / "measure_flyability.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

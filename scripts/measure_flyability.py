@@ -1,7 +1,7 @@
 """Measure whether optima are flown as a pilot flies, from nothing but the CSV export, as a Markdown table.
 
-    python scripts/flown_as_a_pilot.py RUN.h5 ... [--stage STAGE] [--details]
-    python scripts/flown_as_a_pilot.py --compare BEFORE AFTER [--stage STAGE]
+    python scripts/measure_flyability.py RUN.h5 ... [--stage STAGE] [--details]
+    python scripts/measure_flyability.py --compare BEFORE AFTER [--stage STAGE]
 
 Independent of the package: histories come from `airrace export csv` (nodes of the mesh and 100 rows per second), times
 of the passings from the table of gate splits beside it, the kinds of the elements from `airrace export geojson`, the
@@ -309,7 +309,7 @@ def airrace(*arguments: object) -> str:
 
 def stages_of(run: Path) -> list[str]:
     """The stages of a run that found a flight, without the homotopy, which is only a guess."""
-    stages = json.loads(airrace("show", run, "--no-verify", "--json"))["stages"]
+    stages = json.loads(airrace("show", run, "--no-verify", "--json", "--no-verify"))["stages"]
     return [stage["stage"] for stage in stages if stage["race_time_s"] is not None and stage["stage"] != "homotopy"]
 
 
