@@ -309,7 +309,7 @@ def airrace(*arguments: object) -> str:
 
 def stages_of(run: Path) -> list[str]:
     """The stages of a run that found a flight, without the homotopy, which is only a guess."""
-    stages = json.loads(airrace("show", run, "--no-verify", "--json", "--no-verify"))["stages"]
+    stages = json.loads(airrace("show", run, "--no-verify", "--json"))["stages"]
     return [stage["stage"] for stage in stages if stage["race_time_s"] is not None and stage["stage"] != "homotopy"]
 
 
