@@ -27,6 +27,7 @@ from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
 from airrace.environment import Air
+from airrace.errors import InputError
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem
@@ -46,9 +47,11 @@ from airrace.procedure.infeasibility.conflicts import (
     conflict_location,
 )
 from airrace.procedure.infeasibility.diagnose import (
+    NOT_TRIED,
     TRIAL,
     RepairTrial,
     TrialFlight,
+    Trials,
     describe_conflicts,
     tighten,
     validate,
@@ -530,8 +533,61 @@ def test_where_less_was_not_tried_or_nothing_is_certified_nothing_is_said_to_be_
             dataclasses.replace(told, failed=274.0, failed_flies=True),
             "with 287 m there is a flight (rules.ceiling_m=287); the one with 274 m was not certified",
         ),
+        (
+            dataclasses.replace(told, failed=274.0, failed_flies=True, certified=False),
+            "with 287 m there is a flight that is not certified (rules.ceiling_m=287); "
+            "the one with 274 m was not certified either",
+        ),
+        (
+            dataclasses.replace(told, failed=274.0, certified=False),
+            "with 287 m there is a flight that is not certified (rules.ceiling_m=287); with 274 m none was found",
+        ),
     ):
         assert describe_conflicts([one]).endswith(ending)
+
+
+@pytest.mark.parametrize("trials", [0, 1, 2])
+@pytest.mark.parametrize("refused", [False, True])
+def test_what_was_not_tried_is_not_told_to_have_failed(trials: int, refused: bool) -> None:
+    """The budget is spent, or the inputs do not allow a value."""
+    tried: list[float] = []
+
+    def fly(race: Race, near: Relaxed, before: TrialFlight) -> TrialFlight:
+        if len(tried) == trials:
+            if refused:
+                raise InputError([])
+            return NOT_TRIED
+        tried.append(race.course.rules.height.upper)
+        return CERTIFIED if trials == 1 else NOTHING
+
+    told = tighten(LOW, fly, RepairTrial(Repair(CEILING, relaxed(3.35)), 287.0, CERTIFIED))
+    change = told.suggested_change(1, "a -> b")
+    assert change.needed == (tried[-1] if trials == 1 else 287.0)
+    assert change.failed == (tried[-1] if trials == 2 else math.inf)
+    assert describe_conflicts([change]).endswith("less was not tried") is (trials < 2)
+
+
+def test_a_margin_that_the_inputs_refuse_has_not_failed() -> None:
+    (one,) = options("aircraft.propulsion.power_max_kW")
+    for ends, failed in (
+        ([NOT_TRIED, CERTIFIED], math.inf),
+        ([FLOWN, NOT_TRIED, CERTIFIED], one.value(0)),
+        ([NOTHING, CERTIFIED], one.value(0)),
+    ):
+        (trial,) = validate(SMALL, Flights([one], {one.parameter.key: ends}), [one])
+        assert (trial.flight.certified, trial.failed) == (True, failed)
+
+
+@pytest.mark.parametrize(("left", "solves", "was_tried"), [(0.0, 0, False), (1.0, 1, False), (math.inf, 2, True)])
+def test_a_race_is_tried_as_far_as_there_is_a_budget_for_it(left: float, solves: int, was_tried: bool) -> None:
+    used, near = session("stuck"), relaxed(1.0)
+    used.budget = Budget(work=100.0 + left, spent=100, failed_only=False)
+    mesh = first_mesh(planned(SMALL), used.settings.mesh)
+    solver = ElasticSolver(SMALL, prepared(SMALL), mesh)
+    near = dataclasses.replace(near, solver=solver, flight=guess(planned(SMALL), mesh))
+    flown = Trials(used, SMALL, Stage.POINT_MASS).fly(SMALL, near, NOT_TRIED)
+    assert (flown.race_time, flown.was_tried) == (None, was_tried)
+    assert len(asked(used)) == solves
 
 
 class Told(Silent):

@@ -70,7 +70,7 @@ def diagnose_infeasibility(
     session = dataclasses.replace(session, budget=session.budget.for_an_explanation())
     routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
     searching = searching_conflicts(session, routes.budget)
-    trials = _Trials(searching, race, flight.stage)
+    trials = Trials(searching, race, flight.stage)
     search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
     conflicts = list(search.conflicts(routes.solve(session)))
     if search.flight is not None:
@@ -120,14 +120,15 @@ def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
 
     verb = "flown" if " -> " in first.where else "passed"
     needed, failed, key = amount(first.needed, first), amount(first.failed, first), how_to_set(first)
-    if not first.certified:
-        least = f"with {needed} there is a flight that is not certified{key}; less was not tried"
-    elif math.isinf(first.failed):
-        least = f"with {needed} there is a flight{key}; less was not tried"
+    flight = f"with {needed} there is a flight{'' if first.certified else ' that is not certified'}{key}"
+    if math.isinf(first.failed):
+        least = f"{flight}; less was not tried"
     elif first.failed_flies:
-        least = f"with {needed} there is a flight{key}; the one with {failed} was not certified"
-    else:
+        least = f"{flight}; the one with {failed} was not certified{'' if first.certified else ' either'}"
+    elif first.certified:
         least = f"it takes {needed}{key}, for with {failed} none was found"
+    else:
+        least = f"{flight}; with {failed} none was found"
     repairs = [
         f"{one.text} of {amount(one.needed, one)} instead of {amount(one.given, one)}{how_to_set(one)}"
         for one in others
@@ -145,15 +146,17 @@ class TrialFlight:
         certified: whether it is certified.
         work: how much of what a trial may take (1) it took.
         guess: the flight on a mesh, to go on from; None if none was found.
+        was_tried: whether the race was tried to the end; else, without a flight, nothing is known of it.
     """
 
     race_time: float | None
     certified: bool
     work: float
     guess: tuple[Mesh, Iterate] | None = None
+    was_tried: bool = True
 
 
-NOTHING_FLOWN = TrialFlight(None, certified=False, work=0.0)
+NOT_TRIED = TrialFlight(None, certified=False, work=0.0, was_tried=False)
 
 
 def certify(session: SolverSession, race: Race, near: Relaxed) -> StageResult | None:
@@ -163,7 +166,7 @@ def certify(session: SolverSession, race: Race, near: Relaxed) -> StageResult | 
 
 
 @record
-class _Trials:
+class Trials:
     """Trials of races with other numbers: near a relaxed flight, else from their own plans; or on from a flight.
 
     Each has a budget of its own, and all of them that of the session.
@@ -187,7 +190,7 @@ class _Trials:
         if before.guess is not None:
             return self._fly(_start_on(race, near, *before.guess))
         first = self._fly(_start_near(race, near))
-        if first.race_time is not None:
+        if first.race_time is not None or not first.was_tried:
             return first
         flight = formulate(self.stage, race, self.session.settings)
         mesh = first_mesh(flight.plan, self.session.settings.mesh)
@@ -198,8 +201,10 @@ class _Trials:
         settings, whole = self.session.settings, self.session.budget
         limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        own = TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals))
-        budget = Budget(min(own, whole.work - whole.spent), failed_only=False)
+        own, left = TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals)), whole.work - whole.spent
+        if left <= 0.0:
+            return NOT_TRIED
+        budget = Budget(min(own, left), failed_only=False)
         session = dataclasses.replace(self.session, settings=settings, budget=budget)
         found = solve_certified(session, start, settings.solver.primary)
         whole.spent += budget.spent
@@ -207,7 +212,7 @@ class _Trials:
         if isinstance(found, StageResult):
             return TrialFlight(found.trajectory.race_time, found.certified, work, coarse_mesh(found))
         if found.coarser is None:
-            return dataclasses.replace(NOTHING_FLOWN, work=work)
+            return TrialFlight(None, certified=False, work=work, was_tried=left >= own or not budget.exhausted)
         optimum = found.coarser
         return TrialFlight(optimum.race_time, certified=False, work=work, guess=(optimum.problem.mesh, optimum.iterate))
 
@@ -264,7 +269,9 @@ class RepairTrial:
         )
 
     def after_failing(self, before: "RepairTrial") -> "RepairTrial":
-        """Return it, after one with a stricter value that was not certified."""
+        """Return it, after one with a stricter value that was not certified; what was not tried has not failed."""
+        if not before.flight.was_tried:
+            return self
         flies = before.flight.race_time is not None
         return dataclasses.replace(self, failed=before.value, failed_flies=flies)
 
@@ -286,7 +293,7 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
         others: the first repairs of the other conflicts, which are made meanwhile.
     """
 
-    def attempt(repair: Repair, margin: int, before: TrialFlight = NOTHING_FLOWN) -> RepairTrial:
+    def attempt(repair: Repair, margin: int, before: TrialFlight = NOT_TRIED) -> RepairTrial:
         return _attempt(race, fly, repair, repair.value(margin), others, before)
 
     trials: list[RepairTrial] = []
@@ -306,7 +313,8 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
                 break
             milder = attempt(one.repair, margin, last.flight).after_failing(latest)
             work += milder.flight.work
-            last, latest = last if milder.flight.race_time is None else milder, milder
+            last = last if milder.flight.race_time is None else milder
+            latest = milder if milder.flight.was_tried else latest
         certified = certified or last.flight.certified
         if last.flight.race_time is not None:
             found.append(last)
@@ -316,8 +324,9 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
 def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] = ()) -> RepairTrial:
     """Return a repair with the least value that is certified when it is tightened step by step from a flight.
 
-    The value is halved between one that is certified and one that is not, until no rounded value lies between them or
-    the work of `TIGHTENING_WORK` trials is done. Each is flown on from the last one that was certified.
+    The value is halved between one that is certified and one that is not, until no rounded value lies between them,
+    the work of `TIGHTENING_WORK` trials is done, or one is not tried to the end. Each is flown on from the last one
+    that was certified.
 
     Args:
         race: without a flight.
@@ -338,6 +347,8 @@ def tighten(race: Race, fly: Fly, trial: RepairTrial, others: Sequence[Repair] =
             value = least
         stricter = _attempt(race, fly, trial.repair, value, others, best.flight)
         work += stricter.flight.work
+        if not stricter.flight.was_tried:
+            break
         if not stricter.flight.certified:
             least, tried, best = value, True, best.after_failing(stricter)
         else:
@@ -357,4 +368,4 @@ def _attempt(
     try:
         return RepairTrial(repair, value, fly(changed, repair.relaxed, before))
     except InputError:  # the inputs do not allow this value
-        return RepairTrial(repair, value, NOTHING_FLOWN)
+        return RepairTrial(repair, value, NOT_TRIED)
