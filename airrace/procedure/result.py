@@ -210,9 +210,9 @@ class Route:
     Attributes:
         text: what it is, in words.
         race_time: of the whole race on this route, as far as a rough mesh tells, s.
-        difference: to the best, on the same terms, s.
+        difference: to the route of the flight, on the same terms, s; negative for one that is ahead of it.
         evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held.
-        rolls: whether it rolls from side to side on each leg on which it differs from the best.
+        rolls: whether it rolls from side to side on each leg on which it differs from that.
     """
 
     text: str
@@ -227,8 +227,8 @@ class SearchReport:
     """The routes that the search evaluated before a race was optimised.
 
     Attributes:
-        routes: the best first, then the others by race time; empty without a search.
-        converged_to_best: number of joint optimizations that converged to the best route.
+        routes: that of the flight first, then the others by race time; empty without a search.
+        converged_to_best: number of joint optimizations that converged to the first route.
         converged_elsewhere: number that converged to other routes.
         failed: number that did not converge.
         seconds: duration of the search, s.

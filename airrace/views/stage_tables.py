@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.procedure.result import CLEARANCE, GateSplit, SearchReport, StageResult, Status
+from airrace.procedure.choice import HARDLY_SLOWER
+from airrace.procedure.result import CLEARANCE, GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.active_limits import ActiveLimit, active_limits
@@ -111,7 +112,8 @@ def verdict_words(result: StageResult) -> str:
 def claim(results: Sequence[StageResult]) -> str:
     """Return what is claimed of the last of some stages; empty where it does not hold.
 
-    It says e.g. `certified: a local minimum, all limits measured, the best of 23 routes`.
+    It says e.g. `certified: a local minimum, all limits measured, the best of 23 routes`, or `the simplest within 10 ms
+    of the best of 23 routes` where a faster flight was left for it.
 
     Args:
         results: the stage and those before it, of which the last one that searched tells how many routes there were.
@@ -122,8 +124,21 @@ def claim(results: Sequence[StageResult]) -> str:
     verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
     count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
     routes = f"the best of {count} routes" if count > 1 else "no other route was evaluated"
+    if _left_faster(results):
+        fastest = routes if count > 1 else "the fastest flight"
+        routes = f"the simplest within {1e3 * HARDLY_SLOWER:.0f} ms of {fastest}"
     optimum, touched = _optimum(results[-1].certificate), _touches(results[-1].certificate)
     return f"{verdict}: {optimum}, all limits measured{meshes}, {routes}{touched}"
+
+
+def _left_faster(results: Sequence[StageResult]) -> bool:
+    """Tell whether a faster flight was left for that of the last stage, in it or where its route was chosen last."""
+    for number in range(len(results) - 1, -1, -1):
+        if any(note.kind is NoteKind.SIMPLER_ROUTE for note in results[number].notes):
+            return True
+        if number and results[number - 1].alternatives:
+            return False  # which were flown in this stage, too, so it has chosen anew
+    return False
 
 
 def _optimum(certificate: Certificate | None) -> str:
@@ -149,7 +164,9 @@ def _touches(certificate: Certificate | None) -> str:
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
-    """Return a table of the best route and those that came next, on a coarse mesh.
+    """Return a table of the route of the flight and those that came next, on a coarse mesh.
+
+    It is called the best where none is ahead of it there.
 
     Args:
         search: of a stage that tried routes.
@@ -159,20 +176,22 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
     """
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
     tried = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s"
-    best_route, *others = search.routes
+    own, *others = search.routes
+    place = "chosen" if any(route.difference < 0.0 for route in others) else "best"
     rolls = [route for route in others if route.rolls and abs(route.difference) <= NEAR_ROLLS]
     rolls = rolls if len(rolls) > 1 else []
-    rows: list[tuple[str | float, ...]] = [(best_route.text, best_route.race_time, "best", best_route.evaluated_by)]
+    rows: list[tuple[str | float, ...]] = [(own.text, own.race_time, place, own.evaluated_by)]
     if rolls:
         behind = 1e3 * max(route.difference for route in rolls)
-        words = f"{len(rolls)} routes that roll otherwise on a leg, the last of them {behind:.0f} ms behind"
+        last = f"{abs(behind):.0f} ms {'ahead' if behind < 0.0 else 'behind'}"
+        words = f"{len(rolls)} routes that roll otherwise on a leg, the last of them {last}"
         rows.append((words, rolls[0].race_time, rolls[0].difference, ""))
     listed = [route for route in others if route not in rolls]
     shown = listed if most is None else listed[: max(most - len(rows), 0)]
     rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in shown]
     if len(shown) < len(listed):
         rows.append((f"and {len(listed) - len(shown)} more", "", "", ""))
-    return Table(title or f"{tried}, {best} of {starts} multistarts converged to the best", _SEARCH, rows, notes)
+    return Table(title or f"{tried}, {best} of {starts} multistarts converged to the {place}", _SEARCH, rows, notes)
 
 
 _DISTANCES = (

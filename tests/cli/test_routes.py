@@ -218,6 +218,16 @@ def test_routes_that_roll_otherwise_and_hardly_cost_time_share_a_line() -> None:
     assert "1:g4 -> 1:g5: straight" in " ".join(render(search_table(SearchReport((best, near[1])))).split())
 
 
+def test_the_route_of_the_flight_is_no_best_where_another_is_ahead_on_the_coarse_mesh() -> None:
+    own = Route("no long turns", 10.0, 0.0, "joint")
+    ahead = [Route(f"1:g{leg} -> 1:g{leg + 1}: flat", 10.0, -0.002 * leg, "window", rolls=True) for leg in (1, 4)]
+    shown = " ".join(render(search_table(SearchReport((own, *ahead), converged_to_best=1))).split())
+    assert "best" not in shown
+    assert "no long turns 10.000 chosen" in shown
+    assert "1 of 1 multistarts converged to the chosen" in shown
+    assert "the last of them 2 ms ahead" in shown
+
+
 def test_object_of_a_route_without_a_number_is_json() -> None:
     lost = replace(explored(1), routes=(Route("nowhere", float("nan"), float("inf"), "window"),))
     text = json.dumps(run_object("t", [contested(lost)], 1.0, certified=True), allow_nan=False)

@@ -8,7 +8,7 @@ from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.procedure.certification import negative_curvature
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Note, NoteKind, Route, SearchReport, StageResult
 from airrace.procedure.stage import Stage
 from airrace.views.stage_tables import claim
 
@@ -59,3 +59,30 @@ def test_of_a_saddle_nothing_is_claimed() -> None:
 
 def test_a_curvature_that_could_not_be_measured_never_holds() -> None:
     assert not negative_curvature(None).holds
+
+
+LEFT = (Note(NoteKind.SIMPLER_ROUTE, "another one was left"),)
+TRIED = SearchReport(tuple(Route(name, 10.0, 0.0, "joint") for name in "abc"))
+
+
+def routes_claimed(*results: StageResult) -> str:
+    return claim(results).rpartition("all limits measured, ")[2]
+
+
+def test_the_best_is_claimed_only_where_no_faster_flight_was_left_for_a_simpler_one() -> None:
+    searched = replace(stage_result(Stage.POINT_MASS), search=TRIED)
+    assert routes_claimed(searched) == "the best of 3 routes"
+    simpler = replace(searched, notes=LEFT)
+    assert routes_claimed(simpler) == "the simplest within 10 ms of the best of 3 routes"
+    alone = stage_result(Stage.POINT_MASS)
+    assert routes_claimed(alone) == "no other route was evaluated"
+    assert routes_claimed(replace(alone, notes=LEFT)) == "the simplest within 10 ms of the fastest flight"
+    assert routes_claimed(replace(searched, notes=(Note(NoteKind.START, LEFT[0].text),))) == "the best of 3 routes"
+
+
+def test_a_stage_above_has_the_choice_of_the_stage_below_unless_it_has_chosen_anew() -> None:
+    below, above = replace(stage_result(Stage.POINT_MASS), search=TRIED, notes=LEFT), stage_result(Stage.SIX_DOF)
+    assert routes_claimed(below, above) == "the simplest within 10 ms of the best of 3 routes"
+    contested = replace(below, alternatives=(stage_result(Stage.POINT_MASS),))
+    assert routes_claimed(contested, above) == "the best of 3 routes"
+    assert routes_claimed(contested, replace(above, notes=LEFT)).startswith("the simplest within 10 ms")
