@@ -340,12 +340,12 @@ class FidelityContinuation:
             results.append(job(session))
         if not any(one.holds for one in results):
             results.append(self._optimum(Stage.POINT_MASS, known, session))
-        started = len(results)
+        started, origin = len(results), place_of(fastest_of(results), results)
         results = list(self._resolve_near_ties(self.with_other_sides(results, session), session))
         result = self._chosen(results)
         winner = place_of(result, results)
-        if winner >= started:  # past a pylon on its other side, on the route of the one chosen before
-            winner = place_of(self.choice(results[:started]), results)
+        if winner >= started:  # past a pylon on its other side, on the route of the fastest before
+            winner = origin
         report = found.report(winner) if winner < len(found.starts) else best
         for loop in report.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)

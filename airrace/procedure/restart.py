@@ -23,12 +23,13 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.procedure.choice import fastest_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.multistart.multistart import RoutesAround
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
-from airrace.procedure.result import NOT_SEARCHED, Route, StageProvenance, StageResult
+from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
     Refined,
@@ -158,11 +159,13 @@ def start_from(
             what = "has become faster" if is_faster else "is simpler to fly and hardly slower"
             told = f"{another.name}: another route {what}: {route_of(best)}"
             remark = "; ".join([*filter(None, [remark]), told])
-        if around is not None:
-            searched = around.report
-        else:  # what was stored is all that was evaluated
+        # Past a pylon on its other side it is on the route of the fastest flight before.
+        taken = best if any(best is one for one in known) else fastest_of(known)
+        if around is not None and (taken is main or taken is faster):
+            searched = around.report if taken is faster else around.report_on_stored
+        else:  # around what was stored first was searched, if at all: these optima are what is comparable
             times = [(route_of(one), one.trajectory.race_time) for one in (best, *slower)]
-            routes = tuple(Route(text, time, time - times[0][1], "joint") for text, time in times)
+            routes = tuple(Route(text, time, time - times[0][1], OPTIMUM) for text, time in times)
             searched = replace(NOT_SEARCHED, routes=routes if slower else ())
         best = continuation.with_note_on_faster(best, flights)
         best = replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=searched)

@@ -203,15 +203,19 @@ NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0),
 """The empty record."""
 
 
+OPTIMUM = "optimum"
+"""What a route was evaluated by whose race time is that of an optimum of the stage, and no rough one."""
+
+
 @record
 class Route:
     """A route that was tried.
 
     Attributes:
         text: what it is, in words.
-        race_time: of the whole race on this route, as far as a rough mesh tells, s.
+        race_time: of the whole race on this route, as far as a rough mesh tells unless it is an optimum, s.
         difference: to the route of the flight, on the same terms, s; negative for one that is ahead of it.
-        evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held.
+        evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held; `OPTIMUM`.
         rolls: whether it rolls from side to side on each leg on which it differs from that.
     """
 
@@ -241,6 +245,11 @@ class SearchReport:
     failed: int = 0
     seconds: float = 0.0
     loops: tuple[str, ...] = ()
+
+    @property
+    def refined(self) -> bool:
+        """Whether the race times are those of optima of the stage, not those of the point mass on a rough mesh."""
+        return bool(self.routes) and all(route.evaluated_by == OPTIMUM for route in self.routes)
 
 
 NOT_SEARCHED = SearchReport()

@@ -76,7 +76,9 @@ def search_section(result: StageResult) -> str:
     search = result.search
     if not search.routes:
         return ""
-    mesh = "Race times are those of the point mass on a rough mesh; the best way was then optimised in full."
+    mesh = "Race times are those of the point mass on a rough mesh; the first route was then optimised in full."
+    if search.refined:
+        mesh = f"Race times are those of optima of the {result.stage.value}."
     return table_section(search_table(search, "Routes that were tried", notes=[mesh, *search.loops]))
 
 

@@ -68,7 +68,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
             for alternative in result.alternatives
         ],
         "mesh": mesh_object(result),
-        "routes": [  # race times and differences are those of a rough mesh
+        "routes": [  # race times and differences are those of a rough mesh, of optima refined ones
             {
                 "route": route.text,
                 "race_time_s": finite(route.race_time),

@@ -71,9 +71,8 @@ def certificate_table(certificate: Certificate, title: str, notes: Sequence[str]
     return Table(title, _CERTIFICATE, rows, [*notes, *judged])
 
 
-_SEARCH = (
+_ROUTE, _BEHIND, _EVALUATED = (
     Column("route", wraps=True),
-    Column("rough time", "s", ".3f", rank=2),
     Column("behind", "s", "+z.3f"),
     Column("evaluated by", rank=1),
 )
@@ -164,7 +163,7 @@ def _touches(certificate: Certificate | None) -> str:
 
 
 def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
-    """Return a table of the route of the flight and those that came next, on a coarse mesh.
+    """Return a table of the route of the flight and those that came next, on a coarse mesh or refined.
 
     It is called the best where none is ahead of it there.
 
@@ -175,7 +174,6 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         notes: sentences that belong to it.
     """
     best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
-    tried = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s"
     own, *others = search.routes
     place = "chosen" if any(route.difference < 0.0 for route in others) else "best"
     rolls = [route for route in others if route.rolls and abs(route.difference) <= NEAR_ROLLS]
@@ -191,7 +189,12 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
     rows += [(route.text, route.race_time, route.difference, route.evaluated_by) for route in shown]
     if len(shown) < len(listed):
         rows.append((f"and {len(listed) - len(shown)} more", "", "", ""))
-    return Table(title or f"{tried}, {best} of {starts} multistarts converged to the {place}", _SEARCH, rows, notes)
+    told, time = f"routes: {len(search.routes)} optimised", "race time"
+    if not search.refined:
+        told, time = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s", "rough time"
+        told += f", {best} of {starts} multistarts converged to the {place}"
+    columns = (_ROUTE, Column(time, "s", ".3f", rank=2), _BEHIND, _EVALUATED)
+    return Table(title or told, columns, rows, notes)
 
 
 _DISTANCES = (

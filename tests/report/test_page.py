@@ -23,12 +23,12 @@ import airrace
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.procedure.result import Route, SearchReport, Status
+from airrace.procedure.result import OPTIMUM, Route, SearchReport, Status
 from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, STRIPS, as_json, contents_of, pack, short_labels, time_lost
 from airrace.report.flight_page import flight_page
 from airrace.report.script import FOLDER, LIBRARIES, join_modules, page_script
-from airrace.report.sections import claim_section, number
+from airrace.report.sections import claim_section, number, search_section
 from airrace.results import Confirmation, Flight, ReserveState
 from airrace.results.comparison import compare_flights
 from airrace.results.flight_facts import leg_facts
@@ -167,6 +167,14 @@ def test_a_later_stage_lists_the_routes_that_were_tried_before_it(tmp_path: Path
     explored.save(tmp_path / "explored.h5")
     assert route.text in read(report_of_flights([str(tmp_path / "explored.h5")])[0]).texts["td"]
     assert "Routes that were tried" not in report_page(run)
+
+
+@pytest.mark.parametrize(("evaluated", "words"), [("joint", "on a rough mesh"), (OPTIMUM, "optima of the point-mass")])
+def test_race_times_of_routes_are_called_what_they_are(evaluated: str, words: str) -> None:
+    result = half_cuban().stage("point-mass").result
+    shown = search_section(replace(result, search=SearchReport((Route("flat", 9.25, 0.0, evaluated),))))
+    assert words in shown
+    assert ("rough" in shown) is (evaluated != OPTIMUM)
 
 
 def test_a_table_shows_numbers_as_people_write_them() -> None:

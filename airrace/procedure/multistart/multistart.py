@@ -249,12 +249,14 @@ class RoutesAround:
         phases: the numbers of the phases that it takes on another route.
         text: which route that is and what it saves, in words; empty where it is the same.
         report: what was tried, the fastest flight first.
+        report_on_stored: the same, the flight itself first.
     """
 
     best: CoarseSolution
     phases: frozenset[int] = frozenset()
     text: str = ""
     report: SearchReport = NOT_SEARCHED
+    report_on_stored: SearchReport = NOT_SEARCHED
 
 
 def search_around(
@@ -290,12 +292,13 @@ def search_around(
     saved = base.race_time - best.race_time
     tried, pace = search.result(), LOCAL.planning_radius.scale(point_mass.plan.cruise)
     tried = replace(tried, flights=(*tried.flights, base))
-    report = _report(tried, best, course, pace, time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    reports = [_report(tried, one, course, pace, seconds) for one in (best, base)]
     if not segments or saved <= SAVED_MIN:
-        return RoutesAround(best, report=report)
+        return RoutesAround(best, frozenset(), "", *reports)
     phases = frozenset(phase for one in segments for phase in range(one.first, one.last))
     text = f"{describe_segments(course, best, segments)}, saves about {saved:.2f} s"
-    return RoutesAround(best, phases, text, report)
+    return RoutesAround(best, phases, text, *reports)
 
 
 def _as_point_mass(point_mass: StageProblem, source: StageProblem, optimum: StageResult) -> Iterate:

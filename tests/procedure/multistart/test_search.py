@@ -40,7 +40,7 @@ from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, Search, SearchBudget
 from airrace.procedure.multistart.window import EvaluatedMove
-from airrace.procedure.result import Route, Silent, StageResult, Status
+from airrace.procedure.result import Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
@@ -48,7 +48,7 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.trajectory import Trajectory
-from airrace.views.stage_tables import claim
+from airrace.views.stage_tables import claim, search_table
 
 SAME = 5e-3  # s
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -306,6 +306,10 @@ def test_around_a_flight_the_wrong_way_round_the_right_way_is_found_and_told() -
     assert float(saved) > 5.0
     assert found.best.race_time < wrong.trajectory.race_time - 5.0
     assert found.phases
+    first, kept = found.report.routes[0], found.report_on_stored.routes[0]
+    assert first.race_time == found.best.race_time
+    assert kept.race_time == pytest.approx(wrong.trajectory.race_time, abs=0.1)
+    assert min(one.difference for one in found.report_on_stored.routes) < -5.0
 
 
 def test_around_a_good_flight_no_other_route_is_found() -> None:
@@ -441,6 +445,41 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
         result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
         assert result.remarks == ""
+
+
+def reported(text: str) -> SearchReport:
+    return SearchReport((Route(text, 9.0, 0.0, "joint"), Route("another", 9.5, 0.5, "window")))
+
+
+def test_the_report_of_a_search_around_a_flight_begins_with_the_route_of_the_flight_that_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    good = started(optimum(SLALOM), QUICK)
+    quicker = dataclasses.replace(good, trajectory=scaled(good, 0.99))
+    found = planned_coarse_solution(SLALOM)
+    promise = RoutesAround(found, frozenset({1}), "the promise", reported("of the search"), reported("of the stored"))
+    monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_: lambda _: promise)
+    for other, first in ((slower(good), "of the stored"), (quicker, "of the search")):
+        monkeypatch.setattr(FidelityContinuation, "refine_route", lambda *_, found=other: found)
+        assert started(optimum(SLALOM), QUICK).search.routes[0].text == first
+
+
+@pytest.mark.parametrize("chosen", [OFF, QUICK])
+def test_where_an_alternative_has_become_the_fastest_the_optima_of_the_stage_are_told(
+    chosen: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The search was around another flight, and its rough race times are not comparable with theirs."""
+    found = RoutesAround(planned_coarse_solution(SLALOM), report_on_stored=reported("of the stored"))
+    monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_: lambda _: None if chosen is OFF else found)
+    result = started(dataclasses.replace(optimum(SLALOM, OFF), alternatives=(optimum(SLALOM),)), chosen)
+    texts = [route.text for route in result.search.routes]
+    assert texts == ["an alternative of the stored one", "the stored one"]
+    times = [result.trajectory.race_time, *(one.trajectory.race_time for one in result.alternatives)]
+    assert [route.race_time for route in result.search.routes] == times
+    words = " ".join(search_table(result.search).text().split())
+    assert "race time" in words
+    assert "rough" not in words
+    assert "multistarts" not in words
 
 
 def slower(result: StageResult) -> StageResult:
