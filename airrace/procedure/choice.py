@@ -5,12 +5,10 @@ import math
 from collections.abc import Callable, Sequence
 
 from airrace.procedure.complexity import FlightComplexity
-from airrace.procedure.result import Note, NoteKind, StageResult
+from airrace.procedure.result import HARDLY_SLOWER, Note, NoteKind, StageResult
 
 SAME_FLIGHT = 2e-4
 """The difference of race times below which two optima from different starts are one, s."""
-HARDLY_SLOWER = 0.010
-"""The difference of race times below which the flight that is simpler to fly is chosen, s."""
 
 
 def fastest_of(results: Sequence[StageResult]) -> StageResult:

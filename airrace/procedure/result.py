@@ -117,6 +117,10 @@ class StageProvenance:
 NO_PROVENANCE = StageProvenance()
 
 
+HARDLY_SLOWER = 0.010
+"""The difference of race times below which the flight that is simpler to fly is chosen, s."""
+
+
 class NoteKind(Enum):
     """What a note is about."""
 

@@ -4,8 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from airrace.optimal_control.certificate import Certificate, Curvature
-from airrace.procedure.choice import HARDLY_SLOWER
-from airrace.procedure.result import CLEARANCE, GateSplit, NoteKind, SearchReport, StageResult, Status
+from airrace.procedure.result import CLEARANCE, HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.active_limits import ActiveLimit, active_limits
@@ -192,7 +191,7 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
     told, time = f"routes: {len(search.routes)} optimised", "race time"
     if not search.refined:
         told, time = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s", "rough time"
-        told += f", {best} of {starts} multistarts converged to the {place}"
+        told += f", {best} of {starts} multistarts converged to the {place} one"
     columns = (_ROUTE, Column(time, "s", ".3f", rank=2), _BEHIND, _EVALUATED)
     return Table(title or told, columns, rows, notes)
 

@@ -224,7 +224,7 @@ def test_the_route_of_the_flight_is_no_best_where_another_is_ahead_on_the_coarse
     shown = " ".join(render(search_table(SearchReport((own, *ahead), converged_to_best=1))).split())
     assert "best" not in shown
     assert "no long turns 10.000 chosen" in shown
-    assert "1 of 1 multistarts converged to the chosen" in shown
+    assert "1 of 1 multistarts converged to the chosen one" in shown
     assert "the last of them 2 ms ahead" in shown
 
 

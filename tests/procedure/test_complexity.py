@@ -10,10 +10,9 @@ from races import PLAN, SMALL, optimum, prepared
 
 from airrace.frames import quaternion
 from airrace.procedure import fidelity_continuation
-from airrace.procedure.choice import HARDLY_SLOWER
 from airrace.procedure.complexity import FlightComplexity, complexity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.result import NoteKind, StageResult, Status
+from airrace.procedure.result import HARDLY_SLOWER, NoteKind, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.trajectory import Array
 
