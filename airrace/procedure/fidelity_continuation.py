@@ -483,6 +483,8 @@ class FidelityContinuation:
             return Start(along, *self._plan_guess(along, session), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
+            if pieces is None:  # nor has the plan led anywhere
+                self._conflict(session)
             first = self._homotopy(session)
             has_failed = any(one.kind is NoteKind.PLANNED_PHASES for one in first.notes)
             if has_failed and (where := self._conflict(session)):
