@@ -168,7 +168,11 @@ def _columns(path: Path) -> tuple[list[str], Array, bool]:
     headers = next(table)
     numbers = [place for place, header in enumerate(headers) if header != "phase"]
     rows = [[float(row[place]) for place in numbers] for row in table]
-    return [headers[place] for place in numbers], np.array(rows), any(line.startswith("# certified: yes") for line in lines)
+    return (
+        [headers[place] for place in numbers],
+        np.array(rows),
+        any(line.startswith("# certified: yes") for line in lines),
+    )
 
 
 def _is_gate(passing: str, kinds: Mapping[str, str]) -> bool:
