@@ -43,7 +43,7 @@ from airrace.procedure.solve_and_refine import (
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES, Stage
-from airrace.procedure.stage_problem import StageProblem, coarse_mesh, formulate, mesh_of
+from airrace.procedure.stage_problem import StageProblem, coarse_mesh, formulate, mesh_of, without_pilot_limits
 from airrace.procedure.warm_start import InitialBarrier, Start, map_controls, track, trimmed_start
 from airrace.records import record
 
@@ -136,11 +136,13 @@ class FidelityContinuation:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
         fidelity = fidelity_of(stage)
-        if fidelity.guess:
-            return dataclasses.replace(self.flight(Stage.POINT_MASS), fidelity=fidelity)
         if stage not in self._flights:
             with defer_signals():
-                self._flights[stage] = formulate(stage, self._race, self._settings)
+                if fidelity.guess:
+                    flight = without_pilot_limits(self.flight(Stage.POINT_MASS), self._race)
+                    self._flights[stage] = dataclasses.replace(flight, fidelity=fidelity)
+                else:
+                    self._flights[stage] = formulate(stage, self._race, self._settings)
         return self._flights[stage]
 
     def along(self, stage: Stage, optimum: StageResult) -> StageProblem:
