@@ -203,7 +203,7 @@ def draw_figure_4(runs: Path) -> None:
     in_space.set(xlabel="east m", ylabel="north m", zlabel="height m", xlim=(-150, 150))
     in_space.view_init(elev=18.0, azim=-50.0)
     along.set(xlabel="east m (the wind blows from the left)", ylabel="height m", aspect="equal", xlim=(-80, 80))
-    along.legend(loc="lower left")
+    in_space.legend(loc="upper left")
     path = PICTURES / "half_cuban_eight_wind.png"
     figure.savefig(path, dpi=120)
     shrink(path)
