@@ -35,6 +35,7 @@ from airrace.procedure.stage_problem import (
     mesh_of,
     regularisation_share,
     trajectory_of,
+    without_pilot_limits,
 )
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.records import record
@@ -130,7 +131,7 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
 
 def _recompute_one(race: Race, settings: Settings, result: StageResult, service: SolverService) -> StageResult:
     if fidelity_of(result.stage).guess:
-        flight = formulate(Stage.POINT_MASS, race, settings)
+        flight = without_pilot_limits(formulate(Stage.POINT_MASS, race, settings), race)
         trajectory = trajectory_of(flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory))
         return replace(result, trajectory=trajectory, splits=gate_splits(flight, trajectory), certificate=None)
     found = measure(race, settings, TrustedData.of(result), service)
