@@ -44,10 +44,10 @@ class ConstraintRow(NamedTuple):
 
 
 class RowBlock(NamedTuple):
-    """Limits that hold at each of some nodes; `source` as of a row."""
+    """Limits that hold at each of some nodes; `sources` as of a row, one for each node."""
 
     nodes: Indices
-    source: int
+    sources: Indices
     limits: Sequence[LimitedQuantity]
 
 
@@ -101,16 +101,13 @@ def limits_on(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) ->
 
 def rows_of(blocks: Sequence[RowBlock]) -> ConstraintRows:
     """Return the rows of all blocks, node by node; those of one node in the order of the blocks."""
-    first_of: dict[int, int] = {}  # the first number of limits that blocks share
     limits: list[LimitedQuantity] = []
     rows = [np.zeros((3, 0), dtype=np.int64)]
     for block in (one for one in blocks if one.limits):
-        if id(block.limits) not in first_of:
-            first_of[id(block.limits)] = len(limits)
-            limits += block.limits
-        count, nodes = len(block.limits), len(block.nodes)
-        numbers = np.tile(first_of[id(block.limits)] + np.arange(count), nodes)
-        rows.append(np.stack([np.repeat(block.nodes, count), np.full(count * nodes, block.source), numbers]))
+        count = len(block.limits)
+        numbers = np.tile(len(limits) + np.arange(count), len(block.nodes))
+        rows.append(np.stack([np.repeat(block.nodes, count), np.repeat(block.sources, count), numbers]))
+        limits += block.limits
     whole = np.concatenate(rows, axis=1)
     node, source, number = np.ascontiguousarray(whole[:, np.argsort(whole[0], kind="stable")])
     return ConstraintRows(node, source, number, limits)
@@ -236,13 +233,17 @@ class Layout:
     @cached_property
     def rows(self) -> ConstraintRows:
         """The constraints besides the gaps: at every node those of the path, then those of what is observed there."""
-        known: dict[tuple[int, int], Sequence[LimitedQuantity]] = {}  # what limits a watch is the same at all its nodes
         blocks = self._path_blocks()
-        for number, sample in enumerate(self.output_samples):
-            shared = id(sample.observation), id(sample.bounds)
-            if shared not in known:
-                known[shared] = limits_on(sample.observation.quantities, sample.bounds)
-            blocks.append(RowBlock(np.array([sample.node]), number, known[shared]))
+        # What limits a watch is the same at all its nodes, whose samples follow one another.
+        first = 0
+        for _, watch in itertools.groupby(
+            self.output_samples, lambda sample: (id(sample.observation), id(sample.bounds))
+        ):
+            samples = list(watch)
+            nodes, numbers = np.array([sample.node for sample in samples]), first + np.arange(len(samples))
+            limits = limits_on(samples[0].observation.quantities, samples[0].bounds)
+            blocks.append(RowBlock(nodes, numbers, limits))
+            first += len(samples)
         return rows_of(blocks)
 
     def _path_blocks(self) -> list[RowBlock]:
@@ -258,11 +259,12 @@ class Layout:
             meeting = phase > 0 and begin not in self.jump_at
             if meeting:
                 both = {name: one.intersect(ranges[phase][name]) for name, one in ranges[phase - 1].items()}
-                blocks.append(RowBlock(np.array([begin]), -1, limits_on(path, both)))
-            blocks.append(RowBlock(np.arange(begin + meeting, end), -1, limits_on(path, ranges[phase])))
+                blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, both)))
+            nodes = np.arange(begin + meeting, end)
+            blocks.append(RowBlock(nodes, np.full(len(nodes), -1), limits_on(path, ranges[phase])))
         with_control = () if values is None else values.jac_sparsity(0, 1).get_triplet()[0]
         last = [one for one in limits_on(path, ranges[-1]) if one.component not in with_control]
-        return [*blocks, RowBlock(self.first_node[-1:], -1, last)]
+        return [*blocks, RowBlock(self.first_node[-1:], np.array([-1]), last)]
 
     @cached_property
     def stage_rows(self) -> Indices:

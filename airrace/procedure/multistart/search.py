@@ -208,6 +208,8 @@ class Search:
         Only moves are tried whose window has failed and whose plan is much faster: the whole race is solved along it
         from plans of several radii.
         """
+        if not self._failing:
+            return None
         generator = self._generator(best)
         known = (one for one in generator.moves(set(range(len(best.problem.phases)))) if self._is_promising(one))
         for move in sorted(known, key=lambda one: one.plan_penalty)[:RETRIED_MAX]:
