@@ -3,12 +3,13 @@
 import dataclasses
 
 import pytest
-from races import RACES, ROOT, SMALL, optimum, prepared, settings, solve_point_mass
+from races import DIVING_EIGHT, RACES, ROOT, SMALL, optimum, prepared, settings, solve_point_mass
 
 from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.infeasibility import conflicts
 from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
@@ -29,8 +30,10 @@ def limited(race: Race, **limits: Interval | ClearanceRule) -> Race:
     )
 
 
-# No half Cuban eight can be flown below a ceiling 20 m above its entry.
-CEILING = limited(RACES["half_cuban_eight"], height=Interval(10.0, 100.0))
+# No half Cuban eight can be flown below a ceiling 20 m above its entry, by whatever pilot.
+BELOW = Interval(10.0, 100.0)
+CEILING = limited(DIVING_EIGHT, height=BELOW)
+RACED_CEILING = limited(RACES["half_cuban_eight"], height=BELOW)
 
 
 @pytest.mark.slow
@@ -43,6 +46,31 @@ def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_l
     assert any(phase in result.message for phase in result.trajectory.phases)
     assert "the ceiling of 100 m" in result.message
     assert "rules.ceiling_m" in {one.key for one in result.suggested_changes}
+
+
+@pytest.mark.slow
+def test_a_pilot_s_limits_leave_the_search_for_the_limit_in_conflict_as_good_as_it_is_without_them() -> None:
+    free, raced = (optimum(race, settings(GuessKind.PLAN)) for race in (CEILING, RACED_CEILING))
+    assert raced.outcome is Status.INFEASIBLE
+    assert "pilot" not in raced.message
+    change, other = (result.suggested_changes[0] for result in (free, raced))
+    assert other.certified
+    assert (other.key, other.where) == (change.key, change.where)
+    assert other.needed == pytest.approx(change.needed, abs=5.0)
+    relaxed = [one.success for one in raced.attempts if one.purpose == "every limit giving way"]
+    assert relaxed == [True] * 4  # on both routes without the pilot's limits, then with them
+
+
+@pytest.mark.slow
+def test_a_pilot_s_limits_are_not_blamed_where_others_contradict_each_other_without_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(conflicts, "SETTINGS", dataclasses.replace(conflicts.SETTINGS, conflicts_max=0))
+    (result,) = optimize(RACED_CEILING, settings(GuessKind.PLAN), until=Stage.POINT_MASS, threads=1, progress=Silent())
+    assert result.outcome is Status.INFEASIBLE
+    assert not result.suggested_changes
+    assert "without the limit of height between floor and ceiling (10 to 100 m) there is a flight" in result.message
+    assert "pilot" not in result.message
 
 
 @pytest.mark.slow

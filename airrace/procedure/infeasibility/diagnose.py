@@ -16,7 +16,14 @@ from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.budget import searching_conflicts
-from airrace.procedure.infeasibility.conflicts import KINDS, SETTINGS, ConflictSearch, RelaxedRoutes, Repair
+from airrace.procedure.infeasibility.conflicts import (
+    KINDS,
+    SETTINGS,
+    ConflictSearch,
+    RelaxedRoutes,
+    Repair,
+    conflict_location,
+)
 from airrace.procedure.infeasibility.elastic import Relaxed
 from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.result import StageResult, Status, SuggestedChange
@@ -27,7 +34,6 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.records import record
-from airrace.track.course import PilotLimits
 
 
 @record
@@ -90,8 +96,9 @@ def diagnose_infeasibility(
         message = None if limit is None else "; ".join(text for text in (message, limit) if text)
     elif session.settings.search is SearchEffort.OFF:
         message = f"{message}; other routes were not tried (--search quick tries them)"
-    of_pilot = any(one.key.startswith("rules.pilot.") for one in changes)
-    if message is not None and race.course.rules.pilot != PilotLimits() and (of_pilot or not is_resolved):
+    of_pilot = any(one.key.startswith("rules.pilot.") for one in changes) or not is_resolved
+    # Where other limits contradict each other without the pilot's as well, the pilot's are not to blame.
+    if message is not None and of_pilot and routes.without_pilot and not conflict_location(routes.without_pilot):
         message = f"{message}; or without the pilot's limits (rules.pilot=none), which was not tried"
     if message is not None and routes.budget.exhausted:
         message = f"{message}; more was not tried, for the budget of this search is spent"

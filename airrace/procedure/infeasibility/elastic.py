@@ -110,13 +110,26 @@ class ElasticSolver:
         return self._perturbed.formulation(race)
 
     def solve_all(
-        self, session: SolverSession, race: Race, parameters: Sequence[Parameter[Race]], start: Iterate
+        self,
+        session: SolverSession,
+        race: Race,
+        parameters: Sequence[Parameter[Race]],
+        start: Iterate,
+        start_steps: float = 1.0,
     ) -> Relaxed | None:
-        """Return the least relaxation of all parameters at once, each by as many steps; None if none is found."""
+        """Return the least relaxation of all parameters at once, each by as many steps; None if none is found.
+
+        Args:
+            session: solves.
+            race: with its limits as they are.
+            parameters: that give way.
+            start: a flight.
+            start_steps: the steps by which they give way there.
+        """
         milder = race
         for parameter in parameters:
             milder = parameter.set(milder, parameter.milder)
-        start, most = augment(start, 1.0), OPTIONS.iterations_max
+        start, most = augment(start, start_steps), OPTIONS.iterations_max
         return self._solve(session, race, milder, start, "every limit giving way", most, SETTINGS.steps_max)
 
     def solve_single(
