@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from races import OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepared, seconds, solve_stages
+from races import DIVING_EIGHT, OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepared, solve_stages
 from transformations import mirrored
 
 from airrace.dynamics.observations import settled_observation
@@ -121,12 +121,23 @@ def test_settled_end_is_named_among_what_may_stand_in_the_way() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight"])
-def test_free_start_is_in_mid_manoeuvre_and_no_slower(name: str) -> None:
-    free = solve_stages(ended(RACES[name], FREE, FREE))[-1]
+@pytest.mark.parametrize(
+    "race", [pytest.param(SMALL, id="four_gates"), pytest.param(DIVING_EIGHT, id="half_cuban_eight")]
+)
+def test_free_start_is_in_mid_manoeuvre_and_no_slower(race: Race) -> None:
+    free, settled = (solve_stages(one)[-1] for one in (ended(race, FREE, FREE), race))
     assert free.certified
-    assert free.trajectory.race_time < seconds(name, Stage.SIX_DOF) + 1e-3
-    assert np.abs(left(free, RACES[name], 0)).max() > 1.0
+    assert settled.stage is free.stage is Stage.SIX_DOF
+    assert free.trajectory.race_time < settled.trajectory.race_time + 1e-3
+    assert np.abs(left(settled, race, 0)).max() < 1e-6
+    assert np.abs(left(free, race, 0)).max() > 1.0
+
+
+@pytest.mark.slow
+def test_a_race_pilot_s_start_is_settled_even_where_the_course_leaves_it_free() -> None:
+    free = solve_stages(ended(RACES["half_cuban_eight"], FREE, FREE))[-1]
+    assert free.certified
+    assert np.abs(left(free, RACES["half_cuban_eight"], 0)).max() < 1e-6
 
 
 @pytest.mark.slow
