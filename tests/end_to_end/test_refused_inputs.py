@@ -80,8 +80,15 @@ def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path
     ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *limit, "--json", cwd=tmp_path)
     assert ran.code == 4
     assert ran.answer["certified"] is False
-    assert "cannot be flown with the ceiling of 100 m: it takes 1" in str(ran.answer["error"])
     assert ran.stages == ["point-mass"]
+    (conflict,) = ran.answer["stages"][0]["conflicts"]
+    change = conflict["suggested_changes"][0]
+    assert (change["key"], change["certified"]) == ("rules.ceiling_m", True)
+    assert 179.0 < change["needed"] < 300.0  # it takes 179 m without a floor at the height of the entry
+    setting = f"(rules.ceiling_m={change['needed']:g})"
+    assert f"{conflict['where']} cannot be flown with the ceiling of 100 m: " in str(ran.answer["error"])
+    assert setting in str(ran.answer["error"])
+    assert "pilot" not in str(ran.answer["error"])
     shown = airrace("show", tmp_path / "half_cuban_eight.h5", "--json", cwd=tmp_path)
     assert shown.code == 0
     assert shown.answer["certified"] is False
