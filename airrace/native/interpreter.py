@@ -8,7 +8,6 @@ for `lanes` intervals at once, and have the bits of casadi's own evaluation.
 """
 
 import ctypes
-import heapq
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache, partial
@@ -29,10 +28,9 @@ FUNCTIONS = 5
 """The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
 _ARGUMENTS, _RESULTS = 4, 2  # of a function, at most
 _ALIGNMENT = 64  # bytes of the widest vector
+_LOAD, _STORE = -1, -2  # kinds of rows of `translator.c` beside operations
 
 Table = Sequence[int]
-Operation = tuple[int, int, int]
-"""A kind, and the numbers that it takes. A number is a place of the fixed ones, or that of an operation behind them."""
 
 
 @record
@@ -80,23 +78,20 @@ def bytecode(function: ca.Function) -> Bytecode:
     *arguments, end = accumulate(sizes[0], initial=len(constants))
     *results, fixed = accumulate(sizes[1], initial=end)
     at, known = {text: place for place, text in enumerate(constants)}, operation_numbers()
-    operations: list[Operation] = []
-    outputs: list[tuple[int, int]] = []  # which number belongs at which place of a result
-    holds: dict[int, int] = {}  # the number in each of casadi's variables
+    rows: list[tuple[int, int, int, int]] = []  # kind, arguments, result, see `translator.c`
     for number, kind in enumerate(kinds):
         given, found = function.instruction_input(number), function.instruction_output(number)
         if kind == ca.OP_OUTPUT:
-            outputs.append((results[found[0]] + found[1], holds[given[0]]))
+            rows.append((_STORE, given[0], 0, results[found[0]] + found[1]))
         elif kind == ca.OP_INPUT:
-            holds[found[0]] = arguments[given[0]] + given[1]
+            rows.append((_LOAD, arguments[given[0]] + given[1], 0, found[0]))
         elif kind == ca.OP_CONST:
-            holds[found[0]] = at[repr(float(function.instruction_constant(number)))]
+            rows.append((_LOAD, at[repr(float(function.instruction_constant(number)))], 0, found[0]))
         elif kind in known:
-            operations.append((known[kind], holds[given[0]], holds[given[-1]]))
-            holds[found[0]] = fixed + len(operations) - 1
+            rows.append((known[kind], given[0], given[-1], found[0]))
         else:
             raise KernelError(f"{function.name()}: operation {kind} is not known to the interpreter")
-    code, places = _instructions(operations, fixed, outputs)
+    code, places = _translate(np.array(rows, dtype=np.int32).reshape(-1, 4), fixed)
     if places >= PLACES:
         raise KernelError(f"{function.name()} has too many numbers for the interpreter")
     tables = [
@@ -104,75 +99,20 @@ def bytecode(function: ca.Function) -> Bytecode:
         *([*one, *[0] * (_ARGUMENTS - len(one))] for one in (arguments, sizes[0])),
         *([*one, *[0] * (_RESULTS - len(one))] for one in (results, sizes[1])),
     ]
-    return Bytecode(tables, np.array(code, dtype=np.uint16), list(constants.values()))
+    return Bytecode(tables, code, list(constants.values()))
 
 
-def in_runs(operations: Sequence[Operation], fixed: int) -> list[list[int]]:
-    """Return all operations in an order in which each follows those that it depends on, runs of one kind together.
-
-    Of the operations that could follow, the kind with the most is taken, for as long as there are any of it.
-    """
-    needed_by: list[list[int]] = [[] for _ in operations]
-    missing = [0] * len(operations)
-    ready: dict[int, list[int]] = {}
-    for number, (kind, a, b) in enumerate(operations):
-        before = {one - fixed for one in (a, b) if one >= fixed}
-        missing[number] = len(before)
-        for one in before:
-            needed_by[one].append(number)
-        if not before:
-            ready.setdefault(kind, []).append(number)  # ascending, which a heap is, too
-    runs: list[list[int]] = []
-    while ready:
-        kind = max(ready, key=lambda one: len(ready[one]))
-        waiting, run = ready[kind], list[int]()
-        while waiting:
-            run.append(heapq.heappop(waiting))
-            for one in needed_by[run[-1]]:
-                missing[one] -= 1
-                if not missing[one]:
-                    heapq.heappush(ready.setdefault(operations[one][0], []), one)
-        del ready[kind]
-        runs.append(run)
-    return runs
-
-
-def _instructions(
-    operations: Sequence[Operation], fixed: int, outputs: Sequence[tuple[int, int]]
-) -> tuple[list[Operation], int]:
-    """Return the instructions and the number of places.
-
-    A result is computed where it belongs; what lies between takes a place that is free again after its last use.
-    """
-    place = {number: number for number in range(fixed)}
-    copies: list[tuple[int, int]] = []
-    for to, number in outputs:
-        if number in place:
-            copies.append((to, number))
-        else:
-            place[number] = to
-    runs = in_runs(operations, fixed)
-    order = [number for run in runs for number in run]
-    last = {one: time for time, number in enumerate(order) for one in operations[number][1:]}
-    stays, free, places, time = set(place), list[int](), fixed, 0
-    code: list[Operation] = []
-    for run in runs:
-        code.append((operations[run[0]][0], len(run), 0))
-        for number in run:
-            _, a, b = operations[number]
-            free += [place[one] for one in {a, b} if last[one] == time and one not in stays]
-            if (found := fixed + number) not in stays:
-                if not free:
-                    free.append(places)
-                    places += 1
-                place[found] = free.pop()
-            code.append((place[found], place[a], place[b]))
-            time += 1
-    known = operation_numbers()
-    if copies:
-        code.append((known[ca.OP_ASSIGN], len(copies), 0))
-        code += [(to, place[number], place[number]) for to, number in copies]
-    return [*code, (len(known), 0, 0)], places
+def _translate(rows: NDArray[np.int32], fixed: int) -> tuple[NDArray[np.uint16], int]:
+    """Return the instructions of rows in casadi's order, shape (n, 3), and the number of places."""
+    native, places = library(), ctypes.c_int32()
+    assert native is not None  # nobody else asks
+    code = np.empty((2 * len(rows) + 2, 3), dtype=np.uint16)
+    variables = int(rows[:, 3].max(initial=0)) + 1
+    counts = len(rows), variables, fixed
+    written = native.translate(*counts, rows.ctypes.data, code.ctypes.data, ctypes.addressof(places))
+    if written < 0:
+        raise MemoryError
+    return code[:written], places.value
 
 
 @record

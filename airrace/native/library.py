@@ -75,6 +75,7 @@ class Library:
         operations: casadi's names of the operations that the interpreter knows, by their numbers.
         evaluator: the variant's functions, see `evaluator.h`.
         add_up, add_up_repeated: see `library.c`.
+        translate: see `translator.c`.
     """
 
     variant: str
@@ -83,6 +84,7 @@ class Library:
     evaluator: Any  # ctypes makes its functions up
     add_up: Any
     add_up_repeated: Any
+    translate: Any
 
 
 @cache
@@ -128,6 +130,8 @@ def open_library(path: Path, variant: str | None = None) -> Library:
         raise KernelError(f"this processor executes no variant {variant}")
     for function, numbers, pointers in ((loaded.airrace_add_up, 1, 6), (loaded.airrace_add_up_repeated, 3, 15)):
         function.argtypes, function.restype = (*[_INT64] * numbers, *[_POINTER] * pointers), ctypes.c_int
+    translate = loaded.airrace_translate
+    translate.argtypes, translate.restype = (_INT64, _INT64, ctypes.c_int32, *[_POINTER] * 3), _INT64
     evaluator = chosen.contents
     return Library(
         variant=evaluator.name.decode(),
@@ -136,4 +140,5 @@ def open_library(path: Path, variant: str | None = None) -> Library:
         evaluator=evaluator,
         add_up=loaded.airrace_add_up,
         add_up_repeated=loaded.airrace_add_up_repeated,
+        translate=translate,
     )
