@@ -17,7 +17,7 @@ from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.choice import SAME_FLIGHT, fastest_of, place_of, simplest_of, with_note_on_faster
 from airrace.procedure.complexity import FlightComplexity, complexity_of
-from airrace.procedure.fidelity import fidelity_of, iterate_of
+from airrace.procedure.fidelity import fidelity_of, iterate_of, stage_model
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import solve_homotopy
 from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
@@ -102,7 +102,7 @@ class FidelityContinuation:
     Args:
         first: the stage that a run begins with.
         last: the stage that a run ends with, whose mesh is always checked; None to check that of every stage. The
-            models from the first stage to the last, or of the first alone, are made at once.
+            equations from the first stage to the last, or of the first alone, are made at once.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
@@ -127,7 +127,7 @@ class FidelityContinuation:
         self._coarse_plans: list[CoarseSolution | None] | None = None
         self.done = {result.stage: result for result in finished}
         for stage in STAGES[STAGES.index(first) : STAGES.index(last or first) + 1]:
-            self.flight(stage)  # inputs that contradict each other are reported before anything is solved
+            stage_model(stage, race)  # inputs that contradict each other are reported before anything is solved
 
     def flight(self, stage: Stage) -> StageProblem:
         """Return the model of a stage, made when it is first asked for.
@@ -152,10 +152,13 @@ class FidelityContinuation:
         return dataclasses.replace(flight, plan=route).with_conditions(optimum.pylon_conditions)
 
     def preload(self, stage: Stage, service: SolverService) -> None:
-        """Let a solver process load the equations of a stage, and the scheme that integrates them."""
+        """Let a solver process load the equations of a stage, the scheme that integrates them, and what is observed."""
         flight = self.flight(stage)
-        observed = [] if flight.rooms is None else [flight.rooms.room]
-        service.preload(flight.model.system, flight.fidelity.scheme, observed)
+        problem = flight.problem([(1.0,)] * (len(flight.plan.waypoints) - 1))
+        boundaries = [problem.start, *(phase.end for phase in problem.phases)]
+        watches = [watch for phase in problem.phases for watch in phase.watches]
+        observed = {id(one.observation): one.observation for one in (*boundaries, *watches) if one.observation}
+        service.preload(problem.system, problem.scheme, list(observed.values()))
 
     def prepare(self, stage: Stage) -> None:
         """Make what a stage needs that does not depend on the stage below it."""

@@ -130,6 +130,9 @@ def _solve_stages(
                 session.service.defer(prepare)
         result = continuation.solve_stage(stage, session)
         result, remark = _with_note(result, remark), ""
+        if result.outcome is Status.SOLVED:
+            for following in wanted[:1]:  # while the result is stored and flown along
+                continuation.preload(following, session.service)
         yield result
         if result.outcome is not Status.SOLVED:
             return

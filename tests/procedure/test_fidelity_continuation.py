@@ -5,7 +5,9 @@ import dataclasses
 import itertools
 import math
 import pickle
+from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 import pytest
 from races import (
@@ -14,6 +16,7 @@ from races import (
     PLAN,
     QUICK,
     RACES,
+    SHIPPED,
     SMALL,
     WITHOUT_ANGLES,
     assert_certified,
@@ -34,9 +37,15 @@ from airrace.dynamics.state_space import Surrounding
 from airrace.environment import g0
 from airrace.errors import Finding, InputError
 from airrace.frames import angles, rotation
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.replay import interval_durations
+from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import fidelity
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
+from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.guess import first_mesh
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
@@ -44,6 +53,7 @@ from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
 from airrace.procedure.stored_stages import derived_quantities
 from airrace.procedure.warm_start import FEWEST, first_nodes, map_controls, trimmed_start
+from airrace.system import Observation, System
 from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)
@@ -71,6 +81,26 @@ def test_a_stage_that_aircraft_and_rules_leave_no_model_is_refused_before_any_is
     with pytest.raises(InputError, match=r"rules\.extra"):
         next(optimize(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, progress=Watching()))
     assert not started
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: stage.value)
+def test_all_that_a_stage_observes_is_loaded_before_it_is_solved(stage: Stage) -> None:
+    loaded: set[ca.Function] = set()
+
+    class Service(SolverService):
+        def __init__(self) -> None: ...
+
+        def preload(
+            self, system: System, scheme: RungeKutta = Problem.scheme, observed: Sequence[Observation] = ()
+        ) -> None:
+            loaded.update(one.values for one in observed)
+
+    continuation = FidelityContinuation(SHIPPED["half_cuban_eight"], PLAN, ())
+    continuation.preload(stage, Service())
+    flight = continuation.flight(stage)
+    layout = Layout(flight.problem(first_mesh(flight.plan, PLAN.mesh)))
+    assert len(loaded) > 3
+    assert loaded == {sample.observation.values for sample in layout.output_samples}
 
 
 @each_race
