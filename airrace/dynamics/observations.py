@@ -65,7 +65,7 @@ from airrace.environment import (
 from airrace.frames import Scalar, right_wing, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
-from airrace.system import Observation, column, named_symbols
+from airrace.system import Observation, System, column, named_symbols
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import GateOutput
 from airrace.track.polygons import Point, area
@@ -474,9 +474,9 @@ class PylonRoom(Vector[T]):
     roll_rate: T = quantity("rad/s", text="rate at which the right wing goes down about the path")
 
 
-def pylon_room_observation(model: FlightModel) -> Observation:
+@functools.lru_cache(maxsize=32)
+def pylon_room_observation(system: System) -> Observation:
     """Return the observation of the room for a model; its parameters are the pylon, then the numbers of the model."""
-    system = model.system
     x, p = named_symbols(system.states), named_symbols(system.parameters)
     b = named_symbols(PylonParameters.quantities())
     states, numbers = column(x.values()), column(p.values())

@@ -153,7 +153,8 @@ class FidelityContinuation:
 
     def preload(self, stage: Stage, service: SolverService) -> None:
         """Let a solver process load the equations of a stage, the scheme that integrates them, and what is observed."""
-        flight = self.flight(stage)
+        conditions = [one for result in self.done.values() for one in result.pylon_conditions]
+        flight = self.flight(stage).with_conditions(conditions)
         problem = flight.problem([(1.0,)] * (len(flight.plan.waypoints) - 1))
         boundaries = [problem.start, *(phase.end for phase in problem.phases)]
         watches = [watch for phase in problem.phases for watch in phase.watches]

@@ -13,6 +13,7 @@ condition would change along the flight, and the Hamiltonian with it.
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from operator import attrgetter
 from typing import Self
 
@@ -28,7 +29,7 @@ from airrace.planning.plan import Plan
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.system import Observation
+from airrace.system import Observation, System
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
@@ -148,14 +149,14 @@ class PylonRooms:
     """The rooms beside the pylons of a course that the wing clears, as a model sees them.
 
     Attributes:
-        room: the observation.
+        system: the model.
         pylons: by the names of their elements and their numbers among the pylons of these.
         semispan: from the aircraft's centre to a wing tip, m.
         values: the numbers of aircraft and air.
         conditions: what is asked for; None for the pylons of every passing, as planned.
     """
 
-    room: Observation
+    system: System
     pylons: Mapping[tuple[str, int], PylonPost]
     semispan: float
     values: tuple[float, ...]
@@ -166,11 +167,16 @@ class PylonRooms:
         """Return the rooms for a model on a course."""
         values = tuple(float(value) for value in model.parameter_values)
         pylons = {(one.name, one.post): one for one in cleared_pylons(course)}
-        return cls(pylon_room_observation(model), pylons, 0.5 * span, values)
+        return cls(model.system, pylons, 0.5 * span, values)
+
+    @cached_property
+    def room(self) -> Observation:
+        """The observation; many flights come near no pylon, and need none."""
+        return pylon_room_observation(self.system)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
         """Return the rooms for a model and a course that differ in numbers or obstacles, under the same conditions."""
-        other = dataclasses.replace(self.of(model, course, span), room=self.room)
+        other = dataclasses.replace(self.of(model, course, span), system=self.system)
         return other.with_conditions(self.conditions_on(plan))
 
     def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:

@@ -99,7 +99,7 @@ def test_all_that_a_stage_observes_is_loaded_before_it_is_solved(stage: Stage) -
     continuation.preload(stage, Service())
     flight = continuation.flight(stage)
     layout = Layout(flight.problem(first_mesh(flight.plan, PLAN.mesh)))
-    assert len(loaded) > 3
+    assert len(loaded) > 1
     assert loaded == {sample.observation.values for sample in layout.output_samples}
 
 

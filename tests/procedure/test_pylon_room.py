@@ -47,7 +47,7 @@ def rooms(stage: Stage, chi: float, bank: float, top: float = 25.0) -> dict[str,
     x |= {"q2": math.sin(turn) * math.sin(roll), "q3": math.sin(turn) * math.cos(roll)}
     if "n_z" in x:
         x["n_z"] = 1.0 if bank == 0.0 else 0.0
-    observed = pylon_room_observation(model)
+    observed = pylon_room_observation(model.system)
     found: dict[str, dict[str, float]] = {}
     for name, east in (("west", -6.5), ("east", 6.5)):
         b = np.concatenate([[0.0, east, top, 3.8, 0.0], model.parameter_values])
@@ -121,7 +121,7 @@ def tips_seen(state: Array, east: float, roll_acceleration: float) -> Array:
     """How far to the right of either wing tip a pylon to the east of the origin stands, m, shape (2,)."""
     model = stage_model(Stage.POINT_MASS, RACE)
     b = np.concatenate([[0.0, east, 40.0, 3.8, roll_acceleration], model.parameter_values])
-    seen: Array = np.asarray(pylon_room_observation(model).values(state, b)).ravel()[:2]
+    seen: Array = np.asarray(pylon_room_observation(model.system).values(state, b)).ravel()[:2]
     return seen
 
 
