@@ -253,7 +253,7 @@ def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step:
     end = now + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     if model.system.projection is not None:
         end = _vertcat(model.system.projection(end[:-1]), end[-1])
-    return ca.Function("advance", [now, here, ahead], [end, seen], {"cse": True})
+    return ca.Function("advance", [now, here, ahead], [end, seen])  # the four slopes hardly share anything
 
 
 def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.Function:
