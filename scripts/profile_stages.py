@@ -31,6 +31,7 @@ from airrace.checkpoint import store
 from airrace.control import simulation
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.procedure.fidelity import stage_model
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.stage import Stage
 
@@ -44,6 +45,7 @@ BETWEEN = "-"
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
     REPLAY: (replay.replay, replay.replay_phases, replay.estimate_defect, replay.estimate_error),
     SIMULATION: (simulation.follow, simulation.trim_along),
+    MODELS: (stage_model,),
     FILES: (store.write_checkpoint, store.read_checkpoint, store.read_stored),
 }
 
