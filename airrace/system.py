@@ -4,6 +4,7 @@ Nothing here knows of aircraft; dynamics builds systems, optimal control optimis
 """
 
 import functools
+import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -85,6 +86,11 @@ class Observation:
     values: ca.Function
 
 
+SYMBOLS = threading.RLock()
+"""Held by who makes or pickles functions where other threads may do so: casadi lets other threads run meanwhile, and
+counts references to SX nodes without a lock."""
+
+
 @functools.lru_cache(maxsize=64)
 def side_by_side(one: Observation, other: Observation) -> Observation:
     """Join two observations of the same states: the quantities and parameters of the first, then those of the second.
@@ -94,14 +100,16 @@ def side_by_side(one: Observation, other: Observation) -> Observation:
     """
     if twice := {quantity.name for quantity in one.quantities} & {quantity.name for quantity in other.quantities}:
         raise ValueError(f"{one.name} and {other.name} both observe {', '.join(sorted(twice))}")
-    x = ca.SX.sym("x", one.values.size1_in(0))
-    b, c = ca.SX.sym("b", len(one.parameters)), ca.SX.sym("c", len(other.parameters))
-    values = _vertcat(one.values(x, b), other.values(x, c))
+    with SYMBOLS:
+        x = ca.SX.sym("x", one.values.size1_in(0))
+        b, c = ca.SX.sym("b", len(one.parameters)), ca.SX.sym("c", len(other.parameters))
+        joined = _vertcat(one.values(x, b), other.values(x, c))
+        values = ca.Function("side_by_side", [x, _vertcat(b, c)], [joined], {"cse": True})
     return Observation(
         name=f"{one.name} and {other.name}",
         quantities=(*one.quantities, *other.quantities),
         parameters=(*one.parameters, *other.parameters),
-        values=ca.Function("side_by_side", [x, _vertcat(b, c)], [values], {"cse": True}),
+        values=values,
     )
 
 

@@ -46,6 +46,7 @@ from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh, formulate, mesh_of, without_pilot_limits
 from airrace.procedure.warm_start import InitialBarrier, Start, map_controls, track, trimmed_start
 from airrace.records import record
+from airrace.system import SYMBOLS
 
 logger = logging.getLogger(__name__)
 
@@ -137,7 +138,7 @@ class FidelityContinuation:
         """
         fidelity = fidelity_of(stage)
         if stage not in self._flights:
-            with defer_signals():
+            with SYMBOLS, defer_signals():
                 if fidelity.guess:
                     flight = without_pilot_limits(self.flight(Stage.POINT_MASS), self._race)
                     self._flights[stage] = dataclasses.replace(flight, fidelity=fidelity)
@@ -170,7 +171,7 @@ class FidelityContinuation:
 
     def _simulator(self, stage: Stage) -> TrackingSimulator:
         if stage not in self._simulators:
-            with defer_signals():
+            with SYMBOLS, defer_signals():
                 self._simulators[stage] = tracking_simulator(self.flight(stage).model, fidelity_of(stage).controller())
         return self._simulators[stage]
 
@@ -554,7 +555,7 @@ class FidelityContinuation:
         """Yield the starts of a higher fidelity: along the stage below, trimmed in it, trimmed in the point mass."""
 
         def trimmed_in(optimum: StageResult) -> Start:
-            with defer_signals():
+            with SYMBOLS, defer_signals():
                 return trimmed_start(self.along(stage, optimum), self.along(optimum.stage, optimum), optimum)
 
         yield functools.partial(self.start_along, stage, below, session)

@@ -29,7 +29,7 @@ from airrace.planning.plan import Plan
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.system import Observation, System
+from airrace.system import SYMBOLS, Observation, System
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
@@ -172,7 +172,8 @@ class PylonRooms:
     @cached_property
     def room(self) -> Observation:
         """The observation; many flights come near no pylon, and need none."""
-        return pylon_room_observation(self.system)
+        with SYMBOLS:
+            return pylon_room_observation(self.system)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
         """Return the rooms for a model and a course that differ in numbers or obstacles, under the same conditions."""

@@ -19,7 +19,7 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.records import record
-from airrace.system import System
+from airrace.system import SYMBOLS, System
 
 PREPARED_INTERVALS = 600
 """The number of intervals of all problems together that a solver process keeps ready for the next request.
@@ -86,15 +86,11 @@ class _Definition:
 
 
 _known: dict[int, tuple[ca.Function, _Definition]] = {}  # by id, which the reference keeps valid
-_pickling = threading.Lock()
 
 
 def _definition(function: ca.Function) -> _Definition:
-    """Pickle a function, once for all solver processes.
-
-    One thread at a time: casadi lets other threads run meanwhile, and counts references to SX nodes without a lock.
-    """
-    with _pickling:
+    """Pickle a function, once for all solver processes."""
+    with SYMBOLS:
         if id(function) not in _known:
             content = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
             _known[id(function)] = function, _Definition(hashlib.sha256(content).hexdigest(), content)
