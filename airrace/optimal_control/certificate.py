@@ -10,6 +10,8 @@ from airrace.records import record
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
+HAMILTONIAN_DRIFT = "hamiltonian_drift"
+"""The item of the Hamiltonian's distance from -1, which only a good mesh keeps: a rough optimum goes without."""
 
 
 class Curvature(Enum):
@@ -120,6 +122,11 @@ class Certificate:
     def compares_meshes(self) -> bool:
         """Whether the race time was compared with that on a coarser mesh."""
         return any(item.name == RACE_TIME_CHANGE for item in self.items)
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether the optimum only starts another problem: of its mesh little was measured, of its curvature nothing."""
+        return not any(item.name == HAMILTONIAN_DRIFT for item in self.items)
 
     @property
     def certified(self) -> bool:

@@ -5,10 +5,18 @@ Among them is the wing's distance from all pylons of a course on the replay of a
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
+from airrace.optimal_control.certificate import (
+    HAMILTONIAN_DRIFT,
+    RACE_TIME_CHANGE,
+    Certificate,
+    Curvature,
+    Item,
+    SecondOrder,
+)
 from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints
 from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
@@ -105,6 +113,31 @@ def certify(
     return Certificate(status, items, second_order)
 
 
+def certify_rough(
+    problem: Problem,
+    iterate: Iterate,
+    defect: Item,
+    limits: CertificateLimits,
+    *,
+    claim: Item,
+    status: str,
+    kkt_error: float,
+) -> Certificate:
+    """Return the certificate of an optimum that the next stage starts from.
+
+    It has none of the items that only a good mesh keeps. The limits at nodes are part of the conditions of optimality.
+
+    Args:
+        defect: the item of the replay's largest deviation from the next node.
+        limits: see `rough_limits`.
+        claim, status, kkt_error: as of `certify`.
+    """
+    kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
+    return Certificate(
+        status, (claim, kkt, replace(defect, limit=limits.replay), *variations(problem, iterate, limits))
+    )
+
+
 def negative_curvature(second_order: SecondOrder | None) -> Item:
     """Return the item of the curvature by which an optimum is a saddle: nothing where it is none, NaN where unknown."""
     if second_order is None:
@@ -169,7 +202,7 @@ def _hamiltonian(problem: Problem, iterate: Iterate, drift: Array, limits: Certi
     worst = int(drift.argmax())
     time = float(interval_durations(problem, iterate.durations)[:worst].sum())
     where = f"{problem.phase_of(worst).name}, {time:.2f} s"
-    return Item("hamiltonian_drift", float(drift.max()), limits.hamiltonian, "1", where)
+    return Item(HAMILTONIAN_DRIFT, float(drift.max()), limits.hamiltonian, "1", where)
 
 
 def failures(items: Sequence[Item]) -> str:

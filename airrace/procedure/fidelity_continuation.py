@@ -38,6 +38,7 @@ from airrace.procedure.solve_and_refine import (
     Failure,
     Refinement,
     solve_certified,
+    solve_roughly,
     solve_single_mesh,
     solve_with_refinement,
 )
@@ -237,7 +238,10 @@ class FidelityContinuation:
         return solve_with_refinement(session, starts, self._refinement(stage), diagnose=diagnose)
 
     def _refinement(self, stage: Stage) -> Refinement:
-        return solve_certified if self.checks_mesh(stage) else solve_single_mesh
+        if self.checks_mesh(stage):
+            return solve_certified
+        # Routes are chosen among by the point mass's race times; the other stages only lead to the next one.
+        return solve_single_mesh if stage is Stage.POINT_MASS else solve_roughly
 
     def _optimum_above(self, stage: Stage, below: StageResult, session: SolverSession) -> StageResult:
         """Return the optimum of a stage from that of the stage below."""

@@ -22,8 +22,9 @@ from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.plan import Race
-from airrace.procedure.certification import approaches, certify, clearance_item, examine
+from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
+from airrace.procedure.refinement import rough_limits
 from airrace.procedure.result import Attempt, GateSplit, PylonCondition, Silent, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
@@ -53,6 +54,7 @@ class TrustedData:
         coarser: which nodes belong to the mesh that its race time was compared with; None where it does not claim such
             a comparison.
         pylon_conditions: that it was solved with.
+        is_rough: whether it claims no more than that the next stage can start from it.
     """
 
     stage: Stage
@@ -60,6 +62,7 @@ class TrustedData:
     multipliers: Array
     coarser: Marks | None
     pylon_conditions: tuple[PylonCondition, ...] = ()
+    is_rough: bool = False
 
     @classmethod
     def of(cls, result: StageResult) -> "TrustedData":
@@ -67,7 +70,7 @@ class TrustedData:
         claims = result.certificate is None or result.certificate.compares_meshes
         coarser = result.mesh.coarser if claims else None
         conditions = result.pylon_conditions
-        return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser, conditions)
+        return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser, conditions, result.is_rough)
 
 
 @record
@@ -172,22 +175,34 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
     kernels = build_kernels(problem.system, problem.scheme)
     functions, w, p = Evaluation(Assembly(layout, kernels)), layout.pack(iterate), layout.parameter_values()
     error, bound_multipliers, _ = kkt_error(functions, layout, w, p, trusted.multipliers)
-    judged = judge(functions, StageMatrices(functions.assembly), layout, w, p, trusted.multipliers)
     evidence = examine(problem, iterate, trusted.multipliers, settings.certificate)
-    certificate = certify(
-        problem,
-        iterate,
-        evidence,
-        settings.certificate,
-        claim=Item("solver", math.nan, 0.0),
-        status="",
-        kkt_error=error.largest,
-        second_order=None if judged is None else judged[0],
-        coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
-        clearance=clearance_item(
-            flight, problem, approaches(flight, problem, iterate, evidence.replay), settings.certificate
-        ),
-    )
+    claim = Item("solver", math.nan, 0.0)
+    if trusted.is_rough:
+        certificate = certify_rough(
+            problem,
+            iterate,
+            evidence.check.items[0],
+            rough_limits(settings.certificate),
+            claim=claim,
+            status="",
+            kkt_error=error.largest,
+        )
+    else:
+        judged = judge(functions, StageMatrices(functions.assembly), layout, w, p, trusted.multipliers)
+        certificate = certify(
+            problem,
+            iterate,
+            evidence,
+            settings.certificate,
+            claim=claim,
+            status="",
+            kkt_error=error.largest,
+            second_order=None if judged is None else judged[0],
+            coarser_race_time=_coarser_race_time(flight, settings, trusted, service),
+            clearance=clearance_item(
+                flight, problem, approaches(flight, problem, iterate, evidence.replay), settings.certificate
+            ),
+        )
     trajectory = trajectory_of(problem, iterate)
     return Measured(
         trajectory=trajectory,

@@ -365,6 +365,11 @@ class StageResult:
         return self.holds and self.certificate is not None and self.certificate.certified
 
     @property
+    def is_rough(self) -> bool:
+        """Whether it was solved on one mesh only as closely as the next stage needs, see `certify_rough`."""
+        return self.certificate is not None and self.certificate.is_rough
+
+    @property
     def status(self) -> Status:
         """The trust that the stage deserves: its outcome, refined by what its certificate measures."""
         if self.outcome is not Status.SOLVED:

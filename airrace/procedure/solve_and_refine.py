@@ -23,7 +23,15 @@ from airrace.optimal_control.second_order import second_order
 from airrace.optimal_control.solvers.interface import Ending, Multipliers
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.clearance import ClosestApproach
-from airrace.procedure.certification import approaches, certify, clearance_item, conclude, examine, failures
+from airrace.procedure.certification import (
+    approaches,
+    certify,
+    certify_rough,
+    clearance_item,
+    conclude,
+    examine,
+    failures,
+)
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
     SETTINGS,
@@ -35,6 +43,7 @@ from airrace.procedure.refinement import (
     refine_changed,
     refine_flagged,
     refine_predicted,
+    rough_limits,
 )
 from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
@@ -236,14 +245,25 @@ class Refined:
     def certificate(self) -> Certificate:
         """The certificate of the optimum."""
         (optimum, solution), coarser = self.solved, self.state.coarser
+        claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
+        if self.state.rough:
+            return certify_rough(
+                optimum.problem,
+                optimum.iterate,
+                optimum.evidence.check.items[0],
+                rough_limits(self.session.settings.certificate),
+                claim=claim,
+                status=status,
+                kkt_error=solution.kkt.largest,
+            )
         without = math.nan if self.state.compares else None
         return certify(
             optimum.problem,
             optimum.iterate,
             optimum.evidence,
             self.session.settings.certificate,
-            claim=Item("solver", 0.0, 0.0, "", solution.status),
-            status=f"{solution.solver}: {solution.status}",
+            claim=claim,
+            status=status,
             kkt_error=solution.kkt.largest,
             second_order=solution.second_order,
             coarser_race_time=without if coarser is None else coarser.race_time,
@@ -443,6 +463,24 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
         start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
     )
     return refine_from(session, start, replace(state, rough=rough))
+
+
+def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly on one mesh, as closely as the next stage needs that starts from it.
+
+    Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
+    as in `solve_single_mesh`.
+    """
+    first = MeshProposal.first(start.problem, start.guess)
+    state = RefinementState(
+        start.flight, first, start.barrier, (solver,), _until_usable, start.multipliers, compares=False
+    )
+    return refine_from(session, start, replace(state, rough=SETTINGS.rough_tolerance))
+
+
+def _until_usable(refined: Refined) -> RefinementState | None:
+    """Return the next mesh; None if the next stage can start from the present optimum."""
+    return None if refined.state.rough and refined.certificate.holds else _until_good(refined)
 
 
 def _rough_tolerance(session: SolverSession, number: int) -> float:
