@@ -92,7 +92,7 @@ def optimize(
         search: how much is tried to find the fastest route: `off`, `quick` or `thorough`; None likewise.
         alternatives: how many of the best routes are taken through all stages; None likewise.
         mesh_check: which stages have their race time confirmed on a second mesh, `last` or `all`; None likewise. The
-            others are solved on one mesh, and all but their race time is certified.
+            others are solved on one mesh, those above the point mass as closely as the next one needs.
         until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
         output: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
         force: whether a file that exists may be overwritten.
@@ -461,7 +461,7 @@ class Run(RunState):
         Returns:
             The comparison leg by leg; `difference` (s) is positive where the other run is slower. `certified` tells
             whether the stage is certified in both: a race time that was solved on one mesh may be off by some
-            milliseconds.
+            hundredths of a second.
 
         Raises:
             UsageError: no stage is certified or solved in both, or the other run has other passings.

@@ -124,8 +124,8 @@ MeshChecked = Annotated[
     MeshCheck | None,
     typer.Option(
         "--mesh-check",
-        help="Which stages are also solved on a second mesh, which confirms their race time; the settings say last by "
-        "default.",
+        help="Which stages are certified, their race time confirmed on a second mesh; the settings say last by "
+        "default. Those before it are then solved as closely as the next one needs.",
     ),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]

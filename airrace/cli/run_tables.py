@@ -22,7 +22,8 @@ from airrace.views.tables import Cell, Column, Table
 if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
 
-ONE_MESH = "checked on one mesh; no second mesh has confirmed the race time"
+ONE_MESH = "on one mesh; no second mesh has confirmed the race time"
+ROUGH = "as closely as the next stage needs; a race time may be a few hundredths of a second too long"
 
 
 @record
@@ -49,7 +50,8 @@ def items_table(certificate: "Certificate", verdict: str = "", begin: str = "") 
         verdict: in its title; by default what the items say.
         begin: the begin of its title.
     """
-    measured = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
+    one_mesh = f"solved {ROUGH if certificate.is_rough else ONE_MESH}"
+    measured = "certified" if certificate.certified else one_mesh if certificate.holds else "NOT certified"
     title = f"{begin}certificate: {verdict or measured}{_open_clause(certificate)} ({certificate.solver_status})"
     return certificate_table(certificate, title)
 
@@ -94,8 +96,11 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             )
         )
         before = race_time if result.holds else before
-    solved = any(result.status is Status.SOLVED for result in results)
-    return Table("stages", _STAGES, rows, [f"solved: {ONE_MESH}"] if solved else [])
+    solved = [one for one in results if one.status is Status.SOLVED]
+    rough = ", ".join(one.stage.value for one in solved if one.is_rough)
+    notes = [f"solved: {ONE_MESH}"] if solved else []
+    notes += [f"{rough}: {ROUGH}"] if rough else []
+    return Table("stages", _STAGES, rows, notes)
 
 
 _MESH = (

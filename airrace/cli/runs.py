@@ -97,7 +97,8 @@ def optimize(
     """Fly a course as fast as can be.
 
     The flight is optimised stage by stage, and each stage is stored in a checkpoint as soon as it is finished. The last
-    one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
+    one is certified; those before it are solved on one mesh, as closely as the next one needs, or certified as well
+    with --mesh-check all.
     """
     with answering(empty_result(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
         from airrace.optimal_control.solvers import start_early

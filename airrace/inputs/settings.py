@@ -105,7 +105,7 @@ class SettingsEntry(Schema):
         "how many of the best routes are taken through all stages; else the best and one hardly slower"
     )
     mesh_check: Literal["last", "all"] | None = optional(
-        "which stages have their race time confirmed on a second mesh: the last one of a run, or all"
+        "which stages are certified, their race time confirmed on a second mesh: the last one of a run, or all"
     )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = optional(
         "weight, against seconds, of squared control rates, measured by half of their limits, and of flight upside down"

@@ -125,7 +125,7 @@ class Certificate:
 
     @property
     def is_rough(self) -> bool:
-        """Whether the optimum only starts another problem: of its mesh little was measured, of its curvature nothing."""
+        """Whether the optimum only starts another problem, and neither its curvature nor its mesh was measured."""
         return not any(item.name == HAMILTONIAN_DRIFT for item in self.items)
 
     @property

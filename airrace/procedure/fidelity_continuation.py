@@ -232,7 +232,7 @@ class FidelityContinuation:
     def _optimum(
         self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], session: SolverSession
     ) -> StageResult:
-        """Return the optimum of a stage, certified where that is wanted, else on a single good mesh."""
+        """Return the optimum of a stage, certified where that is wanted, else on a single mesh."""
         # Of the point mass all conflicts are analysed, see `diagnose_infeasibility`.
         diagnose = None if stage is Stage.POINT_MASS else diagnose_window
         return solve_with_refinement(session, starts, self._refinement(stage), diagnose=diagnose)
@@ -268,7 +268,7 @@ class FidelityContinuation:
         Of those, only optima whose check succeeds still hold, unless none does.
         """
         times = [one.trajectory.race_time if one.holds else math.inf for one in results]
-        closest = min(times) + CHOICE.near_tie * self._settings.certificate.race_time_of(min(times))
+        closest = min(times) + self._resolution(min(times))
         close = [time <= closest < math.inf for time in times]
         if sum(close) <= (self._settings.alternatives or CARRIED_MAX):  # all of them are carried on
             return results
@@ -282,16 +282,25 @@ class FidelityContinuation:
             for one, near in zip(after, close, strict=True)
         ]
 
+    def _resolution(self, race_time: float) -> float:
+        """Return the difference of race times that two flights solved on one mesh each may owe to their meshes, s."""
+        return CHOICE.near_tie * self._settings.certificate.race_time_of(race_time)
+
     def _chosen(self, results: Sequence[StageResult]) -> StageResult:
         """Return the result that is chosen, with others that are to be carried on.
 
-        Those are as many as the settings say, else those that are hardly slower.
+        Those are as many as the settings say, else those that are hardly slower. Race times of rough optima are too
+        long by different amounts: what they may be off by leaves no route out, nor makes two routes one.
         """
-        chosen, wanted = self.with_note_on_faster(self.choice(results), results), self._settings.alternatives
-        others, longest = list[StageResult](), math.inf if wanted else chosen.trajectory.race_time + CARRIED_LAG
+        chosen, wanted = self.choice(results), self._settings.alternatives
+        error = self._resolution(chosen.trajectory.race_time) if chosen.is_rough else 0.0
+        chosen = chosen if chosen.is_rough else self.with_note_on_faster(chosen, results)
+        others, longest = list[StageResult](), math.inf if wanted else chosen.trajectory.race_time + CARRIED_LAG + error
         for one in sorted(results, key=lambda one: one.trajectory.race_time):
             known = [each.trajectory.race_time for each in (chosen, *others)]
-            differs = wanted or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
+            differs = (
+                wanted or chosen.is_rough or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
+            )
             is_chosen = one.trajectory is chosen.trajectory
             if one.holds and not is_chosen and differs and one.trajectory.race_time <= longest:
                 others.append(one)
@@ -398,7 +407,7 @@ class FidelityContinuation:
         if flight.rooms is None:
             return []
         refine, race_time = solve_certified if optimum.certified else solve_single_mesh, optimum.trajectory.race_time
-        slowest = race_time + CHOICE.near_tie * self._settings.certificate.race_time_of(race_time)
+        slowest = race_time + self._resolution(race_time)
 
         def solve(session: SolverSession, conditions: tuple[PylonCondition, ...]) -> StageResult | Failure:
             other = flight.with_conditions(conditions)

@@ -25,7 +25,8 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
 
     It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both
-    have in common, so that the check is the same as that of a stage which is certified at once.
+    have in common, so that the check is the same as that of a stage which is certified at once. One that was solved
+    roughly is solved closely, on its own mesh first.
 
     Args:
         flight: the model of the stage, planned as the optimum goes round.
@@ -52,7 +53,7 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
             coarser=coarser,
         )
 
-    if optimum.is_rough:  # its race time tells nothing: it is solved closely, and its mesh refined as always
+    if optimum.is_rough:
         draft = MeshProposal.first(problem, iterate)
         first = certified_state(session, flight, draft, InitialBarrier.OTHER_MESH, session.solvers, known)
     elif nodes.all():

@@ -303,7 +303,7 @@ class StageResult:
         constraint_multipliers: multipliers of the NLP's constraints in its own order; shape (n_g,).
         bound_multipliers: multipliers of the NLP's simple bounds in its own order; shape (n_w,).
         certificate: None where the stage is not certified by design (homotopy). One without the item
-            `race_time_change` is that of a stage that was solved on one mesh, see `holds`.
+            `race_time_change` is that of a stage that was solved on one mesh, see `holds` and `is_rough`.
         splits: one row per passage.
         attempts: every solver call, in order.
         timings: where the time went.

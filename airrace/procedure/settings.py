@@ -25,7 +25,8 @@ class SearchEffort(Enum):
 class MeshCheck(Enum):
     """The stages whose race time a second mesh confirms.
 
-    The stages that are not are solved on one mesh, and all else is measured of them as well.
+    Of the others, the point mass is solved on one mesh, and all else is measured of it as well; those above it are
+    solved on one mesh as closely as the next stage needs.
     """
 
     LAST = "last"

@@ -4,8 +4,9 @@ It can be started from several flights, and solved with several solvers. The fir
 counts: the primary solver from all starts, then the fallback from those from which it found none.
 
 There is one loop: solve on a mesh, measure, and choose the next mesh until none follows. What follows is a function of
-the state, of which there are three: until a certificate holds, which takes a second mesh; on a single good mesh, all
-that a certificate measures but the second mesh; and the second mesh of a stage that was solved on a single one.
+the state, of which there are four: until a certificate holds, which takes a second mesh; on a single good mesh, all
+that a certificate measures but the second mesh; roughly on a single mesh, for the next stage to start from; and the
+second mesh of a stage that was solved on a single one.
 """
 
 import math
@@ -453,7 +454,7 @@ def _adapt(refined: Refined) -> MeshProposal | None:
 def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it.
 
-    Such a stage is where the next one starts from. Its first meshes only show where the good one has its nodes, so they
+    Its first meshes only show where the good one has its nodes, so they
     are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
     that is certified.
     """
@@ -469,7 +470,7 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
     """Solve jointly on one mesh, as closely as the next stage needs that starts from it.
 
     Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
-    as in `solve_single_mesh`.
+    as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
     """
     first = MeshProposal.first(start.problem, start.guess)
     state = RefinementState(

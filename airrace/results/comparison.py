@@ -312,7 +312,7 @@ class Comparison:
 
     @property
     def certified(self) -> bool:
-        """Whether both are certified optima; of others some milliseconds may be those of a mesh."""
+        """Whether both are certified optima; of others some hundredths of a second may be those of a mesh."""
         return bool(self.reference.source.certified and self.other.source.certified)
 
     @property

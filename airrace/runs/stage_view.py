@@ -323,7 +323,7 @@ class StageView:
             by: only the numbers of `track`, `aircraft`, `rules` or `environment`.
 
         Raises:
-            NotCertified: the stage is no optimum, certified or solved, or no longer stands.
+            NotCertified: the stage is no optimum, certified or solved, was solved roughly, or no longer stands.
             UsageError: there is no such group, or course or aircraft were built in Python.
         """
 

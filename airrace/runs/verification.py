@@ -313,6 +313,7 @@ def _routes(explored: SearchReport) -> Iterator[str]:
 
 
 ONE_MESH = "solved on one mesh, its race time not confirmed on a second one"
+ROUGH = "solved on one mesh, as closely as the next stage needs"
 GUESS = "a guess, of which nothing but its gate splits can be verified"
 
 
@@ -349,7 +350,7 @@ class Verification:
             return self.objection
         if self.certificate is None:
             return f"verified as {GUESS}"
-        return "verified" if self.result.certified else f"verified as {ONE_MESH}"
+        return "verified" if self.result.certified else f"verified as {_claim(self.result)}"
 
     def as_object(self) -> dict[str, object]:
         stored, again = self.result.certificate, self.certificate
@@ -432,7 +433,7 @@ def _confirmation(result: StageResult, again: StageResult, missing: str) -> Conf
     clauses = [*_objections(result, again), *filter(None, [missing])]
     if clauses:
         return Confirmation(False, in_one_sentence(clauses))
-    return Confirmation(True, "" if result.certified else ONE_MESH if result.holds else GUESS)
+    return Confirmation(True, "" if result.certified else _claim(result))
 
 
 def _of_the_run(run: RunState, *, versions: bool) -> Iterator[str]:
@@ -455,7 +456,12 @@ def _missing_certificate(result: StageResult) -> str:
     """Return a clause that says that a run ends with a stage which is not certified; empty if it is."""
     if result.certified:
         return ""
-    return f"the run ends with it, and it is only {ONE_MESH if result.holds else GUESS}"
+    return f"the run ends with it, and it is only {_claim(result)}"
+
+
+def _claim(result: StageResult) -> str:
+    """Return what a stage is that is not certified and not said to be so, a clause."""
+    return ROUGH if result.is_rough else ONE_MESH if result.holds else GUESS
 
 
 def _objections(result: StageResult, again: StageResult | None) -> list[str]:

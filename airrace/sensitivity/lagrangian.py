@@ -301,7 +301,7 @@ def sensitivities(
         Sensitivities by key.
 
     Raises:
-        NotCertified: the stage is no optimum, certified or solved.
+        NotCertified: the stage is no optimum, certified or solved, or was solved roughly.
         CheckpointError: the stored multipliers do not belong to a flight of these inputs.
     """
     parameters = (one for one in Variation(inputs).parameters.values() if one.group in groups)
@@ -319,6 +319,11 @@ def sensitivities_to(
             raise NotCertified(f"{stage} is a guess and no optimum: {wanted}")
         plain = result.outcome in (Status.SOLVED, Status.NOT_CERTIFIED)
         raise NotCertified(f"{stage} is not certified{'' if plain else f', it ended {result.outcome.value}'}: {wanted}")
+    if result.is_rough:
+        raise NotCertified(
+            f"{result.stage.value} was solved only as closely as the next stage needs, too roughly for sensitivities; "
+            "`airrace resume RUN.h5 --mesh-check all` certifies it"
+        )
     perturbed = PerturbedProblem.of_result(race, settings, result)
     problem = perturbed.problem(race)
     lagrangian = _lagrangian(problem, result)

@@ -78,7 +78,7 @@ LINE_INTERVAL = 2.0
 
 _VERDICTS = {
     Status.CERTIFIED: "certified",
-    Status.SOLVED: "checked on one mesh",
+    Status.SOLVED: "on one mesh",
     Status.GUESS: "a guess",
 }
 

@@ -96,7 +96,11 @@ def verdict_words(result: StageResult) -> str:
         case Status.CERTIFIED:
             return "certified: local optimum"
         case Status.SOLVED:
-            return "solved on one mesh: local optimum"
+            return (
+                "solved on one mesh, as closely as the next stage needs"
+                if result.is_rough
+                else "solved on one mesh: local optimum"
+            )
         case Status.GUESS:
             return "a guess, no optimum"
         case Status.NOT_CERTIFIED:
@@ -118,6 +122,10 @@ def claim(results: Sequence[StageResult]) -> str:
     """
     if not results or not results[-1].holds:
         return ""
+    if results[-1].is_rough:
+        return (
+            "solved: on one mesh, as closely as the next stage needs; curvature and limits between nodes not measured"
+        )
     certified = results[-1].status is Status.CERTIFIED
     verdict, meshes = ("certified", "") if certified else ("solved", " on one mesh")
     count = next((len(one.search.routes) for one in reversed(results) if one.search.routes), 1)
