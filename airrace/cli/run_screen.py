@@ -222,7 +222,8 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
             laps = laps_text(shown.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)
             limits = limits_table(shown.flight, None if every else SCREEN.limits_max)
-            if limits.rows and last.has_race_time:
+            # A rough optimum stays a little off its limits, so nothing can be told of how long it keeps to them.
+            if limits.rows and last.has_race_time and not last.is_rough:
                 yield render(limits, columns=PAGE)
     remarks = list(_remarks(shown))
     listed = remarks if every else remarks[: SCREEN.remarks_max]

@@ -13,7 +13,7 @@ import fake_optimizer
 import pytest
 from command import run
 from example_courses import ROOT
-from fake_optimizer import solve_single_mesh, stage_result
+from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.cli.answer import command_lines
 from airrace.cli.main import app
@@ -102,6 +102,7 @@ def test_the_answer_of_a_race_of_two_laps_fits_forty_lines(at: Show) -> None:
     [
         (stage_result(Stage.SIX_DOF), "certified: local optimum"),
         (solve_single_mesh(stage_result(Stage.SIX_DOF)), "solved on one mesh: local optimum"),
+        (solve_roughly(stage_result(Stage.STATE_SPACE)), "solved on one mesh, as closely as the next stage needs"),
         (stage_result(Stage.HOMOTOPY), "a guess, no optimum"),
         (stage_result(Stage.SIX_DOF, kkt_error=1.0), "NOT certified: kkt_error"),
         (stage_result(Stage.SIX_DOF, Status.NOT_CERTIFIED), "NOT certified"),

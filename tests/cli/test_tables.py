@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import typer
-from fake_optimizer import solve_single_mesh, stage_result
+from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.cli.answer import answering, render
 from airrace.cli.course_tables import course_tables
@@ -111,7 +111,10 @@ def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
         ["point-mass", "solved"],
         ["transfer-function", "certified"],
     ]
-    assert "solved: checked on one mesh; no second mesh has confirmed the race time" in shown
+    assert "solved: on one mesh; no second mesh has confirmed the race time" in shown
+    assert "as closely as the next stage needs" not in shown
+    above = solve_roughly(stage_result(Stage.TRANSFER_FUNCTION))
+    assert "transfer-function: as closely as the next stage needs" in render(stages_table([below, above]))
     assert "one mesh" not in render(stages_table([stage_result(Stage.POINT_MASS), last]))
     assert below.certificate is not None
     assert "certified" not in render(items_table(below.certificate))

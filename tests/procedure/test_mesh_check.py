@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from races import SMALL, settings
 
+from airrace.errors import NotCertified
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.procedure.result import NoteKind, Silent, StageResult, Status
 from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.procedure.stage import Stage
 from airrace.runs.verification import discrepancies
+from airrace.sensitivity.lagrangian import sensitivities_to
 
 ALL = settings(GuessKind.PLAN)
 LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
@@ -64,6 +66,47 @@ def test_stages_below_the_last_are_solved_on_one_mesh_and_the_last_is_certified(
     assert seconds(last) == pytest.approx(seconds(other), abs=2e-4)  # s; 3e-8 without needless centimetres
     assert len(below.trajectory.time) < len(proved.trajectory.time)
     assert seconds(below) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
+
+
+def test_stages_between_the_point_mass_and_the_last_are_solved_as_closely_as_the_next_needs() -> None:
+    """On one mesh, of which nothing is claimed; the last stage ends where it does from stages that are certified."""
+    point_mass, between, last = solve(LAST, Stage.STATE_SPACE_INVERSION)
+    assert (point_mass.is_rough, between.is_rough, last.is_rough) == (False, True, False)
+    assert between.status is Status.SOLVED
+    variations = [name for name in items_of(last) if name.startswith("variation")]
+    assert items_of(between) == ["solver", "kkt_error", "replay_defect", *variations]
+    assert between.coarser_nodes.all()
+    assert len(between.attempts) == 1
+    assert last.certified
+    every = solve(ALL, Stage.STATE_SPACE_INVERSION)
+    assert seconds(last) == pytest.approx(seconds(every[2]), abs=1e-3)
+    assert 0.0 < seconds(between) - seconds(every[1]) < 0.03  # s; a barrier parameter that is left and held controls
+
+
+def test_rough_stage_that_a_run_now_ends_with_is_certified() -> None:
+    *below, between, _ = solve(LAST, Stage.STATE_SPACE_INVERSION)
+    (completed,) = optimize(SMALL, LAST, until=between.stage, threads=1, finished=[*below, between], progress=Silent())
+    assert completed.certified
+    assert seconds(completed) == pytest.approx(seconds(solve(ALL)[1]), abs=1e-3)
+    assert completed.attempts[: len(between.attempts)] == between.attempts
+    assert recertify(SMALL, LAST, completed).certified
+
+
+def test_rough_stage_is_measured_again_in_what_it_claims() -> None:
+    between = solve(LAST, Stage.STATE_SPACE_INVERSION)[1]
+    again = recertify(SMALL, LAST, between)
+    assert again.holds
+    assert again.is_rough
+    assert discrepancies(between, dataclasses.replace(between, certificate=again)) == []
+    gate, *rest = between.trajectory.state
+    moved = dataclasses.replace(between.trajectory, state=np.vstack([gate * 1.01, *rest]))
+    assert not recertify(SMALL, LAST, dataclasses.replace(between, trajectory=moved)).holds
+
+
+def test_rough_stage_has_no_sensitivities_and_says_how_it_gets_some() -> None:
+    between = solve(LAST, Stage.STATE_SPACE_INVERSION)[1]
+    with pytest.raises(NotCertified, match="--mesh-check all"):
+        list(sensitivities_to((), SMALL, LAST, between))
 
 
 def test_only_stage_of_a_run_is_its_last_and_proved_as_ever() -> None:

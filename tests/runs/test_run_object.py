@@ -8,7 +8,7 @@ from pathlib import Path
 
 import fake_optimizer
 import pytest
-from fake_optimizer import solve_single_mesh, stage_result
+from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.errors import InputError, UsageError
@@ -311,6 +311,8 @@ def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
     assert (below.verified, last.verified) == (True, True)
     assert below.finding == "verified as solved on one mesh, its race time not confirmed on a second one"
     assert last.finding == "verified"
+    rough, _ = verify_run(replace(run, checkpoint=run.checkpoint.with_mesh_check(solve_roughly(SOLVED))))
+    assert rough.finding == "verified as solved on one mesh, as closely as the next stage needs"
     (alone,) = verify_run(replace(run, checkpoint=run.checkpoint.with_stage(SOLVED)))
     assert not alone.verified
     assert alone.objection.startswith("the run ends with it, and it is only solved on one mesh")

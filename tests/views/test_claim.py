@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from fake_optimizer import solve_single_mesh, stage_result
+from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.procedure.certification import negative_curvature
@@ -46,6 +46,13 @@ def test_a_minimum_is_claimed_only_where_the_curvature_tells_so(curvature: Curva
     result = flown(told(curvature, least))
     assert claim([result]).startswith(words)
     assert claim([solve_single_mesh(result)]).startswith(words.replace("certified", "solved"))
+
+
+def test_of_a_rough_optimum_no_minimum_is_claimed() -> None:
+    rough = claim([solve_roughly(flown(told(Curvature.POSITIVE, math.nan)))])
+    assert rough == (
+        "solved: on one mesh, as closely as the next stage needs; curvature and limits between nodes not measured"
+    )
 
 
 def test_of_a_saddle_nothing_is_claimed() -> None:

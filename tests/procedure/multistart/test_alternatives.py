@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_optimizer import solve_single_mesh
+from fake_optimizer import solve_roughly, solve_single_mesh
 from races import SHIPPED, SMALL
 from search_races import OFF, QUICK, open_session, planned_coarse_solution
 from search_races import optimum as search_optimum
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import fidelity_continuation
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.fidelity_continuation import CARRIED_LAG, FidelityContinuation
 from airrace.procedure.multistart.multistart import FoundRoutes
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
 from airrace.procedure.run import optimize
@@ -80,17 +80,34 @@ def test_stored_run_goes_on_with_all_routes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
 
 
-def stage_above(monkeypatch: pytest.MonkeyPatch, *of_alternative: StageResult | Failure) -> tuple[StageResult, int]:
+def stage_above(
+    monkeypatch: pytest.MonkeyPatch,
+    *of_alternative: StageResult | Failure,
+    main: StageResult | None = None,
+    settings: Settings = BOTH,
+) -> tuple[StageResult, int]:
     """The stage above the point mass, whose best route takes 9 s, and how often its alternative was solved."""
     left = list(of_alternative)
-    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", Answers(taking(9.0), making=False))
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", Answers(main or taking(9.0), making=False))
     monkeypatch.setattr(fidelity_continuation, "solve_certified", lambda *_: left.pop(0))
     for way in ("track", "trimmed_start"):
         monkeypatch.setattr(fidelity_continuation, way, lambda *_: None)
-    with open_session(BOTH) as session:
-        continuation = FidelityContinuation(HALF_CUBAN, BOTH, (search_optimum(HALF_CUBAN, BOTH),))
+    with open_session(settings) as session:
+        continuation = FidelityContinuation(HALF_CUBAN, settings, (search_optimum(HALF_CUBAN, BOTH),))
         result = continuation.solve_stage(Stage.TRANSFER_FUNCTION, session)
     return result, len(of_alternative) - len(left)
+
+
+def test_what_rough_race_times_may_be_off_by_leaves_no_route_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor are two routes one because they happen to take equally long."""
+    close, far = 9.0 + CARRIED_LAG + 0.01, 9.0 + CARRIED_LAG + 0.03  # s; both are left out where meshes are good
+    for seconds_beside, good, rough in ((close, 0, 1), (far, 0, 0), (9.0001, 0, 1)):
+        result, _ = stage_above(monkeypatch, taking(seconds_beside), settings=QUICK)
+        assert len(result.alternatives) == good
+        beside, main = solve_roughly(taking(seconds_beside)), solve_roughly(taking(9.0))
+        result, _ = stage_above(monkeypatch, beside, main=main, settings=QUICK)
+        assert len(result.alternatives) == rough
+        assert result.notes == ()
 
 
 def test_every_alternative_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
