@@ -207,6 +207,8 @@ class FidelityContinuation:
     def check_mesh(self, stage: Stage, session: SolverSession) -> StageResult:
         """Check the mesh of a stage that was solved on a single one, and those of its alternatives.
 
+        Of routes that were solved roughly one is chosen anew: their race times could not tell.
+
         Returns:
             The stage, certified; as it was, with a note that says why, where that fails.
         """
@@ -214,7 +216,11 @@ class FidelityContinuation:
         session.restore_log(solved.attempts, solved.timings)
         jobs = [functools.partial(self.confirm_mesh, one) for one in (solved, *solved.alternatives)]
         main, *alternatives = session.side_by_side(jobs)
-        result = dataclasses.replace(_with_log(main, session), alternatives=tuple(alternatives))
+        if solved.is_rough:
+            result = self._chosen([main, *alternatives])
+        else:
+            result = dataclasses.replace(main, alternatives=tuple(alternatives))
+        result = _with_log(result, session)
         self.done[stage] = result
         return result
 

@@ -110,6 +110,21 @@ def test_what_rough_race_times_may_be_off_by_leaves_no_route_out(monkeypatch: py
         assert result.notes == ()
 
 
+def test_of_rough_routes_that_a_run_now_ends_with_the_faster_one_is_chosen_once_both_are_certified(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    times = {9.0: taking(8.99), 9.02: taking(8.96)}
+    monkeypatch.setattr(
+        fidelity_continuation, "check_mesh_convergence", lambda _, optimum, __: times[round(seconds(optimum), 3)]
+    )
+    rough = dataclasses.replace(solve_roughly(taking(9.0)), alternatives=(solve_roughly(taking(9.02)),))
+    with open_session(BOTH) as session:
+        result = FidelityContinuation(SMALL, BOTH, (rough,)).check_mesh(rough.stage, session)
+    assert result.certified
+    assert seconds(result) == pytest.approx(8.96)
+    assert [seconds(one) for one in result.alternatives] == [pytest.approx(8.99)]
+
+
 def test_every_alternative_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where they were read from a file: what a ladder stands on is what is finished."""
     result, _ = stage_above(monkeypatch, taking(8.9))
