@@ -20,7 +20,7 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, C
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import wanted_stages
-from airrace.procedure.result import GateSplit, NoteKind, SearchReport, StageResult, Status
+from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
@@ -249,9 +249,10 @@ def inconsistencies(result: StageResult) -> Iterator[str]:
     yield from _message(result)
     yield from _seconds(result)
     yield from _routes(result.search)
+    fastest = result.trajectory.race_time - HARDLY_SLOWER  # else it is the simpler flight that was chosen
     for alternative in result.alternatives:
-        if not alternative.holds or alternative.trajectory.race_time < result.trajectory.race_time:
-            yield "an alternative does not hold, or is the faster one"
+        if not alternative.holds or alternative.trajectory.race_time < fastest:
+            yield f"an alternative does not hold, or is faster by more than {1e3 * HARDLY_SLOWER:.0f} ms"
 
 
 def _start(result: StageResult) -> Iterator[str]:

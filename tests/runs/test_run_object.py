@@ -26,7 +26,7 @@ from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_resumed_run
 from airrace.runs.run import RunState, adopt_checkpoint, new_run
 from airrace.runs.stage_view import is_certified, verdict
-from airrace.runs.verification import verify_run
+from airrace.runs.verification import inconsistencies, verify_run
 
 
 def test_the_object_has_the_documented_keys() -> None:
@@ -298,6 +298,19 @@ def test_proof_that_fails_where_it_was_asked_for_fails_the_command(
     assert answer.code == 5
     assert answer.error == "point-mass: its race time could not be confirmed"
     assert answer.fields["certified"] is True  # the last stage is
+
+
+def test_a_simpler_flight_may_have_an_alternative_that_is_hardly_faster_but_no_faster_one() -> None:
+    def faster_by(seconds: float) -> StageResult:
+        """The stage beside a flight that is so much faster, s."""
+        trajectory = SOLVED.trajectory
+        share = 1.0 - seconds / trajectory.race_time
+        flown = replace(trajectory, durations=share * trajectory.durations)
+        return replace(SOLVED, alternatives=(replace(SOLVED, trajectory=flown),))
+
+    said = "an alternative does not hold, or is faster by more than 10 ms"
+    assert said not in inconsistencies(faster_by(0.009))
+    assert said in inconsistencies(faster_by(0.011))
 
 
 def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
