@@ -214,9 +214,9 @@ class FidelityContinuation:
         """
         solved = self.done[stage]
         session.restore_log(solved.attempts, solved.timings)
-        jobs = [functools.partial(self.confirm_mesh, one) for one in (solved, *solved.alternatives)]
-        main, *alternatives = session.side_by_side(jobs)
-        if solved.is_rough:
+        routes = solved, *solved.alternatives
+        main, *alternatives = session.side_by_side([functools.partial(self.confirm_mesh, one) for one in routes])
+        if any(one.is_rough for one in routes):
             result = self._chosen([main, *alternatives])
         else:
             result = dataclasses.replace(main, alternatives=tuple(alternatives))
@@ -298,15 +298,13 @@ class FidelityContinuation:
         Those are as many as the settings say, else those that are hardly slower. Race times of rough optima are too
         long by different amounts: what they may be off by leaves no route out, nor makes two routes one.
         """
-        chosen, wanted = self.choice(results), self._settings.alternatives
-        error = self._resolution(chosen.trajectory.race_time) if chosen.is_rough else 0.0
-        chosen = chosen if chosen.is_rough else self.with_note_on_faster(chosen, results)
+        chosen, wanted, rough = self.choice(results), self._settings.alternatives, any(one.is_rough for one in results)
+        error = self._resolution(chosen.trajectory.race_time) if rough else 0.0
+        chosen = chosen if rough else self.with_note_on_faster(chosen, results)
         others, longest = list[StageResult](), math.inf if wanted else chosen.trajectory.race_time + CARRIED_LAG + error
         for one in sorted(results, key=lambda one: one.trajectory.race_time):
             known = [each.trajectory.race_time for each in (chosen, *others)]
-            differs = (
-                wanted or chosen.is_rough or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
-            )
+            differs = wanted or rough or min(abs(one.trajectory.race_time - each) for each in known) > SAME_FLIGHT
             is_chosen = one.trajectory is chosen.trajectory
             if one.holds and not is_chosen and differs and one.trajectory.race_time <= longest:
                 others.append(one)
