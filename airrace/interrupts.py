@@ -111,8 +111,8 @@ def _nothing() -> None:
 def defer_signals(stop: Callable[[], None] = _nothing) -> Generator[None]:
     """Turn Ctrl-C into a request to stop, and handle the signal after the block.
 
-    Python would raise KeyboardInterrupt as soon as a callback of fatrop begins, before anything there can catch it, and
-    ctypes would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where
+    Python would raise KeyboardInterrupt as soon as a callback begins, before anything there can catch it, and ctypes
+    would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where
     something is to be done about it. Where requests to stop are repeated until they are heard, none is lost, and one
     that nothing is to be done about need not wait.
 

@@ -111,7 +111,7 @@ def stage_result(
         splits=tuple(
             GateSplit(name, 10.0 * index / legs, 80.0, 20.0, 1.0, 0.0, 0.0, 0.0) for index, name in enumerate(passings)
         ),
-        attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Status.SOLVED, 12, 0.5),),
+        attempts=(Attempt("joint", "interior-point", "Solve_Succeeded", outcome is Status.SOLVED, 12, 0.5),),
         timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
         provenance=StageProvenance() if stage in STAGES else StageProvenance(source_stage=Stage.POINT_MASS.value),
     )

@@ -17,7 +17,7 @@ SOLVING = (
     "airrace.procedure.solver_session",
     "airrace.procedure.recomputation",
     "airrace.procedure.restart",
-    "airrace.optimal_control.solvers.fatrop.library",
+    "airrace.optimal_control.solvers.bounded_program",
     "airrace.optimal_control.kernels",
     "airrace.optimal_control.layout",
     "airrace.optimal_control.solvers.service",

@@ -16,8 +16,8 @@ from airrace.track.course import Rules
 LEAST_ROOM = 1e-2
 """The least room that is left between floor and ceiling, m; a certificate allows ten times as much beyond each.
 
-A height that is prescribed at every node leaves the vertical motion more conditions than controls, and fatrop searches
-for its first step for ever. Straight on 0.1 mm of room was enough; of two courses with turns one found no optimum in
+A height that is prescribed at every node leaves the vertical motion more conditions than controls, and no solver finds
+a first step. Straight on 0.1 mm of room was enough; of two courses with turns one found no optimum in
 1 mm, the other none in 2 mm, and both were certified in 5 mm.
 """
 

@@ -21,7 +21,7 @@ from airrace.procedure.settings import (
     SolverSettings,
 )
 
-SolverName = Literal["fatrop", "ipopt"]
+SolverName = Literal["interior-point", "ipopt"]
 Count = Annotated[int, Ge(1), Le(1000)]
 Limit = Annotated[float, Gt(0)] | None
 

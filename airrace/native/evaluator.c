@@ -1,7 +1,8 @@
 /* Functions and steps of models at many intervals, LANES in a batch: gathered, evaluated, scattered. */
 #include "evaluator.h"
 
-#include "linear_algebra.h"
+#include "interior_point.h"
+#include "riccati.h"
 #include "step.h"
 
 static struct reader read_kernel(struct kernel kernel)
@@ -29,9 +30,9 @@ static void gather_batch(const struct batches *batches, int64_t batch, const int
         if (k != SHARED && batches->given[k]) gather(batches->given[k] + batch * LANES * size[k], size[k], to[k]);
 }
 
-static void scatter_batch(const struct batches *batches, int64_t batch, const int *size, real *const *from)
+static void scatter_batch(const struct batches *batches, int64_t batch, int results, const int *size, real *const *from)
 {
-    for (int k = 0; k < RESULTS; k++)
+    for (int k = 0; k < results; k++)
         if (batches->found[k]) scatter(from[k], size[k], batches->found[k] + batch * LANES * size[k]);
 }
 
@@ -55,15 +56,15 @@ static void evaluate_function(struct kernel kernel, const struct batches *batche
     for (int64_t batch = first; batch < end; batch++) {
         gather_batch(batches, batch, function.argument_size, given);
         interpret(function.code, function.number);
-        scatter_batch(batches, batch, function.result_size, found);
+        scatter_batch(batches, batch, RESULTS, function.result_size, found);
     }
 }
 
 /* the step of a model */
 
 struct exchange {
-    int given_size[ARGUMENTS], found_size[RESULTS];
-    real *given[ARGUMENTS], *found[RESULTS];
+    int given_size[ARGUMENTS], found_size[STEP_RESULTS];
+    real *given[ARGUMENTS], *found[STEP_RESULTS];
 };
 
 static struct exchange allocate_exchange(const struct model *model, int order, struct reader *reader)
@@ -74,9 +75,10 @@ static struct exchange allocate_exchange(const struct model *model, int order, s
         .given_size = {ny, 1, 0, size->nx},
         .found_size = {
             order == 2 ? ny : size->nx,
-            order == 0 ? 0 : order == 1 ? size->jacobian_nonzeros : size->hessian_nonzeros}};
+            order == 0 ? 0 : order == 1 ? size->jacobian_nonzeros : size->hessian_nonzeros,
+            order == 2 ? size->nx : 0, order == 2 ? size->jacobian_nonzeros : 0}};
     for (int k = 0; k < ARGUMENTS; k++) exchange.given[k] = allocate(reader, exchange.given_size[k]);
-    for (int k = 0; k < RESULTS; k++) exchange.found[k] = allocate(reader, exchange.found_size[k]);
+    for (int k = 0; k < STEP_RESULTS; k++) exchange.found[k] = allocate(reader, exchange.found_size[k]);
     return exchange;
 }
 
@@ -104,7 +106,7 @@ static void evaluate_steps(
     for (int64_t batch = first; batch < end; batch++) {
         gather_batch(batches, batch, exchange.given_size, exchange.given);
         evaluate_step(&model, &sweep, order, (const real *const *)exchange.given, exchange.found);
-        scatter_batch(batches, batch, exchange.found_size, exchange.found);
+        scatter_batch(batches, batch, STEP_RESULTS, exchange.found_size, exchange.found);
     }
 }
 
@@ -149,12 +151,10 @@ const struct evaluator VARIANT_NAME(evaluator) = {
     evaluate_function,
     evaluate_steps,
     evaluate_points,
-    riccati_factorise,
-    riccati_solve,
-    riccati_rows,
-    riccati_rows_transposed,
-    gemm_nt,
-    gemv_n,
-    gemv_t,
+    interior_residuals,
+    interior_multipliers,
+    interior_factorise,
+    interior_solve,
+    interior_predictor_corrector,
     null_space_riccati,
 };

@@ -11,6 +11,9 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
+struct interior_program;
+struct interior_corrections;
+
 /* Tables as interpreter.py and runge_kutta.py write them, and working memory, 64-byte aligned. */
 struct kernel {
     const int *tables;
@@ -19,10 +22,11 @@ struct kernel {
     double *memory;
 };
 
-/* Arguments (y, own, shared[, lam]) and results, interval after interval, but for what is shared; null where absent. */
+/* Arguments (y, own, shared[, lam]) and results, interval after interval, but for what is shared; null where absent. The
+ * Hessian of a step leaves (gradient, Hessian) and, from the same sweep, the step's end and its Jacobian. */
 struct batches {
     const double *given[4];
-    double *found[2];
+    double *found[4];
 };
 
 /* Names, types and order as in library.py. Batches hold `lanes` intervals each; `order` is that of the derivatives. */
@@ -38,27 +42,18 @@ struct evaluator {
     /* values (x, u, p) at `count` points: rows of x, of u and of the values, a point per column, and p once */
     void (*evaluate_points)(
         struct kernel kernel, const double *x, const double *u, const double *p, double *values, int64_t count);
+    /* see interior_point.h */
+    void (*interior_residuals)(
+        const struct interior_program *program, const double *point, const double *gradient, const double *constraints,
+        double *residuals, double *measures);
+    void (*interior_multipliers)(const struct interior_program *program, const double *point, double *multipliers);
+    int (*interior_factorise)(const struct interior_program *program, const double *point, double damping);
+    void (*interior_solve)(
+        const struct interior_program *program, const double *point, const double *residuals, double *step);
+    void (*interior_predictor_corrector)(
+        const struct interior_program *program, const struct interior_corrections *corrections, const double *point,
+        const double *residuals, double least_barrier, double *step, double *lengths);
     /* see riccati.c */
-    int (*riccati_factorise)(
-        int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
-        const double *row_weights, const double *weights, double *factors, double *first);
-    void (*riccati_solve)(
-        int stages, int m, const int *sizes, const double *F, const double *factors, const double *first,
-        const double *r, const double *s, double *lead, double *costs, double *step, double *y);
-    void (*riccati_rows)(
-        int stages, const int *sizes, const int *rows, const double *C, const double *z, double *values);
-    void (*riccati_rows_transposed)(
-        int stages, const int *sizes, const int *rows, const double *C, const double *values, double *z);
-    /* see linear_algebra.h */
-    void (*gemm_nt)(
-        int kmax, const double *alpha, const double *A, const double *B, const double *beta, const double *C,
-        double *D);
-    void (*gemv_n)(
-        int kmax, const double *alpha, const double *A, const double *x, const double *beta, const double *y,
-        double *z);
-    void (*gemv_t)(
-        int kmax, const double *alpha, int offset, const double *A, int width, const double *x, const double *beta,
-        const double *y, double *z);
     int (*null_space_riccati)(
         int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,
         const unsigned char *kept, const double *weights, double shift, double *gains, double *costs, double *ahead,

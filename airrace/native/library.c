@@ -50,19 +50,18 @@ EXPORT int airrace_add_up(int64_t count, const int32_t *begins, const double *we
 }
 
 /* Sums that repeat from stage to stage. A stage of kind j has the sums from first[j] to first[j + 1]; numbers of block b
- * begin at at[b], its matrices of family f at to[f], its factors at own[0]. */
+ * begin at at[b], its matrices of family f at to[f]. */
 EXPORT int airrace_add_up_repeated(int64_t stages, int64_t blocks, int64_t families, const int32_t *kind, const int32_t *first,
                     const int32_t *begins, const double *weights, const int32_t *sources, const int32_t *block,
-                    const int32_t *family, const int32_t *offsets, const int32_t *factor, const int64_t *at,
-                    const int64_t *to, const int64_t *own, const double *factors, const double *drawn, double *memory)
+                    const int32_t *family, const int32_t *offsets, const int64_t *at, const int64_t *to,
+                    const double *drawn, double *memory)
 {
     int finite = 1;
-    for (int64_t stage = 0; stage < stages; stage++, at += blocks, to += families, own++) {
+    for (int64_t stage = 0; stage < stages; stage++, at += blocks, to += families) {
         for (int32_t i = first[kind[stage]]; i < first[kind[stage] + 1]; i++) {
             int32_t k = begins[i];
             double sum = weights[k] * drawn[at[block[k]] + sources[k]];
             for (k++; k < begins[i + 1]; k++) sum += weights[k] * drawn[at[block[k]] + sources[k]];
-            if (factor[i] >= 0) sum *= factors[*own + factor[i]];
             memory[to[family[i]] + offsets[i]] = sum;
             finite &= sum - sum == 0.0;
         }

@@ -34,7 +34,7 @@ class KernelTables(ctypes.Structure):
 class Batches(ctypes.Structure):
     """`struct batches` of `evaluator.h`."""
 
-    _fields_ = [("given", _POINTER * 4), ("found", _POINTER * 2)]
+    _fields_ = [("given", _POINTER * 4), ("found", _POINTER * 4)]
 
 
 class _Evaluator(ctypes.Structure):
@@ -48,15 +48,13 @@ class _Evaluator(ctypes.Structure):
         ("evaluate_function", ctypes.CFUNCTYPE(None, KernelTables, _POINTER, _INT64, _INT64)),
         ("evaluate_step", ctypes.CFUNCTYPE(None, KernelTables, ctypes.c_int, _POINTER, _INT64, _INT64)),
         ("evaluate_points", ctypes.CFUNCTYPE(None, KernelTables, *[_POINTER] * 4, _INT64)),
-        ("riccati_factorise", ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int] * 2, *[_POINTER] * 9)),
-        ("riccati_solve", ctypes.CFUNCTYPE(None, *[ctypes.c_int] * 2, *[_POINTER] * 10)),
-        ("riccati_rows", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 5)),
-        ("riccati_rows_transposed", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 5)),
-        ("gemm_nt", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 6)),
-        ("gemv_n", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 6)),
+        ("interior_residuals", ctypes.CFUNCTYPE(None, *[_POINTER] * 6)),
+        ("interior_multipliers", ctypes.CFUNCTYPE(None, *[_POINTER] * 3)),
+        ("interior_factorise", ctypes.CFUNCTYPE(ctypes.c_int, *[_POINTER] * 2, ctypes.c_double)),
+        ("interior_solve", ctypes.CFUNCTYPE(None, *[_POINTER] * 4)),
         (
-            "gemv_t",
-            ctypes.CFUNCTYPE(None, ctypes.c_int, _POINTER, ctypes.c_int, _POINTER, ctypes.c_int, *[_POINTER] * 4),
+            "interior_predictor_corrector",
+            ctypes.CFUNCTYPE(None, *[_POINTER] * 4, ctypes.c_double, *[_POINTER] * 2),
         ),
         (
             "null_space_riccati",
@@ -128,7 +126,7 @@ def open_library(path: Path, variant: str | None = None) -> Library:
     chosen = choose(variant.encode() if variant else None)
     if not chosen:
         raise KernelError(f"this processor executes no variant {variant}")
-    for function, numbers, pointers in ((loaded.airrace_add_up, 1, 6), (loaded.airrace_add_up_repeated, 3, 15)):
+    for function, numbers, pointers in ((loaded.airrace_add_up, 1, 6), (loaded.airrace_add_up_repeated, 3, 12)):
         function.argtypes, function.restype = (*[_INT64] * numbers, *[_POINTER] * pointers), ctypes.c_int
     translate = loaded.airrace_translate
     translate.argtypes, translate.restype = (_INT64, _INT64, ctypes.c_int32, *[_POINTER] * 3), _INT64

@@ -8,7 +8,7 @@
  * Sums are added in an order that does not depend on the processor, and no product is fused with a sum.
  */
 
-#include "linear_algebra.h"
+#include "riccati.h"
 
 #include <math.h>
 #include <stdint.h>

@@ -261,12 +261,14 @@ static void project(const struct model *model, struct sweep *sweep, real *value)
         &model->projection_linear, (const real *[]){sweep->x, NULL, NULL, NULL}, (real *[]){value, sweep->nonzero});
 }
 
-/* multipliers of the projected state become those of the end itself */
+/* multipliers of the projected state become those of the end itself; V becomes the former */
 static void project_adjoint(const struct model *model, struct sweep *sweep)
 {
     const int nx = model->size->nx;
     real *lam = sweep->lam, *before = sweep->k;
     project(model, sweep, sweep->V);
+    sweep->end = sweep->dK;
+    multiply(model, &model->projection_jacobian, sweep->nonzero, sweep->dx, sweep->end);
     fill(before, nx, 0.0);
     multiply_transposed(&model->projection_jacobian, sweep->nonzero, lam, before);
     call(&model->projection_curved, (const real *[]){sweep->x, lam, NULL, NULL}, (real *[]){sweep->nonzero, NULL});
@@ -303,6 +305,7 @@ static void find_hessian(const struct model *model, struct sweep *sweep)
     fill(sweep->w, size->padded, 0.0);
     fill(sweep->hessian, size->active * size->padded, 0.0);
     for (int n = 0; n < size->steps; n++) advance_sensitivity(model, sweep, n);
+    sweep->end = sweep->dx;
     if (size->projected) project_adjoint(model, sweep);
     for (int n = size->steps - 1; n >= 0; n--) step_adjoint(model, sweep, n);
     for (int c = 0; c < size->active; c++) row(model, sweep->hessian, c)[last] += sweep->w[c];
@@ -318,7 +321,7 @@ static void pick(const real *from, const int *place, int size, real *to)
 
 void evaluate_step(
     const struct model *model, struct sweep *sweep, int order, const real *const given[ARGUMENTS],
-    real *const found[RESULTS])
+    real *const found[STEP_RESULTS])
 {
     const struct sizes *size = model->size;
     const int nx = size->nx, ny = nx + size->nu + 1;
@@ -338,6 +341,8 @@ void evaluate_step(
         find_hessian(model, sweep);
         copy(sweep->gradient, ny, found[0]);
         pick(sweep->hessian, model->hessian_source, size->hessian_nonzeros, found[1]);
+        copy(size->projected ? sweep->V : sweep->x, nx, found[2]);
+        pick(sweep->end, model->jacobian_source, size->jacobian_nonzeros, found[3]);
     }
 }
 

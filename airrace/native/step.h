@@ -48,9 +48,12 @@ struct model read_model(struct reader *reader);
 
 struct sweep allocate_sweep(const struct model *model, struct reader *reader);
 
-/* Of given (y, phi, -, lam): the end (order 0), the end and its Jacobian (1), or gradient and Hessian of lam . x+ (2). */
+/* Of given (y, phi, -, lam): the end (order 0), the end and its Jacobian (1), or gradient and Hessian of lam . x+ and the
+ * end and its Jacobian (2). */
+enum { STEP_RESULTS = 4 };
+
 void evaluate_step(
     const struct model *model, struct sweep *sweep, int order, const real *const given[ARGUMENTS],
-    real *const found[RESULTS]);
+    real *const found[STEP_RESULTS]);
 
 #endif

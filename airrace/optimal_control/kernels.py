@@ -183,6 +183,7 @@ class NativeKernel:
         sizes: of one interval's y, own, shared and lam.
         jacobian_pattern, hessian_pattern: of the derivatives.
         entries: of values, Jacobian and Hessian.
+        hessian_is_complete: whether the results of the Hessian are followed by those of the Jacobian.
     """
 
     name: str
@@ -191,6 +192,7 @@ class NativeKernel:
     jacobian_pattern: ca.Sparsity
     hessian_pattern: ca.Sparsity
     entries: tuple[BatchFunction, BatchFunction, BatchFunction | DirectionalHessian]
+    hessian_is_complete: bool = False
 
     @property
     def values(self) -> int:
@@ -205,10 +207,11 @@ class NativeKernel:
         for place, (array, size) in enumerate(zip(arguments, self.sizes, strict=False)):
             if array.size != size * (calls if place == 2 else intervals):
                 raise SolverCrash(f"{self.name}: argument {place} has another size")
+        linear = [self.values, self.jacobian_pattern.nnz()]
         sizes = {
             Part.VALUES: [self.values],
-            Part.JACOBIAN: [self.values, self.jacobian_pattern.nnz()],
-            Part.HESSIAN: [self.sizes[0], self.hessian_pattern.nnz()],
+            Part.JACOBIAN: linear,
+            Part.HESSIAN: [self.sizes[0], self.hessian_pattern.nnz(), *(linear if self.hessian_is_complete else [])],
         }
         results, entry = [np.zeros(intervals * size) for size in sizes[part]], self.entries[part]
         if isinstance(entry, DirectionalHessian):
@@ -356,6 +359,7 @@ def native_kernels(native: Interpreter, system: System, scheme: RungeKutta) -> K
         jacobian_pattern=parts.jacobian,
         hessian_pattern=parts.hessian,
         entries=native.step(step_tables(parts), scheme_numbers(scheme), [parts.alone, *parts.generated]),
+        hessian_is_complete=True,
     )
     return Kernels(step, _native_kernel(native, path) if path else None, Observations(native))
 

@@ -260,7 +260,7 @@ class Layout:
             if meeting:
                 both = {name: one.intersect(ranges[phase][name]) for name, one in ranges[phase - 1].items()}
                 blocks.append(RowBlock(np.array([begin]), np.array([-1]), limits_on(path, both)))
-            nodes = np.arange(begin + meeting, end)
+            nodes = np.array(range(begin + meeting, end), dtype=np.int64)
             blocks.append(RowBlock(nodes, np.full(len(nodes), -1), limits_on(path, ranges[phase])))
         with_control = () if values is None else values.jac_sparsity(0, 1).get_triplet()[0]
         last = [one for one in limits_on(path, ranges[-1]) if one.component not in with_control]

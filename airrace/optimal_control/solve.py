@@ -1,9 +1,9 @@
 """The solution of one problem with one call, in a process that can be ended.
 
-An interior point method may never come back from a guess that is bad enough: where its matrices overflow, fatrop adds
-to their diagonal for ever, without a callback in which it could be stopped. So the solve happens in a solver process of
-its own, see `service.py`, which is started by the first call, serves all others, and is ended when it finishes no
-iteration for too long. Whoever wants to stay in this process asks a `PreparedProblem`.
+A solver may take long to come back from a guess that is bad enough, without a callback in which it could be stopped. So
+the solve happens in a solver process of its own, see `service.py`, which is started by the first call, serves all
+others, and is ended when it finishes no iteration for too long. Whoever wants to stay in this process asks a
+`PreparedProblem`.
 """
 
 import atexit
@@ -17,6 +17,7 @@ import numpy as np
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import replay
+from airrace.optimal_control.solvers import INTERIOR_POINT
 from airrace.optimal_control.solvers.interface import Ending, SolverOptions
 from airrace.optimal_control.solvers.messages import IterationReport
 from airrace.optimal_control.solvers.service import STALL_SECONDS, SolverService, SolverTimeout
@@ -27,7 +28,7 @@ def solve(
     problem: Problem,
     guess: Iterate,
     *,
-    solver: str = "fatrop",
+    solver: str = INTERIOR_POINT,
     options: SolverOptions | None = None,
     stall_seconds: float = STALL_SECONDS,
 ) -> Solution:

@@ -168,13 +168,11 @@ class Entries:
         stages: to which they belong.
         offsets: within the matrix.
         families: the number of the family of matrices, which has one matrix per stage; None for the only one.
-        factors: the place of a factor behind that of the stage's first one, -1 for none; None where none has any.
     """
 
     stages: Indices
     offsets: Indices
     families: Indices | None = None
-    factors: Indices | None = None
 
 
 @record
@@ -182,14 +180,6 @@ class Memory:
     """Matrices that are written to: the memory, and where those of each stage begin, shape (stages, families)."""
 
     doubles: Array
-    begins: Indices
-
-
-@record
-class Factors:
-    """Factors of some nonzeros, and where those of each stage begin, shape (stages,)."""
-
-    values: Array
     begins: Indices
 
 
@@ -206,37 +196,32 @@ class StageAssembly:
     """
 
     def __init__(self, sums: SparseAssembly, entries: Entries, kind: Indices) -> None:
-        self._order = order = np.argsort(kind[entries.stages], kind="stable")
+        order = np.argsort(kind[entries.stages], kind="stable")
         flat = sums.choose(order, np.ones(len(order)))
         stage = np.repeat(entries.stages[order], np.diff(flat.begins))
         block = np.searchsorted(sums.block_ends, flat.sources, side="right")
         nothing = np.zeros(len(order), dtype=np.int64)
         families = nothing if entries.families is None else entries.families
-        factors = nothing - 1 if entries.factors is None else entries.factors
         first = np.searchsorted(kind[entries.stages[order]], np.arange(int(kind.max()) + 2))
         self._kind, self._first = kind.astype(np.int32), first.astype(np.int32)
         self._begins, self._weights, self._blocks = flat.begins, flat.weights, block.astype(np.int32)
         self._sources: NDArray[np.int32] = (flat.sources - sums.block_begins[block, stage]).astype(np.int32)
-        self._families, self._offsets, self._factors = (
-            one[order].astype(np.int32) for one in (families, entries.offsets, factors)
-        )
+        self._families, self._offsets = families[order].astype(np.int32), entries.offsets[order].astype(np.int32)
         self._block_begins = np.ascontiguousarray(sums.block_begins.T)
 
-    def write(self, values: Array, memory: Memory, factors: Factors | None = None) -> bool:
+    def write(self, values: Array, memory: Memory) -> bool:
         """Write the nonzeros for these values, and return whether all are finite."""
-        factors = factors or Factors(np.ones(1), np.zeros(len(self._kind), dtype=np.int64))
         native = library()
         if native is None:
-            return self._write_by_numpy(values, memory, factors)
+            return self._write_by_numpy(values, memory)
         arrays = (
             *(self._kind, self._first, self._begins, self._weights, self._sources, self._blocks),
-            *(self._families, self._offsets, self._factors, self._block_begins),
-            *(memory.begins, factors.begins, factors.values, values, memory.doubles),
+            *(self._families, self._offsets, self._block_begins, memory.begins, values, memory.doubles),
         )
         sizes = len(self._kind), self._block_begins.shape[1], memory.begins.shape[1]
         return bool(native.add_up_repeated(*sizes, *(array.ctypes.data for array in arrays)))
 
-    def _write_by_numpy(self, values: Array, memory: Memory, factors: Factors) -> bool:
+    def _write_by_numpy(self, values: Array, memory: Memory) -> bool:
         finite = True
         for entries, stages, places in self._by_kind(memory):
             begins = self._begins[entries]
@@ -248,21 +233,9 @@ class StageAssembly:
                 at = self._block_begins[np.ix_(stages, self._blocks[number])] + self._sources[number]
                 summands = values[at] * self._weights[number]
                 result[:, some] = result[:, some] + summands if turn else summands
-            scaled = np.flatnonzero(self._factors[entries] >= 0)
-            result[:, scaled] *= factors.values[factors.begins[stages, None] + self._factors[entries[scaled]]]
             memory.doubles[places] = result
             finite = finite and bool(np.isfinite(result).all())
         return finite
-
-    def fill(self, values: Array, memory: Memory) -> None:
-        """Write the same numbers to the nonzeros of all stages that are alike, one per sum that was given."""
-        for entries, _, places in self._by_kind(memory):
-            memory.doubles[places] = values[self._order[entries]]
-
-    def clean(self, memory: Memory) -> None:
-        """Write zeros in the place of nonzeros that are not finite."""
-        for _, _, places in self._by_kind(memory):
-            memory.doubles[places] = np.nan_to_num(memory.doubles[places], posinf=0.0, neginf=0.0)
 
     def _by_kind(self, memory: Memory) -> Iterator[tuple[Indices, Indices, Indices]]:
         """Yield the entries of each kind, the stages that are of it, and the places, of shape (stages, entries)."""

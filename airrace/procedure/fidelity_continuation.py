@@ -158,10 +158,7 @@ class FidelityContinuation:
         conditions = [one for result in self.done.values() for one in result.pylon_conditions]
         flight = self.flight(stage).with_conditions(conditions)
         problem = flight.problem([(1.0,)] * (len(flight.plan.waypoints) - 1))
-        boundaries = [problem.start, *(phase.end for phase in problem.phases)]
-        watches = [watch for phase in problem.phases for watch in phase.watches]
-        observed = {id(one.observation): one.observation for one in (*boundaries, *watches) if one.observation}
-        service.preload(problem.system, problem.scheme, list(observed.values()))
+        service.preload(problem.system, problem.scheme, problem.observations)
 
     def prepare(self, stage: Stage) -> None:
         """Make what a stage needs that does not depend on the stage below it."""
@@ -220,9 +217,8 @@ class FidelityContinuation:
             result = self._chosen([main, *alternatives])
         else:
             result = dataclasses.replace(main, alternatives=tuple(alternatives))
-        result = _with_log(result, session)
-        self.done[stage] = result
-        return result
+        self.done[stage] = _with_log(result, session)
+        return self.done[stage]
 
     def confirm_mesh(self, optimum: StageResult, session: SolverSession) -> StageResult:
         """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""

@@ -273,7 +273,7 @@ class _Homotopy:
         purpose = f"{self.race.phases[index].name}, part {part:g}"
         barrier = InitialBarrier.COLD if before is None else InitialBarrier.PIECES
         # A first guess may end on a detour, too: it is refused below.
-        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, algorithm="predictor-corrector")
+        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier.value, curvature=False)
         solution = self.session.attempt(problem, start, purpose, self.session.settings.solver.primary, options)
         if solution is None or not solution.success:
             return None

@@ -89,8 +89,9 @@ class RefinementSettings:
     rough_tolerance: float = 1e-4
     """The solver's tolerance on a mesh that only leads to the single good one, and of a stage that only leads to the
     next one. On Rovinj such a solve takes 23 to 31 iterations instead of 29 to 38. Race times of such stages are up to
-    29 ms too long on 13 courses, those of two routes by the same amount within 2 ms. With 1e-3 they are up to 170 ms
-    too long, and all stages above the point mass take a tenth fewer iterations and end in the same optimum."""
+    29 ms too long on 13 courses; those of two routes by the same amount within 2 ms, on two. With 1e-3 they are up
+    to 170 ms too long, and all stages above the point mass take a tenth fewer iterations and end in the same
+    optimum."""
     rough_kkt_error: float = 1e-3
     """The largest error of the conditions of optimality after such a solve, scaled: ten times its tolerance, as the
     certificate allows of the settings' tolerance, for both measure on scales of their own."""

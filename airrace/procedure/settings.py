@@ -4,6 +4,7 @@ import math
 from dataclasses import field
 from enum import Enum
 
+from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT
 from airrace.records import record
 
 
@@ -54,8 +55,8 @@ class SolverSettings:
     time for an iteration, s.
     """
 
-    primary: str = "fatrop"
-    fallback: str = "ipopt"
+    primary: str = INTERIOR_POINT
+    fallback: str = IPOPT
     tolerance: float = 1e-7
     iterations_max: int = 500
     stall_seconds: float = 120.0

@@ -47,8 +47,7 @@ class WarmSettings:
             refined; races that differ a little then rarely need another one.
         iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
             60 is another route or no flight, and ends at once.
-        stall_seconds: the longest wait for an iteration, which takes 5 to 50 ms; within one, fatrop may go on for
-            ever where its matrices overflow.
+        stall_seconds: the longest wait for an iteration, which takes 5 to 50 ms.
         prepared_intervals: that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and
             each set of them is another problem; 200 MB at most.
     """

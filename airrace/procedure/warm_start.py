@@ -18,7 +18,7 @@ from airrace.control.simulation import TrackingSimulator, follow, trim_along
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers.interface import Algorithm, Multipliers
+from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult
 from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
 from airrace.quantities import Quantity
@@ -37,10 +37,10 @@ class InitialBarrier(Enum):
     """A guess that may be far off."""
     PIECES = 1e-2
     """Assembled pieces, or the solution of a neighbouring problem. Windows on Rovinj and Air Race X took the steps
-    about as many iterations with 0.1, and fatrop about twice as many."""
+    about as many iterations with 0.1."""
     COARSE = 1e-3
     """A coarse solution on another mesh, or the optimum of another stage with its multipliers: of 59 such optima on 10
-    courses predictor-corrector steps took 778 iterations, 785 with 1e-2, 912 with 1e-4; fatrop took 990 with 1e-4."""
+    courses predictor-corrector steps took 778 iterations, 785 with 1e-2, 912 with 1e-4."""
     OTHER_PROBLEM = 1e-4
     """The optimum of another stage without multipliers, or of the same one under other numbers. A larger value leads
     astray and back, in twice the iterations."""
@@ -50,11 +50,6 @@ class InitialBarrier(Enum):
     of 31 in one case, and 47 instead of 43 in another."""
     COARSER_MESH = 1e-6
     """An optimum on a coarser mesh."""
-
-    @property
-    def algorithm(self) -> Algorithm:
-        """What is asked first: from far off, steps without a line search end on needless detours now and then."""
-        return "line-search" if self is InitialBarrier.COLD else "predictor-corrector"
 
     @property
     def near_optimum(self) -> bool:

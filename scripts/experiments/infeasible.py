@@ -28,7 +28,7 @@ FLY = (
     "off",
     "--json",
     "--set",
-    "settings.solver.fallback=fatrop",
+    "settings.solver.fallback=interior-point",
 )
 LONGEST = 30.0  # s of processor time
 Conflict = dict[str, Any]  # Any: JSON

@@ -102,7 +102,7 @@ def lift(state: Array, leg: PlannedLeg, height: float) -> None:
 
 def rough(session: SolverSession, problem: Problem, start: Iterate) -> Solution | None:
     """The coarse problem solved; None where no optimum was found."""
-    options = SolverOptions(TOLERANCE, ITERATIONS, InitialBarrier.COLD.value)
+    options = SolverOptions(TOLERANCE, ITERATIONS, InitialBarrier.COLD.value, curvature=False)
     solution = session.attempt(problem, start, "a random start", session.settings.solver.primary, options)
     return solution if solution is not None and solution.success else None
 

@@ -36,7 +36,7 @@ from airrace.sensitivity import Activity, Sensitivity
 WIDER = 50.0  # than the step of a sensitivity
 TOLERANCE = 1e-9
 BARRIER = 1e-6
-SOLVERS = ("ipopt",)  # fatrop ends "nearly optimal" at such a tolerance
+SOLVERS = ("ipopt",)
 RELATIVE, ABSOLUTE = 0.05, 1e-3  # a sensitivity is confirmed within 5 %, or within 1 ms per usual step
 STRICT = 1e-4  # s per usual step, also counted
 

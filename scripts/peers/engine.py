@@ -1,4 +1,4 @@
-"""The race in airrace's own engine: direct multiple shooting with native kernels and fatrop."""
+"""The race in airrace's own engine: direct multiple shooting with native kernels."""
 
 import time
 
@@ -40,8 +40,8 @@ def solve(race: Race, segments: int, scheme: RungeKutta, tolerance: float) -> An
     stated = problem(race, segments, scheme)
     layout = Layout(stated)
     kernels = build_kernels(stated.system, scheme)
-    options = SolverOptions(tolerance=tolerance)
-    prepared = PreparedProblem(layout, kernels, "fatrop", options, 1)
+    options = SolverOptions(tolerance=tolerance, curvature=False)
+    prepared = PreparedProblem(layout, kernels, "interior-point", options, 1)
     ready, ready_spent = time.perf_counter(), time.process_time()
     held = np.repeat(guess.control[:, None], stated.intervals, axis=1)
     solution = prepared.solve(layout, Iterate(guess.durations, states, held))

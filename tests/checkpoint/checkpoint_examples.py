@@ -51,7 +51,7 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
             SecondOrder(Curvature.SINGULAR, 1e-4, 2e-7, "g1 -> finish", "how fast it sinks", 5, 2),
         ),
         splits=(GateSplit("1:g1", 1.5, 91.5, 21.5, 4.0, 0.1, 0.0, 3.0),),
-        attempts=(Attempt("joint", "fatrop", "0", True, 41, 0.5),),
+        attempts=(Attempt("joint", "interior-point", "0", True, 41, 0.5),),
         timings=Timings(0.5, 0.4, 0.9),
     )
 

@@ -313,7 +313,7 @@ schema: airrace/settings/1
 guess: plan
 regularisation: 1e-4
 mesh: {interval_s: 0.1, intervals_min: 8}
-solver: {primary: ipopt, fallback: fatrop, tolerance: 1e-8, stall_s: 60}
+solver: {primary: ipopt, fallback: interior-point, tolerance: 1e-8, stall_s: 60}
 certificate: {angle_deg: 0.1}
 """
 SHIPPED = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "tracks").glob("*.yaml"))]

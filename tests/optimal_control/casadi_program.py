@@ -1,18 +1,11 @@
-"""The nonlinear program of a problem as casadi's own functions, and fatrop through casadi's interface.
-
-The package evaluates programs without either; here both are what it is held against.
-"""
+"""The nonlinear program of a problem as casadi's own functions, which the package's evaluation is held against."""
 
 import casadi as ca
-import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost
 from airrace.optimal_control.casadi_nlp import NlpExpressions, sum_of, take_columns
-from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, Part
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
-from airrace.optimal_control.solvers.solver import SOLVERS, fatrop_options
 from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
@@ -119,48 +112,3 @@ class _Transcription(NlpExpressions):
             values = take_columns(self.w, penalty.places)
             drawn = [*drawn, ca.vec(share * durations), ca.vec(share * values)]
         return sum_of(self.assembly.hessian, ca.vertcat(*drawn))
-
-
-class FatropByCasadi(Solver):
-    """The solver fatrop through casadi's interface, set up in quadratic time."""
-
-    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
-        layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
-        self._nlp = program.nlp
-        self._settings = {
-            "print_time": False,
-            "calc_lam_p": False,
-            "structure_detection": "manual",
-            "N": layout.intervals,
-            "nx": layout.stage_states.tolist(),
-            "nu": layout.stage_controls.tolist(),
-            "ng": layout.stage_rows.tolist(),
-            "cache": {
-                "nlp_grad_f": program.grad_f,
-                "nlp_grad": program.grad,
-                "nlp_jac_g": program.jac_g,
-                "nlp_hess_l": program.hess_l,
-            },
-            "fatrop": dict(fatrop_options(options)),
-        }
-
-    def solve(self, guess: np.ndarray, bounds: Bounds, p: np.ndarray, multipliers: Multipliers | None) -> SolverResult:
-        # One for each solve: where an equality turns into a range, casadi 3.8.2 forgets the options.
-        nlpsol = ca.nlpsol("solve", "fatrop", self._nlp, dict(self._settings))
-        result = nlpsol(x0=guess, p=p, lbx=bounds.lower, ubx=bounds.upper, lbg=bounds.g_lower, ubg=bounds.g_upper)
-        stats = nlpsol.stats()
-        return SolverResult(
-            w=np.asarray(result["x"]).ravel(),
-            lam_g=np.asarray(result["lam_g"]).ravel(),
-            objective=float(result["f"]),
-            ending=Ending.UNKNOWN,
-            status=str(stats["return_status"]),
-            success=bool(stats["success"]),
-            iterations=int(stats.get("iter_count", 0)),
-            derivative_seconds=0.0,
-        )
-
-
-def solver_named(name: str) -> type[Solver]:
-    """Return one of the package's solvers, or `fatrop-casadi`."""
-    return FatropByCasadi if name == "fatrop-casadi" else SOLVERS[name]

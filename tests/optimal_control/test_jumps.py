@@ -223,7 +223,7 @@ def test_least_time_with_a_dropped_load_is_that_of_the_closed_form(solver: str) 
 def test_a_prepared_problem_takes_other_jumps() -> None:
     (problem, guess), (other, other_guess) = lightened(3.0), lightened(2.0)
     kernels = casadi_kernels(SLED, problem.scheme)
-    prepared = PreparedProblem(Layout(problem), kernels, "fatrop", SolverOptions(tolerance=1e-9), threads=1)
+    prepared = PreparedProblem(Layout(problem), kernels, "interior-point", SolverOptions(tolerance=1e-9), threads=1)
     assert prepared.solve(Layout(problem), guess).objective == pytest.approx(least_time(3.0), abs=1e-7)
     assert prepared.solve(Layout(other), other_guess).objective == pytest.approx(least_time(2.0), abs=1e-7)
 
@@ -235,5 +235,5 @@ def test_a_worker_tells_problems_with_jumps_from_those_without() -> None:
     steady = replace(jumping, phases=(replace(jumping.phases[0], jump={}), *jumping.phases[1:]))
     server = SolveServer()
     for problem, load in ((jumping, 3.0), (steady, 0.0), (jumping, 3.0)):
-        request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(tolerance=1e-9), 1)
+        request = SolveRequest(problem, guess, None, "interior-point", SolverOptions(tolerance=1e-9), 1)
         assert server.solve(request).objective == pytest.approx(least_time(load), abs=1e-6)

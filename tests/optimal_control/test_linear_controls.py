@@ -91,7 +91,7 @@ def least_effort(system: System, intervals: int, **limits: Interval) -> tuple[Pr
     return problem, solved(problem)
 
 
-def solved(problem: Problem, solver: str = "fatrop") -> Solution:
+def solved(problem: Problem, solver: str = "interior-point") -> Solution:
     n_x, n_u = len(problem.system.states), len(problem.system.controls)
     begin, end = np.zeros(n_x), np.zeros(n_x)
     end[0] = 1.0

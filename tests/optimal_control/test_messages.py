@@ -16,7 +16,7 @@ from airrace.optimal_control.solvers.messages import Receiver, Sender, SolveRequ
 def test_the_thread_that_reads_unpacks_nothing() -> None:
     problem, guess = rest_to_rest()
     stream = io.BytesIO()
-    Sender(stream).send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
+    Sender(stream).send(SolveRequest(problem, guess, None, "interior-point", SolverOptions(), 1))
     whole = stream.getvalue()
     receiver = Receiver(io.BytesIO(whole[:8] + b"?" * (len(whole) - 8)))
     content = receiver.read()
@@ -51,7 +51,9 @@ def test_a_function_is_pickled_once_by_one_thread_at_a_time(monkeypatch: pytest.
     monkeypatch.setattr(pickle, "dumps", dumps)
     with ThreadPoolExecutor(4) as pool:
         futures = [
-            pool.submit(Sender(io.BytesIO()).send, SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
+            pool.submit(
+                Sender(io.BytesIO()).send, SolveRequest(problem, guess, None, "interior-point", SolverOptions(), 1)
+            )
             for _ in range(8)
         ]
     assert [future.result() for future in futures] == [None] * 8

@@ -48,7 +48,7 @@ def guess(problem: Problem) -> Iterate:
     return interpolate(problem, [2.0 / count] * count, states, [0.3])
 
 
-def optimum(problem: Problem, solver: str = "fatrop") -> Solution:
+def optimum(problem: Problem, solver: str = "interior-point") -> Solution:
     solution = solve(problem, guess(problem), solver=solver, options=TIGHT)
     assert solution.success, solution.status
     return solution
@@ -58,7 +58,7 @@ WHOLE = Phase("swing", uniform(12), Interval(0.5, 6.0), Boundary("top", UP))
 
 
 def test_both_solvers_find_the_same_optimum_and_multipliers() -> None:
-    one, other = optimum(swing(WHOLE), "fatrop"), optimum(swing(WHOLE), "ipopt")
+    one, other = optimum(swing(WHOLE), "interior-point"), optimum(swing(WHOLE), "ipopt")
     assert one.objective == pytest.approx(other.objective, rel=1e-8)
     assert one.iterate.durations == pytest.approx(other.iterate.durations, rel=1e-5)
     assert one.iterate.state == pytest.approx(other.iterate.state, abs=1e-5)

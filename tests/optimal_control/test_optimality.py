@@ -134,13 +134,15 @@ def found(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 def test_costates_of_least_time_are_those_of_bang_and_bang_and_the_hamiltonian_is_minus_one() -> None:
     """The velocity's falls from -1 / FASTEST v to plus as much and is zero at the switch; its slope is the place's."""
     p, H = found(least_time())
-    times, slope = np.linspace(0.0, LEAST_TIME, 11)[1:], 2.0 / (FASTEST * LEAST_TIME)
+    # The switch may be at any node of either phase.
+    durations, slope = solved(least_time()).iterate.durations, 2.0 / (FASTEST * LEAST_TIME)
+    times = np.cumsum(np.repeat(durations / 5, 5))
     assert p[1] == pytest.approx(slope * (times - 0.5 * LEAST_TIME), abs=1e-5)
     assert p[0] == pytest.approx(-slope * np.ones(10), abs=1e-5)
     assert pytest.approx(-np.ones(10), abs=1e-6) == H
     p_3, H_3 = found(least_time(time=3.0))
     assert pytest.approx(3.0 * H, abs=1e-5) == H_3
-    assert p_3 == pytest.approx(3.0 * p, abs=1e-5)
+    assert p_3[0] == pytest.approx(3.0 * p[0], abs=1e-5)
 
 
 def test_costates_are_what_a_shift_costs_and_an_error_of_integration() -> None:
@@ -238,8 +240,8 @@ def least_cost(b: float) -> float:
     return S * (X - b) ** 2 / (1 + 2 * S * SECONDS)
 
 
-# casadi's interface to fatrop never ends here, for nothing in the problem is an inequality.
-@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+# Nothing in the problem is an inequality.
+@pytest.mark.parametrize("solver", ["interior-point", "ipopt"])
 def test_least_cost_is_that_of_the_closed_form(solver: str) -> None:
     solution = solve(*walk(-0.5), solver=solver, options=TIGHT)
     assert solution.success, solution.status
@@ -262,7 +264,7 @@ def test_costate_ends_with_the_slope_of_the_cost() -> None:
 def test_a_prepared_problem_takes_other_parameters_of_the_cost() -> None:
     problem, guess = walk(-0.5)
     kernels = casadi_kernels(WALKER, problem.scheme)
-    prepared = PreparedProblem(Layout(problem), kernels, "fatrop", TIGHT, threads=1)
+    prepared = PreparedProblem(Layout(problem), kernels, "interior-point", TIGHT, threads=1)
     for b in (-0.5, 1.0):
         assert prepared.solve(Layout(walk(b)[0]), guess).objective == pytest.approx(least_cost(b), rel=1e-7)
 
@@ -272,7 +274,7 @@ def test_a_worker_tells_costs_apart() -> None:
     fourth = away(4)
 
     def cost(problem: Problem, guess: Iterate) -> float:
-        return server.solve(SolveRequest(problem, guess, None, "fatrop", TIGHT, 1)).objective
+        return server.solve(SolveRequest(problem, guess, None, "interior-point", TIGHT, 1)).objective
 
     quartic = cost(*walk(0.0, fourth))
     assert cost(*walk(0.0)) == pytest.approx(least_cost(0.0), rel=1e-7)

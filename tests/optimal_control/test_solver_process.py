@@ -56,7 +56,7 @@ def solve_by(
     service: SolverService,
     stated: tuple[Problem, Iterate] | None = None,
     *,
-    solver: str = "fatrop",
+    solver: str = "interior-point",
     on_iteration: Callable[[IterationReport], None] | None = None,
     stall_seconds: float | None = None,
 ) -> Solution:
@@ -76,7 +76,7 @@ def worker_of(service_started_after: set[int]) -> int:
     return worker
 
 
-@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("solver", ["interior-point", "ipopt"])
 def test_solution_and_iterations_come_back(solver: str) -> None:
     reports: list[IterationReport] = []
     with SolverService() as service:
@@ -111,7 +111,7 @@ def test_worker_killed_in_mid_solve_is_a_solver_crash_and_the_next_solve_has_a_n
     with SolverService() as service:
         first = worker_of(before)
         with pytest.raises(SolverCrash, match="died"):
-            solve_by(service, rest_to_rest(2000), on_iteration=lambda _: psutil.Process(first).kill())
+            solve_by(service, rest_to_rest(60_000), on_iteration=lambda _: psutil.Process(first).kill())
         wait_until_gone(first)
         assert solve_by(service).success
         assert worker_of(before) != first
@@ -124,7 +124,7 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
         first = worker_of(before)
         with pytest.raises(SolverTimeout, match="no iteration finished within 4 s"):
             solve_by(
-                service, rest_to_rest(2000), on_iteration=lambda _: psutil.Process(first).suspend(), stall_seconds=4.0
+                service, rest_to_rest(60_000), on_iteration=lambda _: psutil.Process(first).suspend(), stall_seconds=4.0
             )
         wait_until_gone(first)
         assert solve_by(service).success
@@ -171,7 +171,7 @@ def test_nothing_is_solved_after_the_deadline_and_no_process_is_left() -> None:
     before = children()
     deadline = instant(1.5)
     service = SolverService(deadline=deadline)
-    problem = rest_to_rest(30000)  # which takes longer
+    problem = rest_to_rest(200_000)  # which takes longer
     with pytest.raises(OutOfTime):
         solve_by(service, problem)
     assert has_passed(deadline)
@@ -269,7 +269,7 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
         from airrace.optimal_control.solvers.interface import SolverOptions
         service = SolverService()
         problem, guess = rest_to_rest()
-        service.solve(problem, guess, solver="fatrop", options=SolverOptions())
+        service.solve(problem, guess, solver="interior-point", options=SolverOptions())
         print("ready", flush=True)
         sys.stdin.read()
     """
@@ -290,7 +290,7 @@ def test_announced_kernels_are_made_ready_once(monkeypatch: pytest.MonkeyPatch) 
     server.preload(PreloadRequest(problem.system, problem.scheme))
     assert built == [problem.system]
     monkeypatch.setattr(sys, "stdout", io.StringIO())  # what the solver prints
-    request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
+    request = SolveRequest(problem, guess, None, "interior-point", SolverOptions(), 1)
     assert server.solve(request).success
     assert built == [problem.system]
 
@@ -373,16 +373,16 @@ def test_the_last_of_many_iterations_is_reported_once_and_those_between_are_not(
 
 def test_all_else_that_solvers_print_is_dropped() -> None:
     summary = "Number of Iterations....: 12\n  compute search dir                    0.009899\n1.0e+00 1.0e+00 \n"
-    assert read(summary + "fatrop                                  0.016844   57.7%\n") == []
+    assert read(summary + "nlp_f                                   0.016844   57.7%\n") == []
 
 
 def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
-    problem, guess = rest_to_rest(30000)
+    problem, guess = rest_to_rest(200_000)
     worker = start()
     assert worker.stdin is not None
     assert worker.stdout is not None
     sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout)).start()
-    sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
+    sender.send(SolveRequest(problem, guess, None, "interior-point", SolverOptions(), 1))
     heard = [replies.next(LONGEST)]
     sender.stream.close()
     assert worker.wait(LONGEST) == 0
@@ -393,7 +393,7 @@ def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
 
 
 def request(problem: Problem, guess: Iterate) -> SolveRequest:
-    return SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
+    return SolveRequest(problem, guess, None, "interior-point", SolverOptions(), 1)
 
 
 def test_requests_arrive_as_they_were_sent_and_functions_once() -> None:

@@ -109,7 +109,7 @@ def test_too_few_iterations_are_not_converged() -> None:
     assert result.certificate is None
     joint = [one for one in result.attempts if one.purpose.startswith("all")]
     from_starts = [one.solver for one in joint if "farther down" not in one.purpose]
-    assert from_starts == ["fatrop", "fatrop", "ipopt", "ipopt"]
+    assert from_starts == ["interior-point", "interior-point", "ipopt", "ipopt"]
     assert len(joint) <= len(from_starts) + 2 * LIMITS.descents_max
     assert all(one.iterations <= 6 for one in joint)
 

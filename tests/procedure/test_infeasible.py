@@ -171,7 +171,7 @@ def test_little_is_flown_in_vain_where_limits_plainly_contradict_each_other() ->
     assert [one.purpose for one in attempts].index("every limit giving way") <= 2  # after the plan, by both solvers
     alone = [one for one in attempts if one.purpose == "the legs around it alone"]
     assert len(alone) == 2  # from two guesses, of the first phase that the homotopy could not add
-    assert {one.solver for one in alone} == {"fatrop"}
+    assert {one.solver for one in alone} == {"interior-point"}
 
 
 # Several conflicts.
@@ -229,11 +229,11 @@ def sixteen() -> tuple[Problem, Iterate]:
 @pytest.mark.parametrize(
     ("verdicts", "found", "solvers"),
     [
-        (["stuck", "stuck", "infeasible", "infeasible"], True, ["fatrop", "fatrop", "ipopt", "ipopt"]),
-        (["stuck", "solved"], False, ["fatrop", "fatrop"]),
-        (["stuck", "stuck", "stuck"], False, ["fatrop", "fatrop", "ipopt"]),
-        (["stuck", "stuck", "infeasible", "solved"], False, ["fatrop", "fatrop", "ipopt", "ipopt"]),
-        ([STALLED], False, ["fatrop"]),
+        (["stuck", "stuck", "infeasible", "infeasible"], True, ["interior-point", "interior-point", "ipopt", "ipopt"]),
+        (["stuck", "solved"], False, ["interior-point", "interior-point"]),
+        (["stuck", "stuck", "stuck"], False, ["interior-point", "interior-point", "ipopt"]),
+        (["stuck", "stuck", "infeasible", "solved"], False, ["interior-point", "interior-point", "ipopt", "ipopt"]),
+        ([STALLED], False, ["interior-point"]),
     ],
 )
 def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: bool, solvers: list[str]) -> None:
@@ -274,7 +274,7 @@ def test_nobody_else_is_asked_where_limits_have_to_give_way_along_every_plan() -
     problem, made = sixteen()
     used = session("stuck")
     assert find_local_infeasibility(used, problem, FAILED_PHASE, [made, made], lambda: True) is not None
-    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]
+    assert [solver for solver, _, _ in asked(used)] == ["interior-point", "interior-point"]
     feasible = session("stuck", "solved")
     assert find_local_infeasibility(feasible, problem, FAILED_PHASE, [made, made], lambda: True) is None
 
@@ -282,14 +282,14 @@ def test_nobody_else_is_asked_where_limits_have_to_give_way_along_every_plan() -
 def test_a_single_solver_contradicts_nothing() -> None:
     used = session("infeasible")
     used.settings = dataclasses.replace(
-        used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
+        used.settings, solver=dataclasses.replace(used.settings.solver, fallback="interior-point")
     )
     problem, made = sixteen()
     assert find_local_infeasibility(used, problem, FAILED_PHASE, [made]) is None
     assert asked(used) == []
     assert find_local_infeasibility(used, problem, FAILED_PHASE, [made], lambda: False) is None
     assert find_local_infeasibility(used, problem, FAILED_PHASE, [made], lambda: True) is not None
-    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]
+    assert [solver for solver, _, _ in asked(used)] == ["interior-point", "interior-point"]
 
 
 def test_nothing_is_infeasible_that_there_was_no_budget_to_try() -> None:

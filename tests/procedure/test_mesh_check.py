@@ -64,7 +64,7 @@ def test_stages_below_the_last_are_solved_on_one_mesh_and_the_last_is_certified(
     assert items_of(below) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
     assert RACE_TIME_CHANGE in items_of(last)
     assert seconds(last) == pytest.approx(seconds(other), abs=2e-4)  # s; 3e-8 without needless centimetres
-    assert len(below.trajectory.time) < len(proved.trajectory.time)
+    assert len(below.attempts) < len(proved.attempts)
     assert seconds(below) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
 
 
@@ -171,7 +171,8 @@ def test_claim_to_be_certified_is_measured_on_a_second_mesh() -> None:
     forged = dataclasses.replace(solved, certificate=dataclasses.replace(solved.certificate, items=tuple(items)))
     assert forged.certified
     again = recertify(SMALL, LAST, forged)
-    assert not again.certified
+    (measured,) = [item.value for item in again.items if item.name == RACE_TIME_CHANGE]
+    assert measured > 2e-4
     assert forged.certificate is not None
     clauses = discrepancies(forged, dataclasses.replace(forged, certificate=again))
     assert any(clause.startswith("certificate, race_time_change: ") for clause in clauses)

@@ -458,7 +458,7 @@ def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
     flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
-        found = solve_and_refine.solve_certified(SolverSession(service, PLAN, Silent()), start, "fatrop")
+        found = solve_and_refine.solve_certified(SolverSession(service, PLAN, Silent()), start, "interior-point")
     assert isinstance(found, StageResult)
     assert found.certified is refined
 
@@ -469,7 +469,7 @@ def test_an_optimum_too_slow_to_be_of_use_is_refined_no_more(race_time_max: floa
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
-        found = solve_and_refine.solve_certified(session, replace(start, race_time_max=race_time_max), "fatrop")
+        found = solve_and_refine.solve_certified(session, replace(start, race_time_max=race_time_max), "interior-point")
     assert isinstance(found, StageResult)
     assert found.certified is refined
     assert (len(session.attempts) > 1) is refined
@@ -480,7 +480,7 @@ def test_the_first_solve_has_the_iterations_of_its_start() -> None:
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD, iterations_max=3)
     with SolverService() as service:
         session = SolverSession(service, PLAN, Silent())
-        assert isinstance(solve_and_refine.solve_certified(session, start, "fatrop"), solve_and_refine.Failure)
+        assert isinstance(solve_and_refine.solve_certified(session, start, "interior-point"), solve_and_refine.Failure)
     assert [one.iterations <= 4 for one in session.attempts] == [True]
 
 

@@ -104,10 +104,10 @@ def test_killed_solver_process_ends_the_run() -> None:
 @pytest.mark.parametrize(
     ("verdicts", "solvers"),
     [
-        (["solved"], ["fatrop"]),
-        (["stuck", "solved"], ["fatrop", "ipopt"]),
-        ([STALLED, "solved"], ["fatrop", "ipopt"]),
-        ([FAULTY, "solved"], ["fatrop", "ipopt"]),
+        (["solved"], ["interior-point"]),
+        (["stuck", "solved"], ["interior-point", "ipopt"]),
+        ([STALLED, "solved"], ["interior-point", "ipopt"]),
+        ([FAULTY, "solved"], ["interior-point", "ipopt"]),
     ],
 )
 def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[str], solvers: list[str]) -> None:
@@ -180,7 +180,6 @@ def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: Ini
     assert most == [LIMITS.known_iterations_max, *[Settings().solver.iterations_max] * 2]
     assert [one is None for one in service.known[:3]] == [False, False, True]
     assert asked(used)[1][1].barrier == InitialBarrier.OTHER_PROBLEM.value
-    assert asked(used)[1][1].algorithm == "line-search"
     fewer = SolverSession(Exhausted("stuck"), Settings(), Silent())
     fewer.solve(problem, made, "all phases", barrier=barrier, multipliers=known, iterations_max=50)
     assert [one.purpose for one in fewer.attempts] == ["all phases"] * 3
@@ -203,7 +202,7 @@ def test_last_answer_is_returned_where_nobody_succeeds_and_none_where_no_solver_
     assert (solution.solver, solution.status) == ("ipopt", "infeasible")
     alone = session("stuck", STALLED).solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert alone is not None
-    assert alone.solver == "fatrop"
+    assert alone.solver == "interior-point"
     used = session(STALLED)
     assert used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD) is None
     assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
@@ -220,12 +219,11 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert isinstance(used.service, Canned)
     assert used.service.known == [known, None]
     assert [options.iterations_max for _, options, _ in asked(used)] == [LIMITS.known_iterations_max, 500]
-    assert [options.algorithm for _, options, _ in asked(used)] == ["predictor-corrector", "line-search"]
-    assert [solver for solver, _, _ in asked(used)] == ["fatrop", "fatrop"]  # before the fallback is asked
+    assert [solver for solver, _, _ in asked(used)] == ["interior-point", "interior-point"]
     failing = session("infeasible")
     failing.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
     assert isinstance(failing.service, Canned)
-    assert [solver for solver, _, _ in asked(failing)] == ["fatrop", "fatrop", "ipopt"]
+    assert [solver for solver, _, _ in asked(failing)] == ["interior-point", "interior-point", "ipopt"]
     assert failing.service.known == [known, None, None]  # a solver that begins without multipliers is asked once
 
 
@@ -256,8 +254,8 @@ def test_settings_reach_the_solver() -> None:
     used.solve(problem, made, "all phases", barrier=InitialBarrier.COARSE)
     # The fallback is the primary solver here: it is asked once.
     used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
-    near = SolverOptions(1e-5, 7, InitialBarrier.COARSE.value, algorithm="predictor-corrector", curvature=True)
-    cold = SolverOptions(1e-5, 7, InitialBarrier.COLD.value, algorithm="line-search", curvature=True)
+    near = SolverOptions(1e-5, 7, InitialBarrier.COARSE.value, curvature=True)
+    cold = SolverOptions(1e-5, 7, InitialBarrier.COLD.value, curvature=True)
     assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", near), ("ipopt", cold)]
 
 
@@ -373,7 +371,7 @@ def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
     assert used.budget.spent == 0
     used.solve(
         problem, made, "all phases", barrier=InitialBarrier.COLD
-    )  # by fatrop, then by IPOPT, whose iterations count twice
+    )  # by the interior point method, then by IPOPT, whose iterations count twice
     assert used.budget.spent == 3 * problem.intervals + 2 * 3 * problem.intervals
     used.reset_log()
     assert used.budget.spent == 0
@@ -383,13 +381,13 @@ def test_a_solver_may_take_what_is_left_and_none_is_asked_after_that() -> None:
     problem, made = small()
     used = limited(4.5 * problem.intervals, "stuck")
     solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
-    assert [(name, options.iterations_max) for name, options, _ in asked(used)] == [("fatrop", 5), ("ipopt", 1)]
+    assert [(name, options.iterations_max) for name, options, _ in asked(used)] == [("interior-point", 5), ("ipopt", 1)]
     again = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD)
     assert solution is not None
     assert again is not None
     assert (solution.status, again.status, again.success) == ("stuck", Ending.BUDGET_EXHAUSTED.value, False)
     assert len(asked(used)) == len(used.attempts) == 2
-    used.attempt(problem, made, "why", "fatrop", asked(used)[0][1], beyond_budget=True)
+    used.attempt(problem, made, "why", "interior-point", asked(used)[0][1], beyond_budget=True)
     assert len(asked(used)) == 3
 
 
@@ -399,7 +397,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     used = limited(2.0 * problem.intervals, "stuck")
     result = solve_with_refinement(used, starts)
     assert result.outcome is Status.NOT_CONVERGED
-    assert result.message.startswith("not converged: fatrop gave up (stuck), most violated: nothing; ")
+    assert result.message.startswith("not converged: interior-point gave up (stuck), most violated: nothing; ")
     assert Ending.BUDGET_EXHAUSTED.value in result.message
     assert len(result.attempts) == 1
 

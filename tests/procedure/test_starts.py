@@ -76,10 +76,10 @@ def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], 
 @pytest.mark.parametrize(
     ("verdicts", "made", "solvers"),
     [
-        (["solved"], [0], ["fatrop"]),
-        (["stuck", "solved"], [0, 1], ["fatrop", "fatrop"]),
-        (["stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt"]),
-        (["stuck", "stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt", "ipopt"]),
+        (["solved"], [0], ["interior-point"]),
+        (["stuck", "solved"], [0, 1], ["interior-point", "interior-point"]),
+        (["stuck", "stuck", "solved"], [0, 1], ["interior-point", "interior-point", "ipopt"]),
+        (["stuck", "stuck", "stuck", "solved"], [0, 1], ["interior-point", "interior-point", "ipopt", "ipopt"]),
     ],
 )
 def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
@@ -96,7 +96,7 @@ def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
 def test_a_start_with_the_guess_of_an_earlier_one_is_not_solved_again() -> None:
     result, made, solvers = tried(canned("stuck", "stuck", "stuck"), solved_start(), solved_start())
     assert result.outcome is Status.NOT_CONVERGED
-    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
+    assert (made, solvers) == ([0, 1], ["interior-point", "ipopt"])
 
 
 def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
@@ -110,10 +110,10 @@ def test_first_optimum_counts_where_none_is_certified() -> None:
     result, _, solvers = tried(canned("solved"), *starts)
     assert result.outcome is Status.NOT_CERTIFIED
     assert (result.trajectory.state == starts[0].guess.state).all()
-    assert solvers == ["fatrop", "fatrop"]
+    assert solvers == ["interior-point", "interior-point"]
 
 
 def test_no_further_start_is_made_once_a_solver_hangs() -> None:
     result, made, solvers = tried(canned(STALLED), solved_start(), solved_start())
     assert result.outcome is Status.TIMEOUT
-    assert (made, solvers) == ([0], ["fatrop", "ipopt"])
+    assert (made, solvers) == ([0], ["interior-point", "ipopt"])

@@ -287,7 +287,7 @@ FOUND: dict[str, Tampering] = {
     "unit of an item": last(items(lambda item: replace(item, unit="km"), "replay_gate")),
     "place of an item": last(items(lambda item: replace(item, where="g99"), "hamiltonian_drift")),
     "name of an item": last(items(lambda item: replace(item, name="kkt"), "kkt_error")),
-    "words of the solver": last(certificate(lambda one: replace(one, solver_status="fatrop: perfect"))),
+    "words of the solver": last(certificate(lambda one: replace(one, solver_status="interior-point: perfect"))),
     "words of the solver in its item": last(items(lambda item: replace(item, where="perfect"), "solver")),
     "kind of the curvature": last(second_order(curvature=Curvature.INDEFINITE)),
     "place of the curvature": at(POINT_MASS, second_order(phase="g99")),
@@ -307,7 +307,9 @@ FOUND: dict[str, Tampering] = {
     "no certificate below": at(POINT_MASS, lambda result: replace(result, certificate=None)),
     "a guess with a certificate": at(
         HOMOTOPY,
-        lambda result: replace(result, certificate=Certificate("fatrop: 0", (Item("race_time_change", 0, 1),))),
+        lambda result: replace(
+            result, certificate=Certificate("interior-point: solved", (Item("race_time_change", 0, 1),))
+        ),
     ),
     "a failure below": at(POINT_MASS, lambda result: replace(result, outcome=Status.NOT_CERTIFIED)),
     "a message": last(lambda result: replace(result, message="the fastest flight that anyone can fly")),

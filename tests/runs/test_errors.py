@@ -60,7 +60,7 @@ UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared objec
         MemoryError(),
         ImportError(UNMAPPED),
         ImportError("x.so: Cannot allocate memory"),
-        OSError("libfatrop.so: failed to map segment from shared object"),  # as ctypes raises it
+        OSError("libcasadi.so: failed to map segment from shared object"),  # as ctypes raises it
         OSError(errno.ENOMEM, "Cannot allocate memory"),
     ],
 )
@@ -71,14 +71,14 @@ def test_lack_of_memory_is_the_systems_and_told_as_that(error: Exception) -> Non
 
 
 @pytest.mark.parametrize(
-    "error", [OSError("libfatrop.so: cannot open shared object file"), OSError(errno.EIO, UNMAPPED)]
+    "error", [OSError("libcasadi.so: cannot open shared object file"), OSError(errno.EIO, UNMAPPED)]
 )
 def test_other_errors_of_libraries_and_files_are_no_lack_of_memory(error: OSError) -> None:
     assert not is_lack_of_memory(error)
 
 
 def test_lack_of_memory_outside_of_a_command_is_told_likewise(capsys: pytest.CaptureFixture[str]) -> None:
-    assert exit_code(OSError("libfatrop.so: failed to map segment from shared object")) == ExitCode.SYSTEM
+    assert exit_code(OSError("libcasadi.so: failed to map segment from shared object")) == ExitCode.SYSTEM
     assert capsys.readouterr().err == "airrace: out of memory\n"
 
 

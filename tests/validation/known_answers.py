@@ -4,7 +4,7 @@
     python tests/validation/known_answers.py --refine [--markdown]  on meshes twice and four times as fine
     python tests/validation/known_answers.py --orders [--markdown]  orders of convergence of every integrator
 
-`tests/validation/` states the problems, a module each. Seconds are those in the solver (fatrop), without compiled
+`tests/validation/` states the problems, a module each. Seconds are those in the solver, without compiled
 kernels. Ends with 1 if a problem is not solved, a value lies outside its tolerance or an order is not what theory says.
 """
 

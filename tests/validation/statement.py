@@ -48,7 +48,7 @@ class KnownAnswer:
     values: tuple[Value, ...]
     options: SolverOptions = field(default_factory=lambda: SolverOptions(tolerance=1e-9))
 
-    def solve(self, solver: str = "fatrop") -> Solution:
+    def solve(self, solver: str = "interior-point") -> Solution:
         """The optimum by a solver, without compiled kernels."""
         return solve(self.problem, self.guess, solver=solver, options=self.options)
 

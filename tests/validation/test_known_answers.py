@@ -20,7 +20,7 @@ from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RungeKutt
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.interface import Ending
 
-both_solvers = pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+both_solvers = pytest.mark.parametrize("solver", ["interior-point", "ipopt"])
 
 
 @both_solvers
@@ -65,7 +65,7 @@ def test_body_on_a_uniform_mesh_takes_little_longer_than_the_published_time(solv
 
 
 def test_an_ascent_through_the_earth_is_given_up_at_once() -> None:
-    """Air at a depth of 200 km makes derivatives from which fatrop never came back."""
+    """Air at a depth of 200 km makes derivatives from which a solver may never come back."""
     problem, guess = delta_iii.ascent((2, 2, 2, 2))
     begin = guess.state[:, 0]
     share = np.linspace(0.0, 1.0, 5)
@@ -78,7 +78,8 @@ def test_an_ascent_through_the_earth_is_given_up_at_once() -> None:
     straight = interpolate(problem, guess.durations, states, [0.0, 0.0])
     solution = solve(problem, straight, stall_seconds=60.0)
     assert not solution.success
-    assert solution.ending is Ending.NOT_FINITE
+    assert solution.ending in (Ending.NOT_FINITE, Ending.NO_STEP)
+    assert solution.iterations < 50
 
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)

@@ -9,6 +9,9 @@ import subprocess
 
 from airrace import process
 
+INTERIOR_POINT, IPOPT = "interior-point", "ipopt"
+"""The names of the solvers."""
+
 _idle: list[subprocess.Popen[bytes]] = []
 
 

@@ -1,13 +1,11 @@
 """What every solver takes and returns: options, bounds, multipliers, and a result with the reason of its end."""
 
 from enum import Enum
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Protocol
 
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.records import record
 from airrace.trajectory import Array
-
-Algorithm = Literal["line-search", "predictor-corrector"]
 
 
 @record
@@ -17,19 +15,15 @@ class SolverOptions:
     Attributes:
         tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
         iterations_max: number of iterations after which a solve has failed.
-        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
+        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is for guesses
             that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
-        exact: whether bounds hold as they are, which fatrop relaxes by 1e-8.
-        algorithm: which is asked first; fatrop's line search is asked where predictor-corrector steps fail.
-        curvature: whether the curvature of an optimum is judged, and a saddle is left where there is a way down.
+        curvature: whether the curvature of an optimum is judged, and a saddle is left.
     """
 
     tolerance: float = 1e-7
     iterations_max: int = 500
     barrier: float = 0.1
-    exact: bool = False
-    algorithm: Algorithm = "line-search"
-    curvature: bool = False
+    curvature: bool = True
 
 
 @record
@@ -59,11 +53,9 @@ class Ending(Enum):
     INFEASIBLE = "locally infeasible"
     NO_BETTER_POINT = "neither the line search nor the restoration of feasibility found a better point"
     NO_STEP = "no step could be computed"
+    SADDLE = "a saddle, where the conditions of first order hold but there is a way down"
     UNKNOWN = "stopped for an unknown reason"
-    RESTORATION_LIMIT = "the restoration of feasibility found no better point in time"
-    EXCEPTION = "-1: fatrop failed within"
     NOT_FINITE = "the derivatives are not finite, or far too large, at an iterate"
-    CREEPING = "one short step after another at points that are nearly feasible"
     CROSSED_BOUNDS = "infeasible: bounds contradict one another"
     INVALID_GUESS = "the guess has no finite objective and constraints"
     TIMEOUT = "no iteration finished in time"
@@ -100,7 +92,7 @@ class Solver(Protocol):
 
     Attributes:
         begins_with_multipliers: whether a guess of the multipliers changes where it begins.
-        effort: the processor time of an iteration, in those of fatrop (1).
+        effort: the processor time of an iteration, in those of the interior point method (1).
     """
 
     begins_with_multipliers: ClassVar[bool] = False

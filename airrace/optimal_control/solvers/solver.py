@@ -4,7 +4,7 @@ A solve that fails is a value: `Solution.success` is False, `ending` says why, `
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -19,10 +19,18 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import KktError, kkt_error
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.second_order import judge
-from airrace.optimal_control.solvers.fatrop.solver import FatropResult, FatropSolver, require_known_interface
-from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
+from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT
+from airrace.optimal_control.solvers.bounded_program import available
+from airrace.optimal_control.solvers.interface import (
+    Bounds,
+    Ending,
+    Multipliers,
+    Solver,
+    SolverOptions,
+    SolverResult,
+)
+from airrace.optimal_control.solvers.interior_point import InteriorPoint
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
-from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector, available
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -35,7 +43,8 @@ class Solution:
         solver: its name.
         ending: why it ended.
         status: the same in its own words.
-        success: whether it claims an optimum.
+        success: whether it is an optimum: the errors are within the tolerance, and there is no way down as far as its
+            curvature was judged.
         iterate: the last iterate, SI.
         multipliers: of the scaled program.
         objective: value of the objective.
@@ -109,100 +118,6 @@ class Solution:
         )
 
 
-STALLED_ITERATIONS = 8
-"""The number of iterations with errors below 1e-6 after which fatrop stops short of a smaller tolerance.
-
-Its own value is 15. On Abu Dhabi in a wind it stops so in most stages, with errors of 6e-7 and less as measured, and
-what it does after the first of these iterations changes the race time by less than 1e-6 s.
-"""
-
-
-def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
-    """Translate the options to fatrop's own names."""
-    return {
-        "tol": options.tolerance,
-        "max_iter": options.iterations_max,
-        "mu_init": options.barrier,
-        "acceptable_iter": STALLED_ITERATIONS,
-    }
-
-
-HAND_OVER = 20
-"""The number of iterations after which fatrop hands over a solve with known multipliers.
-
-From where predictor-corrector steps had run out of iterations, it ended three of five such solves in 18 to 21.
-"""
-
-
-class FatropRelay(Solver):
-    """The Riccati-structured interior point method fatrop (Vanroye et al.), with predictor-corrector steps and IPOPT.
-
-    With the native library, predictor-corrector steps come first where the options say so; where they fail fatrop
-    begins with the same guess. It hands over to them a solve with known multipliers after `HAND_OVER` iterations, and
-    any solve where it creeps (`CreepingDetector`). Where they fail then, it goes on, or IPOPT where it creeps, with
-    iterate, multipliers and barrier. All of them together have the iterations of the options, first steps without
-    multipliers half of these.
-    """
-
-    begins_with_multipliers = True
-
-    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
-        require_known_interface()
-        self._fatrop = FatropSolver(functions, fatrop_options(options), exact=options.exact)
-        self._options = options
-        self._functions = functions
-
-    @cached_property
-    def _steps(self) -> PredictorCorrector | None:
-        return PredictorCorrector(self._functions) if available(self._functions.assembly) else None
-
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
-        known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
-        results: list[SolverResult] = []
-        for result in self._relay(guess, bounds, p, known, results):
-            results.append(result)
-            if result.success or self._left(results) <= 0:
-                break
-        handed = [one.iterations for one in results[:-1] if isinstance(one, FatropResult)]
-        after = f", handed over by fatrop after {sum(handed)} iterations" if handed else ""
-        status = results[-1].status + after
-        return replace(results[-1], iterations=sum(one.iterations for one in results), status=status)
-
-    def _left(self, results: Sequence[SolverResult]) -> int:
-        return self._options.iterations_max - sum(one.iterations for one in results)
-
-    def _relay(
-        self, guess: Array, bounds: Bounds, p: Array, known: Array | None, results: Sequence[SolverResult]
-    ) -> Iterator[SolverResult]:
-        """Yield what everybody reaches who is asked, one after the other, until one of them succeeds.
-
-        Args:
-            guess, bounds, p: of the program.
-            known: multipliers of constraints and bounds; None if nothing is known of them.
-            results: those that were yielded, which leave the others fewer iterations.
-        """
-        steps, first = self._steps, HAND_OVER
-        if steps is not None and self._options.algorithm == "predictor-corrector":
-            most = self._options.iterations_max // (2 if known is None else 1)
-            yield steps.solve(guess, bounds, p, known, replace(self._options, iterations_max=most))
-        if known is None or steps is None:
-            first = self._options.iterations_max
-        reached = self._fatrop.solve(guess, bounds, p, known, max_iter=min(first, self._left(results)))
-        yield reached
-        while reached.ending in (Ending.CREEPING, Ending.ITERATION_LIMIT):
-            options = replace(self._options, barrier=reached.barrier, iterations_max=self._left(results))
-            known = np.concatenate([reached.lam_g, reached.lam_w])
-            if steps is not None:
-                yield steps.solve(reached.w, bounds, p, known, options)
-            left = self._left(results)
-            if reached.ending is Ending.CREEPING:
-                ipopt = Ipopt(self._functions, replace(options, iterations_max=left), resumes=True)
-                yield ipopt.solve(reached.w, bounds, p, Multipliers(reached.lam_g, reached.lam_w))
-                break
-            reached = self._fatrop.solve(reached.w, bounds, p, known, mu_init=reached.barrier, max_iter=left)
-            yield reached
-
-
 IPOPT_ENDINGS = {
     "Solve_Succeeded": Ending.OPTIMAL,
     "Solved_To_Acceptable_Level": Ending.ACCEPTABLE,
@@ -215,33 +130,18 @@ IPOPT_ENDINGS = {
 }
 
 
-RESUMING: Mapping[str, float | str] = {
-    "warm_start_init_point": "yes",
-    **dict.fromkeys(("warm_start_bound_push", "warm_start_slack_bound_push"), 1e-9),
-    **dict.fromkeys(("warm_start_bound_frac", "warm_start_slack_bound_frac"), 1e-9),
-    "warm_start_mult_bound_push": 1e-9,
-}
-"""The settings with which IPOPT begins with the iterate of another interior point method, slacks and multipliers."""
-
-
 class Ipopt(Solver):
     """The solver IPOPT with MUMPS on the same program, which it evaluates through `ipopt_functions.py`.
 
-    On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass, and
-    fatrop 37 to 47 us.
-
-    Args:
-        resumes: whether it goes on from multipliers and slacks as they are given.
+    On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass.
     """
 
     effort = 2
 
-    def __init__(self, functions: Evaluation, options: SolverOptions, *, resumes: bool = False) -> None:
+    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
         self._program = ProgramFunctions(functions)
         own: dict[str, float | str] = {"tol": options.tolerance, "max_iter": options.iterations_max, "sb": "yes"}
-        own["mu_init"] = options.barrier
-        if resumes:
-            own |= RESUMING
+        own |= {"mu_init": options.barrier, "bound_relax_factor": 0.0, "nlp_scaling_method": "none"}
         cache = self._program.derivatives
         self._settings = {"print_time": False, "calc_lam_p": False, "cache": cache, "ipopt": own}
         self._nlpsols: dict[bytes, ca.Function] = {}
@@ -278,8 +178,8 @@ class Ipopt(Solver):
         return self._nlpsols[kinds]
 
 
-SOLVERS: Mapping[str, type[Solver]] = {"fatrop": FatropRelay, "ipopt": Ipopt}
-"""The solvers by the names that settings know."""
+SOLVERS: Mapping[str, type[Solver]] = {INTERIOR_POINT: InteriorPoint, IPOPT: Ipopt}
+"""The solvers by the names that settings know; where the former's steps cannot be computed the latter is asked."""
 
 
 STEP_FROM_SADDLE = 0.1
@@ -302,8 +202,10 @@ class PreparedProblem:
         self, layout: Layout, kernels: Kernels, solver: str | type[Solver], options: SolverOptions, threads: int = 1
     ) -> None:
         self._functions = Evaluation(Assembly(layout, kernels), threads)
-        self._name = solver if isinstance(solver, str) else solver.__name__
         self._options = options
+        if solver == INTERIOR_POINT and not available(self._functions.assembly):
+            solver = IPOPT
+        self._name = solver if isinstance(solver, str) else solver.__name__
         self._solver = (SOLVERS[solver] if isinstance(solver, str) else solver)(self._functions, options)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
@@ -324,12 +226,23 @@ class PreparedProblem:
             result, second_order = self._beyond_saddles(layout, bounds, p, reached)
             if result is not reached:
                 error, lam_x, worst = kkt_error(self._functions, layout, result.w, p, result.lam_g)
+        ending, status = result.ending, result.status
+        if second_order is not None:
+            is_saddle = second_order.curvature is Curvature.INDEFINITE
+            if is_saddle or ending is Ending.SADDLE:
+                ending = Ending.SADDLE if is_saddle else Ending.OPTIMAL
+                status = ending.value
+        success = bool(error.largest <= self._options.tolerance) and ending is not Ending.SADDLE
+        if success:
+            ending = Ending.OPTIMAL
+        elif ending is Ending.OPTIMAL:
+            ending, status = Ending.ACCEPTABLE, f"{status}; its errors are measured to be larger than asked"
         seconds = time.perf_counter() - started
         return Solution(
             solver=self._name,
-            ending=result.ending,
-            status=result.status,
-            success=result.success,
+            ending=ending,
+            status=status,
+            success=success,
             iterate=layout.unpack(result.w),
             multipliers=Multipliers(result.lam_g, lam_x),
             objective=result.objective,

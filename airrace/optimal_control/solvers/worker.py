@@ -4,7 +4,6 @@
 progress to Python's `sys.stdout` only; here it is read line by line and turned into reports.
 """
 
-import contextlib
 import io
 import logging
 import math
@@ -20,12 +19,10 @@ from functools import partial
 import casadi as ca
 
 from airrace import process
-from airrace.errors import SolverCrash, is_lack_of_memory
+from airrace.errors import is_lack_of_memory
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers.fatrop.blasfeo import interpose
-from airrace.optimal_control.solvers.fatrop.solver import require_known_interface
 from airrace.optimal_control.solvers.messages import (
     Inbox,
     IterationReport,
@@ -184,11 +181,8 @@ def main() -> None:
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = progress = ProgressReader(replies)
-    interpose()  # before fatrop is loaded
     receiver = Receiver(asked)
     requests = Inbox(asked, partial(_read, receiver)).start()
-    with contextlib.suppress(SolverCrash):  # which the first solve tells
-        require_known_interface()  # while the other process prepares what is to be solved
     server = SolveServer()
     while True:
         if (request := receiver.unpack(requests.next())) is None:

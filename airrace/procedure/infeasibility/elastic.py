@@ -35,7 +35,7 @@ from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
 from airrace.records import record
 from airrace.trajectory import Array
 
-OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.1)
+OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.1, curvature=False)
 
 
 @record

@@ -19,7 +19,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 
-OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)
+OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1, curvature=False)
 """A feasible flight is enough."""
 FAILING_ITERATIONS = 120
 """The number of iterations after which the primary solver has failed."""

@@ -18,7 +18,8 @@ from airrace.optimal_control.mesh_refinement import resample, transfer_multiplie
 from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import estimate_defect
-from airrace.optimal_control.solvers.interface import Algorithm, Multipliers, SolverOptions
+from airrace.optimal_control.solvers import INTERIOR_POINT
+from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.plan import Plan
@@ -89,11 +90,6 @@ class InitialGuess:
     barrier: InitialBarrier
     is_baseline: bool = False
     before: "CoarseSolution | None" = None
-
-    @property
-    def algorithm(self) -> Algorithm:
-        """What is asked first where no multipliers are known; one of many starts may end on a detour."""
-        return self.barrier.algorithm if self.is_baseline else "predictor-corrector"
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +165,7 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
             known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
             solution = try_solve(service, problem, iterate, barrier, SETTINGS.known_iterations_max, known)
         if solution is None or not solution.success:
-            algorithm = start.algorithm if before is None else "line-search"
-            solution = try_solve(service, problem, iterate, barrier, iterations, algorithm=algorithm)
+            solution = try_solve(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
             return found
         errors = objective_error(problem, solution)
@@ -194,7 +189,6 @@ def try_solve(
     barrier: InitialBarrier,
     iterations: int = SETTINGS.iterations_max,
     multipliers: Multipliers | None = None,
-    algorithm: Algorithm = "predictor-corrector",
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
 
@@ -203,13 +197,13 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, algorithm=algorithm)
+    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, curvature=False)
     stall = SETTINGS.stall_seconds
     try:
         return service.solve(
             problem,
             iterate,
-            solver="fatrop",
+            solver=INTERIOR_POINT,
             options=options,
             multipliers=multipliers,
             threads=1,

@@ -136,7 +136,7 @@ def test_flights_that_differ_in_a_roll_alone_are_on_different_routes() -> None:
 
 
 def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With two intervals between a gate and eleven fixed states there is no step, and fatrop looks for one for ever."""
+    """With two intervals between a gate and eleven fixed states there is no step."""
     base, left_out, rest = planned_coarse_solution(SLALOM), 0, [math.inf]
     for reach in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
         settings = dataclasses.replace(roll_moves.SETTINGS, reach=reach, push_reach=reach)
