@@ -30,7 +30,7 @@ SADDLE = 100.0
 """The ratio of the negative curvature of a saddle to the positive one of a minimum (1).
 
 With 1e-2 s a change of one scale in the mean square gains the 5 ms to which race times are certified. Solvers leave
-alone what is less: predictor-corrector steps add 1e-6 to the diagonal, where a stage may stand for 1e-4 of a race.
+alone what is less: the interior point method adds 1e-6 to the diagonal, where a stage may stand for 1e-4 of a race.
 """
 
 

@@ -123,7 +123,7 @@ class RelaxedRoutes:
 
     Each is solved for when it is first asked for, in the budget of all that is solved for the conflicts of the race. A
     race with limits of a pilot is relaxed without them first, and from there with them: from its guess, the half Cuban
-    eight with a ceiling of 100 m was not relaxed; fatrop hung with a floor of 10 m and failed with one of 30 m.
+    eight with a ceiling of 100 m and a floor of 10 or 30 m was not relaxed.
 
     Attributes:
         budget: of all that is solved.
