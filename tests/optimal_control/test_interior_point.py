@@ -170,7 +170,7 @@ def test_steps_keep_slacks_and_multipliers_positive_and_bring_the_conditions_clo
     assert following.s.min() > 0.0
     assert following.z.min() > 0.0
     _, F, C, _ = dense(program)
-    assert F @ (primal * step.w) == pytest.approx(-primal * residuals.y, abs=1e-9)  # of the linear ones that share
+    assert F @ (primal * step.w) == pytest.approx(-primal * residuals.y, abs=1e-9)  # linear: they close by that share
     assert C @ step.w - step.e / STEP.equality_weight == pytest.approx(-residuals.e, abs=1e-9)
 
 

@@ -15,8 +15,8 @@ class SolverOptions:
     Attributes:
         tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
         iterations_max: number of iterations after which a solve has failed.
-        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is for guesses
-            that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
+        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is for guesses that may be far off,
+            and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
         curvature: whether the curvature of an optimum is judged, and a saddle is left.
     """
 
