@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
     from airrace.optimal_control.certificate import Certificate
-    from airrace.planning.plan import Race
     from airrace.procedure.result import Progress, StageResult, Status
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
+    from airrace.race import Race
     from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
     from airrace.runs.courses import CourseCheck, init
     from airrace.runs.fit import FittedAircraft, fit
@@ -120,7 +120,7 @@ _HOMES = {
     "airrace.environment": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
-    "airrace.planning.plan": ("Race",),
+    "airrace.race": ("Race",),
     "airrace.procedure.result": ("Progress", "StageResult", "Status"),
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),

@@ -4,11 +4,12 @@ Symbols follow the flight model; SI and radians. Limits are not among the parame
 bounds of states, controls and path quantities.
 """
 
+from dataclasses import dataclass
+
 from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class Airframe:
     """The mass and size of an aircraft: `m` kg; `S` m2; `b`, `cbar` m; moments of inertia kg m2."""
 
@@ -22,7 +23,7 @@ class Airframe:
     I_xz: float
 
 
-@record
+@dataclass(frozen=True)
 class Lift:
     """The coefficients of lift, rounded off at `C_L_max` and `C_L_min`.
 
@@ -37,7 +38,7 @@ class Lift:
     C_L_min: float
 
 
-@record
+@dataclass(frozen=True)
 class Drag:
     """The coefficients of drag; their fit ends at the sideslip `beta_A_max` (rad).
 
@@ -51,7 +52,7 @@ class Drag:
     beta_A_max: float
 
 
-@record
+@dataclass(frozen=True)
 class SideForce:
     """The derivatives of `C_Y`."""
 
@@ -62,7 +63,7 @@ class SideForce:
     C_Yzeta: float
 
 
-@record
+@dataclass(frozen=True)
 class RollMoment:
     """The derivatives of `C_l`; `C_lr_per_C_L` adds to `C_lr` in proportion to the lift coefficient."""
 
@@ -74,7 +75,7 @@ class RollMoment:
     C_lzeta: float
 
 
-@record
+@dataclass(frozen=True)
 class PitchMoment:
     """The coefficient `C_m0` and the derivatives of `C_m`."""
 
@@ -85,7 +86,7 @@ class PitchMoment:
     C_meta: float
 
 
-@record
+@dataclass(frozen=True)
 class YawMoment:
     """The derivatives of `C_n`; `C_np_per_C_L` adds to `C_np` in proportion to the lift coefficient."""
 
@@ -97,7 +98,7 @@ class YawMoment:
     C_nzeta: float
 
 
-@record
+@dataclass(frozen=True)
 class Propulsion:
     """The numbers of the thrust: `P_max` W, `T_static` N, lag `tau_T` s, efficiency `eta_p`.
 
@@ -110,7 +111,7 @@ class Propulsion:
     tau_T: float
 
 
-@record
+@dataclass(frozen=True)
 class Propeller:
     """A propeller whose torque and angular momentum act on the aircraft.
 
@@ -123,7 +124,7 @@ class Propeller:
     Omega: float
 
 
-@record
+@dataclass(frozen=True)
 class Mode:
     """A second-order motion: natural frequency `omega` (rad/s) and damping ratio `D`."""
 
@@ -131,7 +132,7 @@ class Mode:
     D: float
 
 
-@record
+@dataclass(frozen=True)
 class LinearLoops:
     """The dynamics of the linear inner loops, where they are known better than the aircraft's derivatives tell.
 
@@ -147,7 +148,7 @@ class LinearLoops:
     tau_p: float | None = None
 
 
-@record
+@dataclass(frozen=True)
 class Surfaces:
     """The travels of the control surfaces (rad) and the fastest rate at which a stick moves them (rad/s)."""
 
@@ -157,7 +158,7 @@ class Surfaces:
     rate: float
 
 
-@record
+@dataclass(frozen=True)
 class PointMassLimits:
     """The limits of the point mass's controls, which stand in for the missing rotational dynamics.
 
@@ -171,7 +172,7 @@ class PointMassLimits:
     p_dot: float
 
 
-@record
+@dataclass(frozen=True)
 class Envelope:
     """The structural and speed limits: `V` is the allowed kinematic speed (m/s), `n_z` the load factor (g)."""
 
@@ -179,7 +180,7 @@ class Envelope:
     n_z: Interval
 
 
-@record
+@dataclass(frozen=True)
 class Aircraft:
     """An aircraft, complete for a race.
 

@@ -36,7 +36,6 @@ from enum import Enum
 from airrace.elementary import exp, log, power, smooth_maximum, sqrt
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, T, Vector, quantity, vector
-from airrace.records import record
 
 
 class Profile(Enum):
@@ -47,7 +46,7 @@ class Profile(Enum):
     LOG = "log"
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StaticWind:
     """A wind from `origin` (the azimuth it blows from, rad) with `speed` (m/s) at `reference_height` (m).
 
@@ -72,7 +71,7 @@ class StaticWind:
         return -self.speed * math.sin(self.origin)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Thermal:
     """An updraft after Allen (2006): centre (m), convective velocity scale `w_star` (m/s), mixing-layer depth (m)."""
 
@@ -82,7 +81,7 @@ class Thermal:
     mixing_height: float
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Air:
     """The air of the day: offsets from ISA at sea level (K, Pa), the elevation of the track's origin (m) and the wind.
 
@@ -164,7 +163,7 @@ def calibrated_airspeed(V_A: Scalar, p: Scalar, rho: Scalar) -> Scalar:
     return (2.0 / (KAPPA - 1.0) * a_02 * ratio) ** 0.5
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Rounding:
     """The lowest values, and the widths within which corners are rounded off.
 
@@ -270,7 +269,7 @@ def _relative_height(h: Scalar, mixing_height: Scalar) -> tuple[Scalar, Scalar]:
     return zeta, power(zeta, 1.0 / 3.0)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class WindField:
     """The structure of the wind, i.e. which kinds of wind blow; fields of equal structure share one model.
 
@@ -332,7 +331,7 @@ class WindField:
         return [north, east, down]
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Weather:
     """The air and the wind as the equations of a model see them, in symbols or numbers.
 

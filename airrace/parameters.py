@@ -11,7 +11,6 @@ from enum import Enum
 from typing import Any, Generic, TypeVar, cast
 
 from airrace.quantities import DEGREE, KNOT, Interval
-from airrace.records import record
 
 Model = TypeVar("Model")
 Whole = TypeVar("Whole")
@@ -61,7 +60,7 @@ class ParameterGroup(Enum):
     ENVIRONMENT = "environment"
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Scale:
     """The function of a value in proportion to which the equations change, and its inverse."""
 
@@ -78,7 +77,7 @@ SINE = Scale(
 """Of an angle in degrees."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Parameter(Generic[Model]):
     """A number of a model, in the unit of its key.
 

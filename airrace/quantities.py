@@ -17,8 +17,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, Generic, Self, TypeVar, dataclass_transform
 
-from airrace.records import record
-
 T = TypeVar("T")
 
 KNOT = 1852.0 / 3600.0
@@ -29,7 +27,7 @@ FOOT = 0.3048
 """One foot in m."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Quantity:
     """A declared scalar: its name, unit, scale, bounds and meaning.
 
@@ -51,7 +49,7 @@ class Quantity:
     rate_of: str = dataclasses.field(default="", metadata={"counts": "where set"})
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Interval:
     """A closed range of a quantity; `Interval.exactly(v)` has no width."""
 
@@ -102,10 +100,10 @@ def quantity(
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(quantity,))
 def vector(cls: type[T]) -> type[T]:
     """Make a subclass of `Vector` a frozen, keyword-only dataclass (a class decorator)."""
-    return record(kw_only=True)(cls)
+    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
 
 
-@record(kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Vector(Generic[T]):
     """The base of all typed vectors; the order of the fields is the order of the components."""
 

@@ -6,7 +6,7 @@ Nothing here knows of aircraft; dynamics builds systems, optimal control optimis
 import functools
 import threading
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -14,7 +14,6 @@ import numpy as np
 
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector, vector
-from airrace.records import record
 from airrace.trajectory import Array
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
@@ -35,7 +34,7 @@ class NoQuantities(Vector[Any]):  # Any: there is no component whose type it cou
     """A vector without components, such as the controls of a free fall."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class System:
     """A controlled dynamical system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
 
@@ -69,7 +68,7 @@ class System:
                 raise ValueError(f"{one.name} is declared to be the rate of {one.rate_of}, which is no state")
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Observation:
     """A set of quantities seen at one instant, e.g. where and how an aircraft crosses a gate.
 

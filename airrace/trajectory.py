@@ -1,18 +1,18 @@
 """Trajectories: named time histories of a flight through several phases, and the arrays of numbers (numpy only)."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.quantities import Quantity
-from airrace.records import record
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """The histories of a flight's states and controls on the nodes of a mesh.
 

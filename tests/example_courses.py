@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
+from airrace.race import Race
 
 ROOT = Path(__file__).parents[1]
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"

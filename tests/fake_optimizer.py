@@ -16,7 +16,6 @@ import numpy as np
 
 from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
-from airrace.planning.plan import Race
 from airrace.procedure.result import (
     OUTCOMES,
     Attempt,
@@ -32,6 +31,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import Continuous
 from airrace.quantities import Quantity
+from airrace.race import Race
 from airrace.trajectory import Array, Trajectory
 
 if TYPE_CHECKING:

@@ -9,9 +9,10 @@ import pytest
 from transformations import Change, changed, mirrored, moved, rotated
 
 from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.planning.plan import Race, plan
+from airrace.planning.plan import plan
 from airrace.planning.planning_model import cruise
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Turning
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point, distance, inside, to_right

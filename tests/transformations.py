@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass, replace
 
 from airrace.environment import Air
-from airrace.planning.plan import Race
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Course, Crowd, Passage, SafetyLine, Turning
 from airrace.track.gates import Element, Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point

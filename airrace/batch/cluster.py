@@ -36,13 +36,12 @@ from airrace.batch.supervision import (
 )
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, ClusterError, StorageError
-from airrace.records import record
 from airrace.runs.command_result import ExitCode
 
 _log = logging.getLogger(__name__)
 
 
-@record
+@dataclass(frozen=True)
 class ClusterTimes:
     """The times of the conversation with a cluster, s.
 
@@ -70,7 +69,7 @@ class DamagedPayload(AirraceError):
     """An error of a file whose content is not what was sent."""
 
 
-@record
+@dataclass(frozen=True)
 class Payload:
     """A file on its way: its bytes, and their sha256 (hex) where they were sent from."""
 
@@ -94,7 +93,7 @@ class Payload:
         return self.content
 
 
-@record
+@dataclass(frozen=True)
 class AttemptPayload:
     """An attempt at a job with the checkpoint of earlier ones, as it travels to a worker.
 
@@ -111,7 +110,7 @@ class AttemptPayload:
     command: tuple[str, ...]
 
 
-@record
+@dataclass(frozen=True)
 class AttemptReply:
     """The result of an attempt with its checkpoint, as it travels back.
 

@@ -12,6 +12,7 @@ standard air is behind that of the fastest one. What gates favour whom follows f
 import cmath
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
@@ -23,7 +24,6 @@ from airrace.inputs.air import ORIGIN, OTHER_SPEED, SPEED, WIND, overrides_of, w
 from airrace.procedure.result import Silent
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
-from airrace.records import record
 from airrace.results import Flight
 from airrace.runs.execute import execute
 from airrace.runs.flight_sources import open_file, source_of
@@ -67,7 +67,7 @@ def air_text(air: Combination) -> str:
     return ", ".join(filter(None, (wind, *others))) or "as the course says"
 
 
-@record
+@dataclass(frozen=True)
 class Optimum:
     """The optimum of one aircraft in one air.
 
@@ -82,7 +82,7 @@ class Optimum:
     stage: StageView | None
 
 
-@record
+@dataclass(frozen=True)
 class NormalisedFlight:
     """A flight, and the optima of its aircraft in the air that it flew in (`there`) and in still standard air, s.
 
@@ -101,7 +101,7 @@ class NormalisedFlight:
         return self.standard + self.race_time - self.there
 
 
-@record
+@dataclass(frozen=True)
 class Favour:
     """A number of a gate by its key, and what a usual step of it costs, s, aircraft by aircraft."""
 
@@ -115,7 +115,7 @@ class Favour:
         return max(self.costs) - min(self.costs)
 
 
-@record
+@dataclass(frozen=True)
 class Fairness:
     """What aircraft and air are worth on a course.
 
@@ -382,7 +382,7 @@ def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
     return tuple(sorted(favours, key=lambda one: one.difference, reverse=True))
 
 
-@record
+@dataclass(frozen=True)
 class _FlightToNormalise:
     """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs in both airs."""
 

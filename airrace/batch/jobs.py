@@ -5,6 +5,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 from itertools import product
@@ -13,10 +14,9 @@ from typing import Any, Self
 
 from airrace.errors import UsageError
 from airrace.inputs import Document
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class Fingerprint:
     """All that the result of a job depends on; each part is a hash or a short text, so that a change can be named.
 
@@ -47,7 +47,7 @@ class Fingerprint:
         return [clause for name, clause in clauses.items() if getattr(earlier, name) != getattr(self, name)]
 
 
-@record
+@dataclass(frozen=True)
 class Job:
     """A course to be solved once. It holds texts, not files, so it means the same on any computer.
 
@@ -117,7 +117,7 @@ Combination = tuple[tuple[str, str], ...]
 _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]+)?")
 
 
-@record
+@dataclass(frozen=True)
 class Sweep:
     """A key as `--set` takes it, and the values it is given in turn, as texts."""
 

@@ -4,7 +4,7 @@ import glob
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice, zip_longest
 from math import prod
 from pathlib import Path
@@ -30,13 +30,12 @@ from airrace.inputs.overrides import FILE as SET_OPTION
 from airrace.inputs.overrides import value_text
 from airrace.inputs.schema import read_entry
 from airrace.inputs.settings import BatchEntry
-from airrace.records import record
 from airrace.runs.command_result import ExitCode
 from airrace.runs.output import ensure_unread
 from airrace.standard_streams import STANDARD, name_of
 
 
-@record
+@dataclass(frozen=True)
 class PlanningLimits:
     """The sizes of what is planned.
 
@@ -101,7 +100,7 @@ def _folders(pattern: str) -> Iterator[str]:
 SWEEP_OPTION = "--sweep"
 
 
-@record
+@dataclass(frozen=True)
 class Manner:
     """The settings with which courses are solved.
 
@@ -122,7 +121,7 @@ class Manner:
     places: Mapping[str, Place] = field(default_factory=dict[str, Place])
 
 
-@record
+@dataclass(frozen=True)
 class SourceGroup:
     """A group of courses with the same settings."""
 
@@ -130,7 +129,7 @@ class SourceGroup:
     manner: Manner
 
 
-@record
+@dataclass(frozen=True)
 class Sources:
     """The groups of courses that were meant, what is wrong with the way they were named, and the batch files."""
 
@@ -269,7 +268,7 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
 Findings = tuple[Finding, ...]
 
 
-@record
+@dataclass(frozen=True)
 class RouteSummary:
     """The routes that a job has tried, in short.
 
@@ -286,7 +285,7 @@ class RouteSummary:
     behind: float | None = None
 
 
-@record
+@dataclass(frozen=True)
 class JobResult:
     """The end of a job in short, for there may be thousands.
 
@@ -346,7 +345,7 @@ def invalid(findings: Findings) -> JobResult:
     return JobResult(ExitCode.INVALID_INPUT, message, findings=findings)
 
 
-@record
+@dataclass(frozen=True)
 class PlannedJob:
     """A job of the plan and what is done with it.
 
@@ -389,7 +388,7 @@ class PlannedJob:
         }
 
 
-@record
+@dataclass(frozen=True)
 class BatchPlan:
     """The plan of a batch: all of its jobs, in order.
 

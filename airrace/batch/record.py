@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any, Self
@@ -17,7 +17,6 @@ from typing import Any, Self
 from airrace.batch.jobs import Fingerprint, Job
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, Finding, StorageError, UsageError
-from airrace.records import record
 from airrace.runs.command_result import ExitCode
 from airrace.runs.execute import file_lock
 
@@ -30,7 +29,7 @@ class RecordError(AirraceError):
     """An error of a job's record that cannot be used."""
 
 
-@record
+@dataclass(frozen=True)
 class FileMark:
     """A mark that tells whether a file has changed: its size (bytes), sha256 (hex) and time of change (ns)."""
 
@@ -67,7 +66,7 @@ class FileMark:
         return ""
 
 
-@record
+@dataclass(frozen=True)
 class JobRecord:
     """A job's record as it is stored on disk.
 

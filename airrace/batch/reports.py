@@ -7,7 +7,7 @@ import re
 import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from airrace.batch.record import RecordError, checkpoint_path, read_record
 from airrace.errors import Finding, StorageError
 from airrace.procedure.result import Status
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.results.comparison import TIE
 from airrace.runs.command_result import ExitCode
 from airrace.views.plain_text import escape_markdown
@@ -39,7 +38,7 @@ STATES: Mapping[int, str] = {
 """The words for how a job ended, by its exit code."""
 
 
-@record
+@dataclass(frozen=True)
 class BatchResult:
     """The result of a job, and how far it is behind.
 
@@ -177,7 +176,7 @@ SPEEDS: Mapping[str, float] = {"environment.wind.speed_kt": 1.0, "environment.wi
 """The keys of the wind's speed, and the knots in one of their units."""
 
 
-@record
+@dataclass(frozen=True)
 class Bearing:
     """The race times in one direction of the wind.
 
@@ -192,7 +191,7 @@ class Bearing:
     per_knot: float | None
 
 
-@record
+@dataclass(frozen=True)
 class WindSummary:
     """The race times of one course in several winds.
 
@@ -280,7 +279,7 @@ def _number(text: str) -> float:
         return math.inf
 
 
-@record
+@dataclass(frozen=True)
 class ReportLimits:
     """What other programs take of a report.
 

@@ -12,14 +12,13 @@ from airrace.batch.jobs import Job
 from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, result_of
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_path, write_record
 from airrace.errors import Finding, StorageError
-from airrace.records import record
 from airrace.runs.command_result import ExitCode
 
 if TYPE_CHECKING:
     from airrace.batch import BatchOptions
 
 
-@record
+@dataclass(frozen=True)
 class JobAttempt:
     """A job to run.
 
@@ -48,7 +47,7 @@ class FailureKind(Enum):
     STOPPED = "stopped"
 
 
-@record
+@dataclass(frozen=True)
 class AttemptResult:
     """The end of one attempt at a job.
 
@@ -70,7 +69,7 @@ class AttemptResult:
     fault: FailureKind = FailureKind.NONE
 
 
-@record
+@dataclass(frozen=True)
 class Started:
     """An event: an attempt is under way; `where` names the host, empty for this one."""
 
@@ -78,7 +77,7 @@ class Started:
     where: str = ""
 
 
-@record
+@dataclass(frozen=True)
 class StageStarted:
     """An event: a stage of a job is under way."""
 
@@ -86,7 +85,7 @@ class StageStarted:
     stage: str
 
 
-@record
+@dataclass(frozen=True)
 class StageFinished:
     """An event: a stage of a job is finished and in its checkpoint; `race_time` (s) is None if it found no flight."""
 
@@ -97,7 +96,7 @@ class StageFinished:
     certified: bool
 
 
-@record
+@dataclass(frozen=True)
 class Ended:
     """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
 

@@ -10,7 +10,7 @@ import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,6 @@ from airrace.errors import InputError, UsageError
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
-from airrace.records import record
 from airrace.resources import extra
 from airrace.runs.output import write_text
 from airrace.runs.plan import Changes, Values, value_texts
@@ -37,7 +36,7 @@ CHUNK, POINTS_MAX = 20, 100_000
 """The number of combinations that are solved from one another, and the largest number of all."""
 
 
-@record
+@dataclass(frozen=True)
 class SweepPoint:
     """The optimum under one combination of values.
 
@@ -54,7 +53,7 @@ class SweepPoint:
     message: str = ""
 
 
-@record
+@dataclass(frozen=True)
 class SweepResult:
     """A stage under all combinations of swept values.
 

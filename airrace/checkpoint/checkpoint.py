@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import STAGES, Stage
-from airrace.records import record
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StoredDocument:
     """A YAML input: the path it was read from and its text, unchanged."""
 
@@ -33,7 +32,7 @@ class StoredDocument:
     text: str
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StoredInputs:
     """The inputs of a run, as documents and as resolved.
 
@@ -52,7 +51,7 @@ class StoredInputs:
     resolved: str
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StoredStage:
     """A finished stage, the hash of the inputs it was computed from and its link of the chain (both hex)."""
 
@@ -61,7 +60,7 @@ class StoredStage:
     chain_hash: str
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class ReserveAttempt:
     """A finished attempt of the search for a reserve: what was measured, and with what the next one begins.
 
@@ -86,7 +85,7 @@ class ReserveAttempt:
     done: bool
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StoredAttempt:
     """An attempt with the flight that it was measured along.
 
@@ -103,7 +102,7 @@ class StoredAttempt:
     chain_hash: str
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Checkpoint:
     """A run as it is stored: its inputs and its finished stages.
 

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import CheckpointError
-from airrace.records import record
 from airrace.trajectory import Array
 
 # h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
@@ -29,7 +28,7 @@ Numbers = NDArray[np.float64 | np.int64]
 Column = tuple[str, ...] | Numbers
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Series:
     """A row of numbers, shape (n,), with attributes.
 
@@ -41,14 +40,14 @@ class Series:
     axis: str = ""
 
 
-@record
+@dataclass(frozen=True)
 class StoredTable:
     """A table: columns of equal length, by name."""
 
     columns: Mapping[str, Column]
 
 
-@record
+@dataclass(frozen=True)
 class Group:
     """A group of named members, with attributes."""
 
@@ -216,7 +215,7 @@ def _encode_text(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
-@record
+@dataclass(frozen=True)
 class ReadLimits:
     """The most that is read of an image.
 
@@ -384,7 +383,7 @@ def _decode_text(text: bytes, path: str) -> str:
     return decoded
 
 
-@record
+@dataclass(frozen=True)
 class GroupReader:
     """A group of a tree and its path, which every message names."""
 

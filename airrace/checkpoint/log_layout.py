@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,10 @@ from airrace.checkpoint.run_layout import (
 from airrace.errors import CheckpointError
 from airrace.logs.violations import Violation
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class StoredHistory:
     """A history: its declaration, its values over the flight's time axis, and whether it was measured or derived."""
 
@@ -38,7 +38,7 @@ class StoredHistory:
     basis: str
 
 
-@record
+@dataclass(frozen=True)
 class StoredPassing:
     """A passing, with its time, s after the start; NaN where it was not made."""
 
@@ -46,7 +46,7 @@ class StoredPassing:
     time: float
 
 
-@record
+@dataclass(frozen=True)
 class StoredReceiver:
     """What is known of the errors of a log's positions.
 
@@ -61,7 +61,7 @@ class StoredReceiver:
     barometric: bool
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class RawLog:
     """The part of a log that the flight was made from, as it was read.
 
@@ -88,7 +88,7 @@ class RawLog:
     receiver: StoredReceiver
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class LogCheckpoint:
     """All that the file of a flight log holds.
 

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,6 @@ from airrace.procedure.result import (
 )
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 SCHEMA = 7
@@ -56,7 +55,7 @@ CONTENT = "content"
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
-@record
+@dataclass(frozen=True)
 class Version:
     """A row of the table of versions."""
 
@@ -64,7 +63,7 @@ class Version:
     version: str
 
 
-@record
+@dataclass(frozen=True)
 class NoteRow:
     """A row of the table of notes; `kind` is the value of a `NoteKind`."""
 
@@ -72,7 +71,7 @@ class NoteRow:
     text: str
 
 
-@record
+@dataclass(frozen=True)
 class SecondOrderRow:
     """The one row that says what the curvature tells, see `SecondOrder`; `curvature` is the value of a `Curvature`."""
 
@@ -100,7 +99,7 @@ class SecondOrderRow:
         return SecondOrder(kind, self.threshold, self.least, *where, self.active, self.weakly_active)
 
 
-@record
+@dataclass(frozen=True)
 class PylonConditionRow:
     """A row of the table of conditions on pylons; `side` is the value of a `PylonSide`."""
 
@@ -113,7 +112,7 @@ class PylonConditionRow:
     roll_acceleration: float
 
 
-@record
+@dataclass(frozen=True)
 class SearchSummary:
     """The one row that says how exploring went, see `SearchReport`."""
 

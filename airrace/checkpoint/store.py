@@ -21,6 +21,7 @@ import os
 import stat
 import struct
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -31,7 +32,6 @@ from airrace.checkpoint.log_layout import LogCheckpoint, decode_log, encode_log,
 from airrace.checkpoint.run_layout import decode, encode
 from airrace.errors import CheckpointError
 from airrace.procedure.stage import Stage
-from airrace.records import record
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 BLOCK_SIZE = 512
@@ -46,7 +46,7 @@ _HEADER = struct.Struct("<16sIQ32s")
 _SIGNED = struct.Struct(f"{KEY_SIZE}s{SIGNATURE_SIZE}s")
 
 
-@record
+@dataclass(frozen=True)
 class Signature:
     """A signature: the public key of whoever claims to have signed, what was signed, and the signature itself."""
 

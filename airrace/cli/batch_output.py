@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Hashable, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import IO, TextIO, cast
@@ -36,7 +36,6 @@ from airrace.batch.reports import (
 from airrace.batch.supervision import StageFinished, Watcher
 from airrace.cli.answer import full_columns, render, terminal_columns
 from airrace.errors import Finding, UsageError
-from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
 from airrace.standard_streams import STANDARD
@@ -46,7 +45,7 @@ from airrace.views.tables import Column, Table
 from airrace.views.terminal import PlainConsole
 
 
-@record
+@dataclass(frozen=True)
 class OutputLimits:
     """The sizes of what is printed of a batch.
 
@@ -68,7 +67,7 @@ class OutputLimits:
 LIMITS = OutputLimits()
 
 
-@record
+@dataclass(frozen=True)
 class Reports:
     """The files that are written at the end, each None if it is not wanted. Every call replaces them."""
 
@@ -304,7 +303,7 @@ class BatchLines(Watcher):
         print(f"[{self._clock() - self._began:7.1f} s] {text}", file=self._stream, flush=True)
 
 
-@record
+@dataclass(frozen=True)
 class _JobUnderWay:
     """A job under way."""
 

@@ -4,14 +4,14 @@ import itertools
 import math
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.cli.answer import paragraph
 from airrace.planning.lint import Remark
-from airrace.planning.plan import Race
 from airrace.quantities import KNOT, Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.flight import passings_around
@@ -21,7 +21,7 @@ from airrace.views.course_page import rows
 from airrace.views.tables import Column, Table
 
 
-@record
+@dataclass(frozen=True)
 class TableSizes:
     """The sizes of what is printed of a course.
 

@@ -6,6 +6,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -17,7 +18,6 @@ from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, i
 from airrace.optimal_control.solve import solve
 from airrace.process import available_cores
 from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.records import record
 from airrace.system import system_of
 
 USES = {
@@ -36,7 +36,7 @@ USES = {
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*(;.*extra == ['\"](?P<extra>\w+)['\"])?")
 
 
-@record
+@dataclass(frozen=True)
 class Component:
     """A component of an installation.
 

@@ -1,6 +1,7 @@
 """A course in the terminal, seen from above: dots, eight to a cell, north up, both directions at one scale."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Group
@@ -8,7 +9,6 @@ from rich.text import Text
 
 from airrace.planning.clearance import ground_distance
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.track.course import CrowdShape
 from airrace.track.polygons import edges
 from airrace.trajectory import Array
@@ -21,7 +21,7 @@ _BLANK = 0x2800
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 
-@record
+@dataclass(frozen=True)
 class Layer:
     """The look of a kind of dots: its style on a terminal, and its character where there are no Braille patterns."""
 
@@ -121,7 +121,7 @@ class Canvas:
         return lines
 
 
-@record
+@dataclass(frozen=True)
 class PlanLimits:
     """The size of the picture and what is drawn of it.
 

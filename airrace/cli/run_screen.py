@@ -7,7 +7,7 @@ the commands that come next.
 import itertools
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
@@ -26,7 +26,6 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs.objects import is_of_objects
 from airrace.procedure.result import UNVERIFIABLE, StageResult, Status
 from airrace.procedure.stage import STAGES, Stage
-from airrace.records import record
 from airrace.results import Confirmation, Flight, Stamp
 from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
@@ -47,7 +46,7 @@ REFUSED = "this version of airrace refuses the inputs"
 NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
 
 
-@record
+@dataclass(frozen=True)
 class ScreenSettings:
     """What the answer leaves out so that it fits one screen.
 
@@ -63,7 +62,7 @@ class ScreenSettings:
 SCREEN = ScreenSettings()
 
 
-@record
+@dataclass(frozen=True)
 class Parts:
     """What is shown of a run besides the answer.
 
@@ -82,7 +81,7 @@ class Parts:
     every: bool = False
 
 
-@record
+@dataclass(frozen=True)
 class StoredStages:
     """The stages of a run as `optimize`, `resume` and `show` show them, and the flight of one of them.
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from airrace.cli.answer import PAGE, number, paragraph, render
 from airrace.procedure.result import RefinementReason, StageResult, Status
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import NearMiss
 from airrace.results.comparison import TIE, Comparison, compare_flights, conditions
@@ -26,7 +26,7 @@ ONE_MESH = "on one mesh; no second mesh has confirmed the race time"
 ROUGH = "as closely as the next stage needs; a race time may be a few hundredths of a second too long"
 
 
-@record
+@dataclass(frozen=True)
 class TableSettings:
     """What the tables of a run leave out.
 

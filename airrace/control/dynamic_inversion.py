@@ -28,6 +28,7 @@ commands that move faster than a pilot's hand: a slow aircraft would be shaken.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -40,7 +41,6 @@ from airrace.environment import g0
 from airrace.errors import UsageError
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.system import System, column, named_symbols
 
 # Any: casadi overloads these by the type of their arguments
@@ -55,7 +55,7 @@ FOLLOWER = 50.0
 Named = dict[str, Scalar]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class InnerController:
     """The functions that make a model follow the commands of the outer loop.
 
@@ -182,7 +182,7 @@ high load factors need all of it.
 Triple = tuple[Scalar, Scalar, Scalar]
 
 
-@record
+@dataclass(frozen=True)
 class InversionChain:
     """The causal chain through which a model rotates.
 
@@ -199,7 +199,7 @@ class InversionChain:
     body_rates: Callable[[Named], Triple]
 
 
-@record
+@dataclass(frozen=True)
 class _Wanted:
     """The wanted angles (rad), and the missing parts of `(w_x, w_y, w_z)` (rad/s)."""
 

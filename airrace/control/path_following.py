@@ -21,6 +21,7 @@ them, and along with it goes its rate, for a loop with a lag to lead by.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,7 +32,6 @@ from airrace.environment import g0
 from airrace.frames import Scalar, normalise, product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.quantities import T, Vector, quantity, vector
-from airrace.records import record
 from airrace.system import at_points
 from airrace.trajectory import Array, Trajectory
 
@@ -96,7 +96,7 @@ class ReferencePoint(Vector[T]):
         return self.q0, self.q1, self.q2, self.q3
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Reference:
     """A flight over its own clock.
 
@@ -200,7 +200,7 @@ def sum_of_products(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
     return sum(a * b for a, b in zip(one, other, strict=True))
 
 
-@record
+@dataclass(frozen=True)
 class PathGains:
     """The gains with which errors are fed back.
 

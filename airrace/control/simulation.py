@@ -10,6 +10,7 @@ a reference are a guess for models that cannot follow it; the lag of the inner l
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -21,7 +22,6 @@ from airrace.dynamics.flight_model import FlightModel, RollCounter
 from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
 from airrace.frames import normalise
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.system import System, at_points, column, named_symbols
 from airrace.trajectory import Array
 
@@ -30,7 +30,7 @@ _vertcat: Callable[..., Any] = ca.vertcat
 _DM: Callable[..., Any] = ca.DM
 
 
-@record
+@dataclass(frozen=True)
 class SimulationSettings:
     """The numbers of a simulation.
 
@@ -52,7 +52,7 @@ class SimulationSettings:
 SETTINGS = SimulationSettings()
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Followed:
     """The flight of a model along a reference.
 
@@ -79,7 +79,7 @@ class Followed:
     end_roll: float
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class TrackingSimulator:
     """A model under its controllers, ready to follow any reference.
 
@@ -199,7 +199,7 @@ def trimmed_states(system: System, inner: InnerController, here: ReferencePoint[
     return x
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class _Simulated:
     """The samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
 

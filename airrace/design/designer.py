@@ -5,7 +5,7 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,7 +20,6 @@ from airrace.inputs import Document, load_inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.inputs.nodes import KeyPath
 from airrace.inputs.placemarks import PlacemarkShape, read_placemarks
-from airrace.records import record
 from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
@@ -41,7 +40,7 @@ class ChangedOnDisk(UsageError):
         self.digest = digest
 
 
-@record
+@dataclass(frozen=True)
 class _Step:
     layout: EditableCourse
     gesture: str = ""

@@ -7,6 +7,7 @@ again: it must hold exactly what was asked for, else the edit is refused.
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
 import yaml
@@ -15,10 +16,9 @@ from airrace.errors import UsageError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.yaml_reader import FAST, is_plain_text, read_yaml
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class Put:
     """A value put at a path: in the place of what stands there, or else behind the last key of its mapping."""
 
@@ -26,7 +26,7 @@ class Put:
     value: Any  # JSON, here and below
 
 
-@record
+@dataclass(frozen=True)
 class Insert:
     """An item put into a list before the one at the path's end, or behind the last one."""
 
@@ -34,7 +34,7 @@ class Insert:
     value: Any
 
 
-@record
+@dataclass(frozen=True)
 class Remove:
     """An entry removed, and with the last one of a mapping or a list that itself."""
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -12,14 +13,13 @@ from airrace.inputs import Inputs
 from airrace.inputs.nodes import KeyPath, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.records import record
 from airrace.track.course import Origin, geodetic, metres
 from airrace.track.polygons import Point
 
 Plain = Mapping[str, Any]  # JSON of a track that is known to be without fault
 
 
-@record
+@dataclass(frozen=True)
 class NewPieces:
     """The numbers of pieces that are put down, until somebody gives them others; all but the last are assumptions.
 
@@ -47,7 +47,7 @@ KINDS = ("level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "ai
 """What can be added."""
 
 
-@record
+@dataclass(frozen=True)
 class Spot:
     """A place in the track file by its path, m."""
 
@@ -56,7 +56,7 @@ class Spot:
     east: float
 
 
-@record
+@dataclass(frozen=True)
 class Piece:
     """A thing that can be dragged.
 
@@ -79,7 +79,7 @@ class Piece:
     closed: bool = False
 
 
-@record
+@dataclass(frozen=True)
 class EditableCourse:
     """The pieces of a course, and what a hand does with them as edits of the track file."""
 

@@ -10,6 +10,7 @@ import secrets
 import socket
 import webbrowser
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import uvicorn
@@ -22,7 +23,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from airrace.design.designer import ChangedOnDisk, Designer, StaleRevision
 from airrace.errors import AirraceError, InputError
-from airrace.records import record
 
 FOLDER = Path(__file__).parent
 LOOPBACK = "127.0.0.1"
@@ -39,7 +39,7 @@ SCENE_POLICY = "frame-ancestors 'self'"
 """Of the page of the scene, which states by itself that it loads nothing."""
 
 
-@record
+@dataclass(frozen=True)
 class ServerSettings:
     """The numbers of the server.
 

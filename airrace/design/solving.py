@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
 
@@ -27,7 +28,6 @@ from airrace.procedure.result import Iteration, Silent
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.report.flight_page import SCENE_ALONE, flight_page
 from airrace.results.clearances import least_distances
 from airrace.results.flight import Flight
@@ -42,7 +42,7 @@ from airrace.sensitivity.lagrangian import sensitivities_to
 logger = logging.getLogger(__name__)
 
 
-@record
+@dataclass(frozen=True)
 class SolvingSettings:
     """The numbers of a lane.
 
@@ -69,7 +69,7 @@ SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
 """The numbers that sliders change, as what-ifs: the file stays as it is."""
 
 
-@record
+@dataclass(frozen=True)
 class Question:
     """A layout to be solved: the revision of the track file, its text, and values that are otherwise."""
 

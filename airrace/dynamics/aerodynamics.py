@@ -24,6 +24,7 @@ one; in wind, lift has a part along V_K:
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from airrace.aircraft import AircraftParameters, InnerLoopParameters, Lift
 from airrace.dynamics.outer_loop import FlightPathState
@@ -31,13 +32,12 @@ from airrace.elementary import smooth_clip, sqrt
 from airrace.environment import RHO_ISA, Weather, g0
 from airrace.frames import Matrix, Scalar
 from airrace.quantities import T, Vector, quantity, vector
-from airrace.records import record
 
 STALL_BLEND = 0.05
 """The width, in C_L, of the transition from the linear lift curve to its limits (1)."""
 
 
-@record
+@dataclass(frozen=True)
 class Airflow:
     """The velocity relative to the air in Kbar, m/s: `V_A a = (u, v, w)` with the unit vector `a`.
 
@@ -138,7 +138,7 @@ def axial_load_factor(
     return (T_minus_D / (aircraft.m * g0) * flow.V_A - flow.v * n_y + flow.w * n_z) / flow.u
 
 
-@record
+@dataclass(frozen=True)
 class Sideways:
     """The arguments of the lateral coefficients: sideslip, dimensionless rates, ailerons and rudder (rad)."""
 

@@ -16,21 +16,20 @@ what geometry determines is scaled, all else stays the template's. The relations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from airrace.aircraft import Aircraft, AircraftParameters, Envelope, aircraft_parameters
 from airrace.dynamics.aerodynamics import drag_coefficient, thrust
 from airrace.environment import RHO_ISA, g0
 from airrace.errors import UsageError
 from airrace.quantities import Interval
-from airrace.records import record
 
 FASTEST = 400.0
 """A speed that no aircraft with a propeller reaches in level flight, m/s."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
-@record
+@dataclass(frozen=True)
 class Performance:
     """What an aircraft does in steady flight: speeds and `climb` in m/s, `roll_rate` in rad/s, `turn` in g.
 
@@ -143,7 +142,7 @@ def _maximum(value: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-@record
+@dataclass(frozen=True)
 class Plausible:
     """What aircraft with propellers have; figures that ask for more contradict each other. `C_L_max` without flaps."""
 
@@ -162,7 +161,7 @@ Relations = Mapping[tuple[str, str], str]
 """By group and field of an aircraft: the relation that its number comes from."""
 
 
-@record
+@dataclass(frozen=True)
 class ManualFigures:
     """The figures of a flight manual, in SI and rad, at sea level; None where it says nothing.
 

@@ -21,7 +21,6 @@ from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState
 from airrace.environment import Air, AtmosphereParameters, Weather, WindField, atmosphere_parameters
 from airrace.frames import Scalar, normalise
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
-from airrace.records import record
 from airrace.system import System, column, named_symbols
 
 
@@ -48,7 +47,7 @@ FROM_ZERO = {name: Interval.exactly(0.0) for name in RollCounter.names()}
 """The bounds of the counters where that phase begins: both are zero."""
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class FlightModel:
     """A model ready to fly: a system and the numbers of one aircraft in one air.
 
@@ -147,7 +146,7 @@ def assemble(
 # Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class _Structure:
     """Everything that the functions of a model depend on.
 

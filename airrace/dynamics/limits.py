@@ -5,12 +5,12 @@ They are steered by control surfaces, or by commands to a controller; the contro
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from airrace.aircraft import Aircraft, Lift
 from airrace.dynamics.aerodynamics import lift_curve
 from airrace.errors import Finding, InputError
 from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.records import record
 from airrace.track.course import Rules
 
 LEAST_ROOM = 1e-2
@@ -22,7 +22,7 @@ a first step. Straight on 0.1 mm of room was enough; of two courses with turns o
 """
 
 
-@record
+@dataclass(frozen=True)
 class Limits:
     """The allowed ranges along the whole flight, (16) of the paper; SI, rad, g.
 

@@ -45,6 +45,7 @@ are those with all controls at zero, on which neither `a` nor `w'` depends.
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -64,14 +65,13 @@ from airrace.environment import (
 )
 from airrace.frames import Scalar, right_wing, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
-from airrace.records import record
 from airrace.system import Observation, System, column, named_symbols
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import GateOutput
 from airrace.track.polygons import Point, area
 
 
-@record
+@dataclass(frozen=True)
 class Smoothing:
     """The lengths and angles over which edges are rounded off.
 
@@ -335,7 +335,7 @@ def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation
 DISTANCE = Quantity("distance", "m", scale=100.0, text="distance from the crowd")
 
 
-@record
+@dataclass(frozen=True)
 class CrowdKind:
     """The structure of a crowd's distance: everything that shapes its equations but the numbers."""
 

@@ -16,6 +16,7 @@ Rates are those with all controls at zero. The point mass has no onset: the rate
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -24,11 +25,10 @@ from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.elementary import maximum, smooth_maximum
 from airrace.frames import Scalar, product, rotation
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.system import Observation, column, named_symbols
 
 
-@record
+@dataclass(frozen=True)
 class Relief:
     """The least load factor above the height near the ground.
 

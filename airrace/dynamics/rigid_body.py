@@ -31,12 +31,11 @@ from airrace.dynamics.aerodynamics import Airflow, drag_coefficient
 from airrace.elementary import atan2, cos, sin, sqrt
 from airrace.environment import RHO_ISA, g0
 from airrace.frames import Matrix, Scalar
-from airrace.records import record
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Incidence:
     """The direction of the flow relative to the body.
 
@@ -143,7 +142,7 @@ def angle_rates(
 Pair = tuple[Scalar, Scalar]
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Lags:
     """The constants of the three modes: `stiffness` omega^2 (1/s2), `damping` 2 D omega (1/s), `roll` 1/tau_p (1/s)."""
 
@@ -154,7 +153,7 @@ class Lags:
     roll: Scalar
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Pitching:
     """The pitch derivatives, rad/s2 per rad and rad/s.
 
@@ -168,7 +167,7 @@ class Pitching:
     eta: Scalar
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class LateralMotion:
     """The lateral derivatives: `(p_s', r_s')` per unit of each cause, in stability axes.
 

@@ -13,6 +13,8 @@ The derivatives follow airspeed, density and angle of attack; `n_x` is the point
 whole aircraft is the stall and what couples the two motions: products of rates above all.
 """
 
+from dataclasses import dataclass
+
 from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import (
     Airflow,
@@ -41,7 +43,6 @@ from airrace.dynamics.rigid_body import (
 from airrace.environment import Air, Weather, density, g0
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector
-from airrace.records import record
 from airrace.track.course import Rules
 
 
@@ -60,7 +61,7 @@ BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
 """The states of the inner loop: the attitude and rotation of the body in the flight path."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Surrounding:
     """The conditions that the inner loop is scheduled with.
 

@@ -12,6 +12,8 @@ and then the deflections that make these accelerations. The surfaces' own forces
 `r_Kbar` are linear in them, so that the equations remain linear, one for the elevator, two for ailerons and rudder.
 """
 
+from dataclasses import dataclass
+
 from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import moment_coefficients
 from airrace.dynamics.flight_model import FlightModel, assemble
@@ -40,11 +42,10 @@ from airrace.dynamics.state_space import (
 from airrace.environment import Air, Weather, g0
 from airrace.frames import Scalar
 from airrace.quantities import T, vector
-from airrace.records import record
 from airrace.track.course import Rules
 
 
-@record
+@dataclass(frozen=True)
 class Gains:
     """The bandwidths of the links of the causal chain, 1/s."""
 

@@ -5,13 +5,13 @@ Proportions are those of a mid-wing monoplane with one propeller, to the eye; no
 
 import json
 import struct
+from dataclasses import dataclass
 from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from airrace.export.globe import add_element
-from airrace.records import record
 from airrace.trajectory import Array
 
 RINGS = (
@@ -36,7 +36,7 @@ TAILPLANE = (((-0.345, 0.0, 0.025), (-0.470, 0.0, 0.025)), ((-0.375, 0.19, 0.025
 FIN = (((-0.330, 0.0, 0.040), (-0.500, 0.0, 0.000)), ((-0.415, 0.0, 0.190), (-0.500, 0.0, 0.190)))
 
 
-@record
+@dataclass(frozen=True)
 class Detail:
     """How fine the surfaces are.
 
@@ -54,7 +54,7 @@ COLOURS = {"body": (0.93, 0.94, 0.96), "wing": (0.80, 0.10, 0.12), "canopy": (0.
 """Red, green, blue from 0 to 1."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Surface:
     """A closed surface of one colour.
 

@@ -5,6 +5,7 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TextIO
 
 import numpy as np
@@ -21,11 +22,10 @@ from airrace.export.flight_table import (
 )
 from airrace.export.globe import printable
 from airrace.procedure.result import StageResult
-from airrace.records import record
 from airrace.results import Flight, Stamp
 
 
-@record
+@dataclass(frozen=True)
 class Provenance:
     """The origin of a flight: the name of its track, what it is, and the version of airrace that found it."""
 

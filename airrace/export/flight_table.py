@@ -1,6 +1,7 @@
 """Flights as tables: samples of a trajectory, columns with their units, data frames."""
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from airrace.errors import UsageError
 from airrace.quantities import DEGREE, KNOT, Quantity
-from airrace.records import record
 from airrace.resources import extra
 from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes
 from airrace.results.flight import PATH_ATTITUDE
@@ -32,7 +32,7 @@ SPEEDS = ("V_K", "V_A", "V_I")
 PATH_ANGLES = ("chi", "gamma", "mu")
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Samples:
     """The histories of a flight at the times of the rows.
 
@@ -100,7 +100,7 @@ def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
     return np.append(start + np.arange(steps) / rate, end)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class HistoryColumn:
     """A column: its header and its values, shape (n,)."""
 
@@ -130,7 +130,7 @@ def unit_suffix(unit: str) -> str:
     return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in unit)
 
 
-@record
+@dataclass(frozen=True)
 class FlightTable:
     """A flight as a table of n rows, at the times of `samples`.
 

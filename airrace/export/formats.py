@@ -1,12 +1,12 @@
 """The formats in which flights are exported, each with one registration: below, or by `register` in an extension."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from airrace.extensions import load_extensions
-from airrace.records import record
 
 if TYPE_CHECKING:
     from airrace.results import Flight
@@ -16,7 +16,7 @@ Writer = Callable[..., bytes]
 its own takes the file of one as `model`."""
 
 
-@record
+@dataclass(frozen=True)
 class Format:
     """A format, which is also the subcommand `airrace export NAME`.
 

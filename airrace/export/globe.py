@@ -6,7 +6,7 @@ are more than half a turn apart are joined the shorter way.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from enum import Enum
 from itertools import pairwise
@@ -15,7 +15,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from airrace.errors import UsageError
-from airrace.records import record
 from airrace.results import Basis, Flight, History
 from airrace.results.flight import GLOSSARY
 from airrace.track.course import Course, Origin, geodetic
@@ -33,7 +32,7 @@ class Shape(Enum):
     AREA = "area"
 
 
-@record
+@dataclass(frozen=True)
 class Feature:
     """Something of a course, on the globe.
 

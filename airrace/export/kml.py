@@ -9,6 +9,7 @@ import io
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from xml.etree import ElementTree as ET
 
@@ -16,7 +17,6 @@ import numpy as np
 
 from airrace.export.aircraft_model import aircraft_model, collada
 from airrace.export.globe import Feature, Shape, add_element, compass, courses, features, places, printable, stamp
-from airrace.records import record
 from airrace.results import Flight
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
@@ -33,7 +33,7 @@ KINDS = {
 }
 
 
-@record
+@dataclass(frozen=True)
 class TourSettings:
     """How a tour follows an aircraft.
 

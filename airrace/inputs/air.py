@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le
@@ -14,7 +15,6 @@ from airrace.inputs.nodes import LIMITS, KeyPath, Reporter, dotted
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
-from airrace.records import record
 
 WIND_PATH: KeyPath = ("environment", "wind")
 WIND = dotted(WIND_PATH)
@@ -106,7 +106,7 @@ class EnvironmentEntry(Schema):
         )
 
 
-@record
+@dataclass(frozen=True)
 class Wind:
     """A wind of a rose: speed, kt, and where it blows from, deg."""
 

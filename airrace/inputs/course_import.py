@@ -11,6 +11,7 @@ told.
 import math
 import re
 from collections.abc import Mapping, Sequence, Sized
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,13 +22,12 @@ from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject,
 from airrace.inputs.surroundings import SIZES
 from airrace.logs.recording import refuse
 from airrace.quantities import FOOT
-from airrace.records import record
 from airrace.track import polygons
 from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
 
-@record
+@dataclass(frozen=True)
 class ImportAssumptions:
     """What is taken for granted of placemarks.
 
@@ -59,7 +59,7 @@ NOTICE = """\
 """
 
 
-@record
+@dataclass(frozen=True)
 class ImportRemark:
     """A guess about a placemark, or why it is not taken over.
 
@@ -86,7 +86,7 @@ class ImportRemark:
         )
 
 
-@record
+@dataclass(frozen=True)
 class SketchedCourse:
     """The text of a track file, and the remarks on the placemarks it was made of."""
 
@@ -94,7 +94,7 @@ class SketchedCourse:
     remarks: tuple[ImportRemark, ...]
 
 
-@record
+@dataclass(frozen=True)
 class _SketchedElement:
     """An element: its name, its two pylons or its only one, as the file has them and in metres; whether its pylons are
     called left and right.

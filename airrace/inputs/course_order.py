@@ -13,7 +13,6 @@ from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import LIMITS, KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.inputs.schema import Schema, ShorthandSchema, optional
 from airrace.quantities import Interval
-from airrace.records import record
 from airrace.track.course import Direction, Passage, SafetyLine
 
 DirectionName = Literal["forward", "reverse", "planned"]
@@ -64,7 +63,7 @@ class CourseEntry(Schema):
     )
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class CourseReference:
     """A passing as the file asks for it, as far as it can be read; `path` is where. The start has lap 0."""
 

@@ -3,12 +3,12 @@
 import difflib
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from airrace.errors import Finding
 from airrace.inputs.nodes import LIMITS
-from airrace.records import record
 from airrace.resources import shipped_folder
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 SUFFIX = ".yaml"
 
 
-@record
+@dataclass(frozen=True)
 class Document:
     """The text of an input file. `path` is what the user gave, not made absolute."""
 
@@ -73,7 +73,7 @@ def missing_file(path: Path, names: Sequence[str] = ()) -> str:
     return f"no such file: {path}"
 
 
-@record
+@dataclass(frozen=True)
 class Collection:
     """A collection of documents of one kind that come along, each under the name of its file without the suffix.
 

@@ -24,16 +24,15 @@ from airrace.inputs.schema import Schema, language_of, languages_of, read_mappin
 from airrace.inputs.settings import SettingsEntry, build_settings
 from airrace.inputs.track import TrackEntry, build_course, track_language
 from airrace.logs.violations import NONE_KNOWN, Penalties
-from airrace.planning.plan import Race
 from airrace.procedure.settings import Settings
 from airrace.quantities import KNOT
-from airrace.records import record
+from airrace.race import Race
 
 NO_SETTINGS = Document("<no settings file>", f"schema: {language_of(SettingsEntry)}\n")
 """The document that stands for settings where no file was given: all defaults."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Inputs:
     """The inputs of a run, as documents and as objects.
 
@@ -129,7 +128,7 @@ def inputs_from_documents(
     return _inputs(reader, reader.open(track, "track"), aircraft, settings_file)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class OpenedDocument:
     """A document that is YAML of the right schema, with the overrides made; one of objects has no keys at all."""
 

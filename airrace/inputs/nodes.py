@@ -5,10 +5,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from airrace.errors import Finding
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class DocumentLimits:
     """The largest documents that are read; the largest real course needs a hundredth of it.
 
@@ -53,7 +52,7 @@ JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
 KeyPath = tuple[str | int, ...]
 
 
-@record
+@dataclass(frozen=True)
 class Place:
     """A place in a file; `line` and `column` count from 1, and both are 0 outside of a file."""
 
@@ -62,7 +61,7 @@ class Place:
     column: int
 
 
-@record
+@dataclass(frozen=True)
 class ScalarNode:
     """A single value."""
 
@@ -73,7 +72,7 @@ class ScalarNode:
         return self.value
 
 
-@record
+@dataclass(frozen=True)
 class SequenceNode:
     """A list."""
 
@@ -84,7 +83,7 @@ class SequenceNode:
         return [item.plain() for item in self.items]
 
 
-@record
+@dataclass(frozen=True)
 class MappingEntry:
     """A key of a mapping with its value."""
 
@@ -92,7 +91,7 @@ class MappingEntry:
     value: "Node"
 
 
-@record
+@dataclass(frozen=True)
 class MappingNode:
     """A mapping: keys and values in the order of the file."""
 

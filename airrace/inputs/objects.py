@@ -6,6 +6,7 @@ such a text.
 """
 
 import json
+from dataclasses import dataclass
 from functools import cache
 from types import GenericAlias
 from typing import Any, TypeVar, cast
@@ -18,9 +19,8 @@ from airrace.environment import Air
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import JSON
-from airrace.planning.plan import Race
 from airrace.procedure.settings import Settings
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Course
 from airrace.track.element import Element
 
@@ -31,7 +31,7 @@ BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
 T = TypeVar("T")
 
 
-@record
+@dataclass(frozen=True)
 class CourseAndAir:
     """A course and the air of the day: what a track file says of a race."""
 

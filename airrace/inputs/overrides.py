@@ -1,12 +1,12 @@
 """Overrides: `--set key=value` replaces, adds or (with `null`) takes out single values of the documents."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
 from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, read_yaml
-from airrace.records import record
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
@@ -14,7 +14,7 @@ PREFIXED = ("aircraft", "settings")
 """The documents other than the track, whose names stand before the key."""
 
 
-@record
+@dataclass(frozen=True)
 class Override:
     """A replacement: in which document (`track`, `aircraft`, `settings`), where, by what."""
 

@@ -11,6 +11,7 @@ import math
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +23,6 @@ from airrace.inputs.document import read_content
 from airrace.inputs.nodes import LIMITS
 from airrace.logs.reading import DAMAGES, archive_entry, xml_tree
 from airrace.logs.recording import refuse
-from airrace.records import record
 from airrace.standard_streams import name_of
 
 NAMES = ("name", "title", "label")
@@ -93,7 +93,7 @@ class PlacemarkShape(Enum):
     OTHER = "other"
 
 
-@record
+@dataclass(frozen=True)
 class Placemark:
     """A place with a name.
 
@@ -124,7 +124,7 @@ class Placemark:
         return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named or hinted)
 
 
-@record
+@dataclass(frozen=True)
 class _Label:
     """What is said of a placemark: by which messages name its file, its name, what hints at its kind, and its note."""
 

@@ -5,6 +5,7 @@ north-east-down frame; its height in that frame (the earth's curvature) is ignor
 """
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -13,7 +14,6 @@ from pydantic import Field
 
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.schema import Schema, optional
-from airrace.records import record
 from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
@@ -62,7 +62,7 @@ def radians_or_none(degrees: float | None) -> float | None:
     return None if degrees is None else math.radians(degrees)
 
 
-@record
+@dataclass(frozen=True)
 class Places:
     """The positions of one document; what is wrong with them goes to the reporter."""
 

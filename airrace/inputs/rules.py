@@ -20,8 +20,8 @@ from airrace.inputs.places import Height
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.planning.parameters import course_limits, with_margins
-from airrace.planning.plan import Race
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Tolerant

@@ -7,6 +7,7 @@ its border will do. Up to a length of 1 km they reach less than 5 m beyond its s
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
@@ -18,13 +19,12 @@ from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
-from airrace.records import record
 from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point
 
 
-@record
+@dataclass(frozen=True)
 class SurroundingsLimits:
     """The sizes of what surrounds a course.
 

@@ -15,7 +15,7 @@ from airrace.inputs.rules import LimitsEntry, ReserveEntry, tightened, with_pres
 from airrace.inputs.schema import Schema, validate
 from airrace.inputs.track import TrackEntry, track_language
 from airrace.parameters import Parameter
-from airrace.planning.plan import Race
+from airrace.race import Race
 
 AIRCRAFT = "aircraft"
 

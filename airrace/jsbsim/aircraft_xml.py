@@ -22,6 +22,7 @@ The pound of force accelerates a slug by a foot per second squared, and a slug w
 A term is a number, the name of a property, or a formula.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, indent
 
@@ -29,7 +30,6 @@ from airrace.aircraft import InnerLoopParameters
 from airrace.dynamics.aerodynamics import STALL_BLEND
 from airrace.environment import RHO_ISA, g0
 from airrace.quantities import FOOT
-from airrace.records import record
 
 POUND = 0.45359237
 """The pound of mass, kg, exactly."""
@@ -91,7 +91,7 @@ def _operand(term: Term) -> Element:
     return element("value", text=repr(float(term)))  # repr gives a number that reads back exactly
 
 
-@record
+@dataclass(frozen=True)
 class Planet:
     """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) of the flights."""
 

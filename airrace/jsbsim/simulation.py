@@ -44,7 +44,6 @@ from airrace.jsbsim.aircraft_xml import (
     write_model,
 )
 from airrace.quantities import DEGREE, FOOT
-from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 ADAMS_BASHFORTH_3, BUSS_2 = 4.0, 7.0
@@ -57,7 +56,7 @@ INTEGRATORS = {
 }
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class SimulationSettings:
     """Constants of JSBSim.
 
@@ -73,7 +72,7 @@ class SimulationSettings:
 SIMULATION = SimulationSettings()
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Accelerations:
     """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2).
 
@@ -185,7 +184,7 @@ def simulate(
     return SimulatedAircraft(folder, atmosphere, planet, own_density=own_density)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Miss:
     """The distance from the optimum at which a piece of a flight by JSBSim ends.
 
@@ -300,7 +299,7 @@ AT_REST = SurfaceControl[float](eta_dot=0.0, xi_dot=0.0, zeta_dot=0.0, delta_T_c
 STILL = WindField.of(Air())
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Differences:
     """The differences of JSBSim from our equations at many states.
 

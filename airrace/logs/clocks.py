@@ -7,13 +7,13 @@ and stand in units that no header names. What follows from the samples around a 
 import contextlib
 import math
 import re
+from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.logs.recording import count_of, refuse
-from airrace.records import record
 from airrace.trajectory import Array
 
 DAY = 86400.0
@@ -24,7 +24,7 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of numbers that count time, s."""
 
 
-@record
+@dataclass(frozen=True)
 class ClockSettings:
     """What is plausible of a clock.
 

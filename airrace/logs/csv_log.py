@@ -9,7 +9,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from datetime import tzinfo
 
 import numpy as np
@@ -19,7 +19,6 @@ from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instan
 from airrace.logs.dialects import Dialect, dialect_of, plain_header
 from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.trajectory import Array
 
 _ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
@@ -31,7 +30,7 @@ _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock
 _NUMBERS = {"unix": "s", "unix ms": "ms", **{one: one for one in TICKS}}
 
 
-@record
+@dataclass(frozen=True)
 class Field:
     """One quantity that a log may record.
 
@@ -95,7 +94,7 @@ _SUFFIXED = re.compile(
 _DELIMITERS = (",", ";", "\t", "|")
 
 
-@record
+@dataclass(frozen=True)
 class CsvLimits:
     """Where headers are looked for.
 
@@ -116,7 +115,7 @@ CSV = CsvLimits()
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
-@record
+@dataclass(frozen=True)
 class ColumnLayout:
     """The meaning of a log where it does not say so itself.
 
@@ -144,7 +143,7 @@ class ColumnLayout:
         return self.scales.get(name, 1.0) * numbers + self.offsets.get(name, 0.0)
 
 
-@record
+@dataclass(frozen=True)
 class CsvColumn:
     """A column of the file: where it stands, what it records, and its unit; that is empty where none is said.
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +12,12 @@ from airrace.logs.histories import HISTORIES, between_samples, samples_of
 from airrace.logs.recording import EARTH_RADIUS, Recording, rounding
 from airrace.logs.smoothing import SMOOTHING, Path
 from airrace.logs.violations import StandardDeviations
-from airrace.records import record
 from airrace.results import Flight
 from airrace.results.flight import Basis
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class ErrorModel:
     """By how much passings are less certain than the smoother's own equations say, which take its weights for known.
 

@@ -6,11 +6,10 @@ magnetic.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from airrace.records import record
 
-
-@record
+@dataclass(frozen=True)
 class Dialect:
     """The columns of a recorder or a program.
 

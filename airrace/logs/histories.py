@@ -1,6 +1,7 @@
 """The histories of a recorded flight: what was measured, and what follows from the smoothed path."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,16 +9,15 @@ from airrace.environment import atmosphere_parameters, density, g0
 from airrace.logs.passings import MEASURED
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
-from airrace.planning.plan import Race
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import attitude
 from airrace.results.derivation import complete_histories, wind_along
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE, Basis, Histories, History
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class HistorySettings:
     """What is known between and beyond samples.
 

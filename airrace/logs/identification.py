@@ -37,7 +37,6 @@ from airrace.logs.histories import samples_of
 from airrace.logs.log_flight import LogFlight
 from airrace.logs.recording import rounding
 from airrace.logs.smoothing import SMOOTHING, Path
-from airrace.records import record
 from airrace.trajectory import Array
 
 FACTORS = 3
@@ -45,7 +44,7 @@ FACTORS = 3
 STATES = 12
 
 
-@record
+@dataclass(frozen=True)
 class FitSettings:
     """The settings of a fit.
 
@@ -146,7 +145,7 @@ def recorded_path(path: Path, time: Array, places: Array, begin: float, end: flo
     )
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """What is found in paths.
 
@@ -322,7 +321,7 @@ def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
     return ca.Function("step", [s, values, variance], outputs, {"cse": True})
 
 
-@record
+@dataclass(frozen=True)
 class RollSettings:
     """The settings of the measurement of a roll rate; measured with 0 to 2 degrees of noise at 10 to 50 Hz.
 
@@ -351,7 +350,7 @@ class RollSettings:
 ROLL = RollSettings()
 
 
-@record
+@dataclass(frozen=True)
 class RollRate:
     """The logarithm of the factor of an aircraft's roll rate, and its standard deviation."""
 

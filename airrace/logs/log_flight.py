@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from airrace.logs.plausibility import height_bias, in_feet_if_so, plausible, rol
 from airrace.logs.recording import Recording, count_of, refuse
 from airrace.logs.smoothing import SMOOTHING, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
-from airrace.planning.plan import Race
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import Flight, Source, TimedCrossing
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class ImportSettings:
     """The settings of an import.
 
@@ -47,7 +46,7 @@ class ImportSettings:
 IMPORT = ImportSettings()
 
 
-@record
+@dataclass(frozen=True)
 class LogFlight:
     """A recorded run through a course.
 

@@ -7,20 +7,19 @@ the elements most closely, in the shortest time, and leaves out fewest.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.logs.clocks import spread_repeated, true_times
 from airrace.logs.recording import Recording, count_of, held, refuse
-from airrace.planning.plan import Race
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Passage, metres
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class PassingSettings:
     """The settings of the search for passings.
 
@@ -212,7 +211,7 @@ def _leaps(time: Array, places: Array) -> NDArray[np.bool_]:
     return leap
 
 
-@record
+@dataclass(frozen=True)
 class LineCrossing:
     """A crossing of the line across an element: when (s), along which of its axes (rad), how far to the right (m).
 
@@ -225,7 +224,7 @@ class LineCrossing:
     slant: float = 0.0
 
 
-@record
+@dataclass(frozen=True)
 class CourseRun:
     """A run through the course: one entry per passage, None where it was not passed or stands nowhere."""
 

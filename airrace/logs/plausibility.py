@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,14 @@ from airrace.logs.passings import HEIGHTS, CourseRun
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
 from airrace.logs.violations import beyond, height_window
-from airrace.planning.plan import Race
 from airrace.quantities import Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import Flight, attitude
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class PlausibilitySettings:
     """How near a recorded column must come to the path.
 

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import Finding, InputError
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class LogLimits:
     """The largest logs that are read.
 
@@ -51,7 +50,7 @@ LARGEST = 1e18
 """Beyond all numbers that a log records."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Recording:
     """The samples of a log, as it records them.
 
@@ -211,7 +210,7 @@ class LogFault:
         return f"{counted} left out, the first one in line {self.line}: {self.message.partition(';')[0]}"
 
 
-@record
+@dataclass(frozen=True)
 class FreshnessSettings:
     """When numbers of a log are repeated ones.
 

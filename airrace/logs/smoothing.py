@@ -12,14 +12,15 @@ rolls of a race are smeared, or the noise is followed: on an optimum sampled at 
 off by 15 degrees (root mean square, where the aircraft does not roll), and by 6 with this one.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class SmoothingSettings:
     """The settings of the smoother.
 
@@ -57,7 +58,7 @@ class SmoothingSettings:
 SMOOTHING = SmoothingSettings()
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Path:
     """A smoothed path on evenly spaced nodes.
 

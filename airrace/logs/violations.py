@@ -7,17 +7,16 @@ standard deviations of its measurement is uncertain.
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from airrace.dynamics.observations import crossing_values
 from airrace.frames import angle_between
-from airrace.planning.plan import Race
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import Flight, TimedCrossing
 from airrace.results.clearances import at_row, distances
 from airrace.results.flight import PATH_ATTITUDE, legs_of
@@ -31,7 +30,7 @@ START_SPEEDS = {StartSpeed.GROUND: "V_K", StartSpeed.TRUE: "V_A", StartSpeed.IND
 """The history that the limit of the speed at the start is a limit of."""
 
 
-@record
+@dataclass(frozen=True)
 class Penalties:
     """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule says.
 
@@ -83,7 +82,7 @@ MISSED_ROWS = 30
 """Times, about, at which it is asked how near a missed element may have been."""
 
 
-@record
+@dataclass(frozen=True)
 class Violation:
     """A rule that a flight would break.
 
@@ -122,7 +121,7 @@ class Violation:
         return self.deviations >= CERTAIN_DEVIATIONS  # never where that is not known
 
 
-@record
+@dataclass(frozen=True)
 class StandardDeviations:
     """Standard deviations of what is known at a passing.
 

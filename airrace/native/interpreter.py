@@ -10,6 +10,7 @@ for `lanes` intervals at once, and have the bits of casadi's own evaluation.
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from itertools import accumulate, pairwise
 
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 
 from airrace.errors import KernelError
 from airrace.native.library import Batches, KernelTables, Library, library
-from airrace.records import record
 from airrace.trajectory import Array
 
 PLACES = 2**16
@@ -33,7 +33,7 @@ _LOAD, _STORE = -1, -2  # kinds of rows of `translator.c` beside operations
 Table = Sequence[int]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Bytecode:
     """A function for the interpreter.
 
@@ -115,7 +115,7 @@ def _translate(rows: NDArray[np.int32], fixed: int) -> tuple[NDArray[np.uint16],
     return code[:written], places.value
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Tables:
     """The arrays that `interpreter.h` reads: tables, each behind its length, instructions, and constants."""
 
@@ -139,7 +139,7 @@ class Tables:
         return KernelTables(*begins, None if memory is None else memory.ctypes.data)
 
 
-@record
+@dataclass(frozen=True)
 class BatchFunction:
     """A function of the interpreter for many batches of intervals.
 

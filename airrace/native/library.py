@@ -6,12 +6,12 @@
 import ctypes
 import logging
 import os
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from airrace.errors import KernelError
-from airrace.records import record
 
 logger = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class _Evaluator(ctypes.Structure):
     ]
 
 
-@record
+@dataclass(frozen=True)
 class Library:
     """The functions of the library.
 

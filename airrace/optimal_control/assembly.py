@@ -5,6 +5,7 @@ derivatives is a weighted sum; the weights carry the scaling. These are index ar
 problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -20,11 +21,10 @@ from airrace.optimal_control.sparse_assembly import (
     StageAssembly,
     unique_rows,
 )
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Calls:
     """All calls of one kernel. Parameters are named by their places in (p, 0), p and a zero behind it.
 
@@ -65,7 +65,7 @@ class Calls:
         return first
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class FinalCost:
     """The cost `sum_i weights_i c_i(y)` of the final state y (a Mayer term), as an observation sees it.
 
@@ -82,7 +82,7 @@ class FinalCost:
     own: Indices
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Penalty:
     """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled states and controls.
 

@@ -6,6 +6,8 @@ in scaled units. The package's own solvers evaluate the same sums from index arr
 whoever wants to give a problem to another solver, or to look into it with CasADi's means.
 """
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
@@ -14,13 +16,12 @@ from airrace.optimal_control.kernels import Kernel, Part, casadi_kernels, map_ca
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.sparse_assembly import SparseAssembly
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class CasadiNlp:
     """A nonlinear program as `casadi.nlpsol` takes it.
 

@@ -4,9 +4,8 @@ A result is certified only if every item holds and one of them compares it with 
 """
 
 import math
+from dataclasses import dataclass
 from enum import Enum
-
-from airrace.records import record
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
@@ -34,7 +33,7 @@ alone what is less: the interior point method adds 1e-6 to the diagonal, where a
 """
 
 
-@record
+@dataclass(frozen=True)
 class SecondOrder:
     """The verdict of the conditions of second order, see `second_order.py`.
 
@@ -81,7 +80,7 @@ class SecondOrder:
         return f"{self.curvature.value}, {within}{weak}"
 
 
-@record
+@dataclass(frozen=True)
 class Item:
     """A measured value with the largest one that still holds.
 
@@ -105,7 +104,7 @@ class Item:
         return self.value <= self.limit
 
 
-@record
+@dataclass(frozen=True)
 class Certificate:
     """All measured items of one result, the solver's own words, and what the curvature tells where it is known."""
 

@@ -4,6 +4,7 @@ The numbers come from the replay and from the problem's own bounds, not from wha
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,12 +14,11 @@ from airrace.optimal_control.layout import narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.replay import Replay
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.system import at_points
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class Tolerance:
     """The excess allowed to quantities of some units between nodes (`path`) and at boundaries (`boundary`).
 
@@ -32,7 +32,7 @@ class Tolerance:
     boundary_name: str = ""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class ConstraintCheck:
     """The items of a certificate, and the errors and excesses within the intervals.
 

@@ -12,7 +12,7 @@ and minimising it gives the least relaxation in that direction.
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
@@ -20,7 +20,6 @@ import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Problem
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
@@ -52,7 +51,7 @@ NO_SHIFT = Shift()
 """The change of a range that stays."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Moves:
     """The differences between two problems of the same structure.
 

@@ -14,6 +14,7 @@ evaluates the graphs of the whole functions.
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 
 import casadi as ca
@@ -22,7 +23,6 @@ import numpy as np
 from airrace.errors import KernelError, SolverCrash
 from airrace.native.interpreter import BatchFunction, Interpreter, interpreter
 from airrace.optimal_control.runge_kutta import RungeKutta, scheme_numbers, step_parts, step_tables
-from airrace.records import record
 from airrace.system import System
 from airrace.trajectory import Array
 
@@ -49,7 +49,7 @@ BoundCall = tuple[Callable[[], None], list[Array]]
 """A call of a function with its arguments in arrays that stay, and the arrays that it writes its results to."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Kernel:
     """A function and its derivatives in y as casadi's functions, shapes (n_y,), (n_own,), (n_shared,) -> (n_c,).
 
@@ -122,7 +122,7 @@ class Kernel:
         return call, results
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class DirectionalHessian:
     """The Hessian of lam . c from the derivative of its gradient along one unknown at a time, all calls at once.
 
@@ -173,7 +173,7 @@ class DirectionalHessian:
         return call
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class NativeKernel:
     """A kernel that the native interpreter evaluates.
 
@@ -317,7 +317,7 @@ def casadi_observation(values: ca.Function) -> Kernel:
     return Kernel(*_differentiate("observe", x, own, ca.SX.sym("none", 0), values(x, own)))
 
 
-@record
+@dataclass(frozen=True)
 class Kernels:
     """The kernels of a system.
 

@@ -10,6 +10,7 @@ Unknowns and constraints are scaled here, once, by their quantities' scales; eve
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,7 +18,6 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Problem, require_valid
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.system import Observation
 from airrace.trajectory import Array, Indices
 
@@ -51,7 +51,7 @@ class RowBlock(NamedTuple):
     limits: Sequence[LimitedQuantity]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class ConstraintRows:
     """All n rows of a program, node by node.
 
@@ -113,7 +113,7 @@ def rows_of(blocks: Sequence[RowBlock]) -> ConstraintRows:
     return ConstraintRows(node, source, number, limits)
 
 
-@record
+@dataclass(frozen=True)
 class OutputSample:
     """A look at an observation at one node.
 

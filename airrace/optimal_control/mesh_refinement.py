@@ -7,7 +7,7 @@ the dynamics are left at zero: a solver finds them from those of the limits.
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,7 +17,6 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, uniform
 from airrace.optimal_control.replay import SAMPLES, Replay
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 Fractions = tuple[float, ...]
@@ -169,7 +168,7 @@ Extent = Literal["end", "node", "interval", "duration", "one node"]
 alone."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class LimitPlaces:
     """A limit on one quantity, in n places.
 

@@ -11,12 +11,13 @@ controls. A jump of the states between two phases is the same for every flight, 
 [Betts 2010].
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.records import record
 from airrace.system import at_points
 from airrace.trajectory import Array
 
@@ -27,7 +28,7 @@ It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means th
 """
 
 
-@record
+@dataclass(frozen=True)
 class KktError:
     """The largest violations in scaled units: `primal` feasibility, `dual` stationarity, `complementarity`."""
 

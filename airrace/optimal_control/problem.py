@@ -12,7 +12,7 @@ import bisect
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.quantities import Interval, Quantity, Vector
-from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
@@ -32,7 +31,7 @@ The fractions that `1 / n` repeated n times, halving and merging leave of thousa
 """
 
 
-@record
+@dataclass(frozen=True)
 class Boundary:
     """A set of conditions at one instant, the start of the first phase or the end of a phase.
 
@@ -49,7 +48,7 @@ class Boundary:
     values: tuple[float, ...] = ()
 
 
-@record
+@dataclass(frozen=True)
 class PathConstraint:
     """A set of conditions on an observation along a phase: at every node of it, both ends included, or at one.
 
@@ -77,7 +76,7 @@ class PathConstraint:
         return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
 
 
-@record
+@dataclass(frozen=True)
 class Phase:
     """A stretch of a flight, with its mesh, duration and conditions.
 
@@ -124,7 +123,7 @@ class Phase:
         return replace(self, fractions=tuple((fractions[intervals] / whole).tolist()), watches=tuple(watches))
 
 
-@record
+@dataclass(frozen=True)
 class Objective:
     """The minimised functional: the time, a cost of the final state, and a cost of squared states and controls.
 
@@ -149,7 +148,7 @@ class Objective:
     values: tuple[float, ...] = ()
 
 
-@record
+@dataclass(frozen=True)
 class Problem:
     """An optimal control problem of one or several phases.
 
@@ -226,7 +225,7 @@ class Problem:
         return list({id(one): one for one in seen}.values())
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Iterate:
     """The values of all unknowns of a problem: a guess, or a solution.
 

@@ -24,7 +24,6 @@ from airrace.errors import KernelError
 from airrace.native.interpreter import interpreter
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import VERNER_7
-from airrace.records import record
 from airrace.system import System, at_points, dense
 from airrace.trajectory import Array, Indices
 
@@ -123,7 +122,7 @@ shuttle.
 """
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class ReplaySettings:
     """The accuracy of replays; tolerances are fractions of a state or of its scale.
 
@@ -154,7 +153,7 @@ class ReplaySettings:
 SETTINGS = ReplaySettings()
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Replay:
     """A flight that was integrated again by the independent integrator.
 

@@ -6,19 +6,19 @@ path leads through both.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.records import record
 from airrace.system import System
 
 Column = Any  # of symbols or numbers: one formula serves casadi and numpy alike
 
 
-@record
+@dataclass(frozen=True)
 class RungeKutta:
     """A Butcher tableau, applied `steps` times within an interval.
 
@@ -124,7 +124,7 @@ Pattern = NDArray[np.bool_]
 Table = Sequence[int]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Derivatives:
     """A function of z (and of parameters) and its derivatives in z.
 
@@ -163,7 +163,7 @@ def _derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> 
     )
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class StepParts:
     """The parts that a step is put together from, and the patterns of its derivatives.
 

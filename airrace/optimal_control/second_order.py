@@ -24,7 +24,7 @@ can still do costs the more the longer it lasts. So directions of x that cost ve
 """
 
 import ctypes
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -38,11 +38,10 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 
-@record
+@dataclass(frozen=True)
 class CurvatureTolerances:
     """The numbers by which curvature is judged, for scaled unknowns.
 
@@ -186,7 +185,7 @@ def _place(layout: Layout, direction: Array) -> tuple[str, str]:
     return layout.problem.phase_of(min(begin, layout.intervals - 1)).name, names[place]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class StageQuadratic:
     """A quadratic form on directions of a program of N intervals; z_k = (x_k, u_k) has n_k entries, x_k m of them.
 

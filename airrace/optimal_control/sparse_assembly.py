@@ -6,6 +6,7 @@ numpy does, in the same order and with the same bits.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 
@@ -25,7 +25,7 @@ def unique_rows(keys: Indices) -> tuple[Indices, Indices]:
     return kind, first
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class SparseAssembly:
     """A sparse matrix of n sums `weights * values[sources]`, drawn from blocks of values one behind the other.
 
@@ -160,7 +160,7 @@ class COOBuilder:
         )
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Entries:
     """The places that n nonzeros go to; all shapes are (n,).
 
@@ -175,7 +175,7 @@ class Entries:
     families: Indices | None = None
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Memory:
     """Matrices that are written to: the memory, and where those of each stage begin, shape (stages, families)."""
 

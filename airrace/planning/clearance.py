@@ -17,7 +17,7 @@ where samples are 0.02 s apart. Of a cubic the distance is sampled closely and o
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -25,14 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.frames import right_wing, rotation
-from airrace.records import record
 from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, SafetyLine
 from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point, area, beside, distance, edges, inside
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class ClearanceSearch:
     """The numbers by which the least distances are searched for.
 
@@ -67,7 +66,7 @@ def place_of(post: "Point | PylonPost") -> Place:
     return round(post.north, 6), round(post.east, 6)
 
 
-@record
+@dataclass(frozen=True)
 class PylonPost:
     """A post of a pylon or gate of a course.
 
@@ -96,7 +95,7 @@ class PylonPost:
         return f"obstacle {self.name}" if self.is_obstacle else f"pylon of {self.name}"
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Wing:
     """The way of a wing.
 
@@ -116,7 +115,7 @@ class Wing:
         return np.gradient(self.centre, self.time, axis=1), np.gradient(self.half, self.time, axis=1)
 
 
-@record
+@dataclass(frozen=True)
 class ClosestApproach:
     """The least distance of a wing from a pylon on a stretch of a flight.
 

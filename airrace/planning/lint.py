@@ -7,6 +7,7 @@ It yields remarks, not errors: the course stays valid. What the planned line com
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -16,16 +17,16 @@ from airrace.dynamics import handling
 from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import g0
 from airrace.frames import angle_between
-from airrace.planning.plan import ONE_PLACE, Race, plan
-from airrace.planning.planning_model import ASSUMED, PlanningModel
+from airrace.planning.plan import ONE_PLACE, plan
+from airrace.planning.planning_model import ASSUMED, PlanningModel, cruise
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Course, Direction, Passage, StartSpeed
 from airrace.track.polygons import Point, inside
 
 
-@record
+@dataclass(frozen=True)
 class LintSettings:
     """The thresholds of remarks.
 
@@ -96,7 +97,7 @@ class RemarkKind(Enum):
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
 
-@record
+@dataclass(frozen=True)
 class Remark:
     """A remark of one sentence about a course.
 
@@ -289,7 +290,7 @@ def swapped_axes(passages: Sequence[Passage]) -> bool:
 # The legs.
 
 
-@record
+@dataclass(frozen=True)
 class ReviewedLeg:
     """The stretch from one place to the next, straight and by the tightest level turn.
 
@@ -314,7 +315,7 @@ def tightest(race: Race) -> PlanningModel:
     An aircraft that cannot fly level turns at the speed at which it is planned.
     """
     aircraft, rules = race.aircraft, race.course.rules
-    V = min(top_speed(aircraft) or race.pace.V, aircraft.envelope.V.upper)
+    V = min(top_speed(aircraft) or cruise(aircraft, rules).V, aircraft.envelope.V.upper)
     lift = 0.5 * ASSUMED.air_density * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
     return PlanningModel(V, max(n, SETTINGS.load_factor_min), 0.5 * min(aircraft.point_mass.p, rules.p))

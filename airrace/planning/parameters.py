@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from airrace.parameters import Parameter, attribute_parameter, lift
-from airrace.planning.plan import Race
 from airrace.quantities import KNOT, Interval
+from airrace.race import Race
 from airrace.track.element import Element
 from airrace.track.gates import HIGHEST
 

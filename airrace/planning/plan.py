@@ -1,4 +1,4 @@
-"""The race, all that defines one optimisation besides the settings, and its plan: how every element is crossed.
+"""The plan of a race: how every element is crossed.
 
 Which way a gate is left decides which optimum is found: phases solved one by one, without a crossing direction, leave
 gates uselessly, and the joint optimum keeps the loops. So the headings at all passages come first, by dynamic
@@ -13,12 +13,9 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 
 import numpy as np
 
-from airrace.aircraft import Aircraft
-from airrace.environment import Air
 from airrace.frames import angle_between, angles, rotation
 from airrace.planning.clearance import (
     Place,
@@ -32,14 +29,14 @@ from airrace.planning.clearance import (
 from airrace.planning.planning_model import PlanningModel, cruise, roll_time, rotation_time, rotation_vector, turn_by
 from airrace.planning.route_decisions import ANY, RouteDecisions, Waypoint, candidates
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Course, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
 from airrace.track.gates import STEEP
 from airrace.trajectory import Array, Trajectory
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class RoomSettings:
     """The numbers by which a plan has room.
 
@@ -62,7 +59,7 @@ Nothing flies from a place to itself but round a circle.
 """
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class PlannedLeg:
     """The stretch from one waypoint to the next.
 
@@ -72,7 +69,7 @@ class PlannedLeg:
     path: DubinsPath | None
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Plan:
     """The waypoints of all passages and the legs between them.
 
@@ -97,7 +94,7 @@ class Plan:
         return _turn(a, b, last=self.last)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class _Stop:
     """A passage that is planned for itself.
 
@@ -330,33 +327,9 @@ def _turn_around(before: PlannedLeg | None, after: PlannedLeg | None, reach: flo
     return turn
 
 
-@record
-class Race:
-    """A course, the aircraft that flies it and the air of the day.
-
-    Attributes:
-        rules_course: the course by its rules, where `course` is tightened by margins; None where it is that.
-    """
-
-    course: Course
-    aircraft: Aircraft
-    air: Air
-    rules_course: Course | None = None
-
-    @property
-    def by_rules(self) -> "Race":
-        """The race without margins, as a flight is judged."""
-        return self if self.rules_course is None else Race(self.rules_course, self.aircraft, self.air)
-
-    @cached_property
-    def pace(self) -> PlanningModel:
-        """The pace at which the race is planned: how fast, and how tightly."""
-        return cruise(self.aircraft, self.course.rules)
-
-    @cached_property
-    def plan(self) -> Plan:
-        """The plan with which an optimisation begins, made when it is first asked for and then handed on."""
-        return plan(self.course, self.pace)
+def plan_race(race: Race) -> Plan:
+    """Return the plan with which the optimisation of a race begins."""
+    return plan(race.course, cruise(race.aircraft, race.course.rules))
 
 
 TURN = math.radians(45.0)
@@ -436,7 +409,7 @@ def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class TrackTurn:
     """The angle by which a track over ground turns, rad, positive to the right.
 

@@ -5,16 +5,16 @@ With them follows the time that it takes to turn from one attitude to another.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import g0
 from airrace.frames import product
-from airrace.records import record
 from airrace.track.course import Roll, Rules, Turning
 
 
-@record
+@dataclass(frozen=True)
 class PlanningAssumptions:
     """The numbers by which speed and turns are planned.
 
@@ -37,7 +37,7 @@ class PlanningAssumptions:
 ASSUMED = PlanningAssumptions()
 
 
-@record
+@dataclass(frozen=True)
 class PlanningModel:
     """The planning speed `V` (m/s), load factor `n` in turns (g), roll rate `p` (rad/s), and half the span (m)."""
 

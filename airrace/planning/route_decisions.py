@@ -10,14 +10,13 @@ from collections.abc import Mapping, Set
 from dataclasses import field
 
 from airrace.frames import quaternion
-from airrace.records import record
 from airrace.track.course import Course, Passage, Roll, Turning
 
 PLANNED_MAX = 400
 """The largest number of passages of a course that is planned; each takes about a millisecond."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Waypoint:
     """A passage as planned.
 
@@ -65,7 +64,7 @@ def candidates(course: Course, index: int) -> list[Waypoint]:
     return [Waypoint(passage, one.position, one.heading, one.climb, one.bank, one.axis, one.free) for one in crossings]
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class RouteDecisions:
     """The choices that are made already, by the index of the passage concerned; the others are free.
 

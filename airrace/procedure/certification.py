@@ -5,7 +5,7 @@ Among them is the wing's distance from all pylons of a course on the replay of a
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,6 @@ from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, gate_splits, trajectory_of
-from airrace.records import record
 from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array
 
@@ -51,7 +50,7 @@ SETTLED = 1e-6
 """The largest value of a quantity that is at rest at a settled start or finish, in its SI unit."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """The measurements of an optimum, apart from the solver's own claims.
 

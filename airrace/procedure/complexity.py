@@ -2,20 +2,20 @@
 
 import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.planning.plan import ATTITUDE, POSITION, track_turn
 from airrace.procedure.multistart.rolls import pushes, reversals
 from airrace.procedure.stage_problem import StageProblem, load_factors_along
-from airrace.records import record
 from airrace.trajectory import Trajectory
 
 CIRCLE = math.radians(300.0)
 """The turn to one side on one leg from which on it is a circle, rad: no gate asks for as much."""
 
 
-@record
+@dataclass(frozen=True)
 class FlightComplexity:
     """What makes a flight hard to fly, the hardest first.
 

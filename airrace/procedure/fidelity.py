@@ -30,11 +30,10 @@ from airrace.errors import CheckpointError
 from airrace.extensions import load_extensions
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, VERNER_7, RungeKutta
-from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Rules
 from airrace.trajectory import Array, Trajectory
 
@@ -56,7 +55,7 @@ class Builder(Protocol):
     def __call__(self, aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel: ...
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class WarmStart:
     """The way in which a stage is started from the optimum of the stage below it.
 
@@ -72,7 +71,7 @@ class WarmStart:
     same_dynamics_as: Stage | None = None
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Fidelity:
     """A model of the aircraft as a stage of rising fidelity.
 

@@ -12,7 +12,7 @@ from airrace.control.simulation import TrackingSimulator, tracking_simulator
 from airrace.interrupts import defer_signals
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.planning.plan import Race, plan, plan_from_solution, plan_with_room
+from airrace.planning.plan import plan, plan_from_solution, plan_with_room
 from airrace.planning.route_decisions import MIRRORED_TIES
 from airrace.procedure.certification import conclude
 from airrace.procedure.choice import SAME_FLIGHT, fastest_of, place_of, simplest_of, with_note_on_faster
@@ -46,13 +46,13 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh, formulate, mesh_of, without_pilot_limits
 from airrace.procedure.warm_start import InitialBarrier, Start, map_controls, track, trimmed_start
-from airrace.records import record
+from airrace.race import Race
 from airrace.system import SYMBOLS
 
 logger = logging.getLogger(__name__)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class ChoiceThresholds:
     """The numbers by which one of several flights is chosen.
 

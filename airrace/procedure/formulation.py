@@ -44,7 +44,6 @@ from airrace.optimal_control.problem import Boundary, PathConstraint
 from airrace.planning.plan import Plan
 from airrace.planning.route_decisions import Waypoint
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.system import Observation, side_by_side
 from airrace.track.course import Course, PilotLimits, Rules, StartSpeed
 from airrace.track.element import Frame, climb_condition
@@ -60,7 +59,7 @@ PILOT_NAMES = frozenset(
 NEAR_GROUND = "load factor near the ground"
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class PilotConditions:
     """The limits of a pilot as a model observes them, see `airrace.dynamics.pilot_observation`.
 
@@ -149,7 +148,7 @@ def _near_ground(
     return PathConstraint(NEAR_GROUND, bounds, smooth, (limits.low_height, *values), exact)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StartAirspeed:
     """What the boundary of a start observes in the place of its speed over ground.
 
@@ -195,7 +194,7 @@ NamedPassing = tuple[str, str]
 """The name of a passing and, where it is known, its kind."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Trim:
     """The condition that the inner loop is settled at an end of the race, see `airrace.dynamics.observations`.
 

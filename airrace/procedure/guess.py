@@ -7,6 +7,7 @@ quaternions without jumps of sign: q and -q are the same attitude, but not the s
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,11 +19,10 @@ from airrace.planning.plan import Plan, PlannedLeg
 from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, turn_by
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.settings import MeshSettings
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class FirstMesh:
     """The numbers of a first mesh.
 

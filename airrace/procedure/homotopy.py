@@ -30,7 +30,6 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
-from airrace.records import record
 from airrace.track.course import Passage
 from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
@@ -50,7 +49,7 @@ InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
 """(problem, phase, guesses) -> bool: True if the legs around the phase are infeasible."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class PhaseHomotopy:
     """The family of one phase: from straight and level to the planned turn.
 

@@ -28,13 +28,12 @@ from airrace.planning.clearance import ClosestApproach, PylonPost, cleared_pylon
 from airrace.planning.plan import Plan
 from airrace.procedure.result import PylonCondition, PylonSide
 from airrace.quantities import Interval
-from airrace.records import record
 from airrace.system import SYMBOLS, Observation, System
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class PylonSettings:
     """The thresholds of conditions on pylons.
 
@@ -72,7 +71,7 @@ ROOMS = {
 """The observed quantities of which the least is the room beside a pylon, with their signs."""
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class ReplayedFlight:
     """A flight as it was replayed.
 
@@ -113,7 +112,7 @@ class ReplayedFlight:
         return dataclasses.replace(condition, leg=leg, share=min(max(share, 0.0), 1.0))
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class MeasuredConditions:
     """The conditions as a flight measures them.
 
@@ -144,7 +143,7 @@ class MeasuredConditions:
         return self.moved > SETTINGS.beside
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class PylonRooms:
     """The rooms beside the pylons of a course that the wing clears, as a model sees them.
 

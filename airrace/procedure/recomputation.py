@@ -7,7 +7,7 @@ and `UNVERIFIABLE` of `result.py` names them.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from airrace.optimal_control.mesh_refinement import Marks, restrict
 from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.second_order import judge
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, certify, certify_rough, clearance_item, examine
 from airrace.procedure.fidelity import ensure_matches_model, fidelity_of, iterate_of
 from airrace.procedure.refinement import rough_limits
@@ -39,11 +38,11 @@ from airrace.procedure.stage_problem import (
     without_pilot_limits,
 )
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.records import record
+from airrace.race import Race
 from airrace.trajectory import Array, Trajectory
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class TrustedData:
     """All that is trusted of a stored stage.
 
@@ -73,7 +72,7 @@ class TrustedData:
         return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser, conditions, result.is_rough)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Measured:
     """All that follows from what is trusted of a stage.
 

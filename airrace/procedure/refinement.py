@@ -10,7 +10,7 @@ Summed over a race that is a third to two thirds of what halving all intervals g
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self, TypeVar
 
@@ -23,14 +23,13 @@ from airrace.optimal_control.replay import Replay, estimate_error, interval_dura
 from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 S = TypeVar("S")
 R = TypeVar("R")
 
 
-@record
+@dataclass(frozen=True)
 class RefinementSettings:
     """Thresholds of the refinement, shares of the certificate's limits (1) where nothing else is said.
 
@@ -125,7 +124,7 @@ def rough_limits(limits: CertificateLimits) -> CertificateLimits:
     return replace(limits, kkt_error=kkt_error, replay=SETTINGS.error_untrusted)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class MeshProposal:
     """A mesh to be solved on, with a guess.
 
@@ -148,7 +147,7 @@ class MeshProposal:
         return cls(problem.mesh, guess, why, np.ones(problem.intervals + 1, dtype=np.bool_))
 
 
-@record
+@dataclass(frozen=True)
 class MeshSolution:
     """An optimum on a mesh; `measure` makes its `evidence` when that is first asked for."""
 

@@ -14,7 +14,7 @@ point mass, followed by the stage's model, and put into the stored flight.
 import itertools
 import math
 from collections.abc import Sequence, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,7 +42,6 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
@@ -54,7 +53,7 @@ run takes no longer than from scratch.
 """
 
 
-@record
+@dataclass(frozen=True)
 class SourceRun:
     """Another run, under the name that users know, with the stages that it holds."""
 

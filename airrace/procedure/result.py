@@ -5,6 +5,7 @@ The procedure reports to a `Progress`; the default one is silent.
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.stage import Stage
-from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 UNVERIFIABLE = (
@@ -50,7 +50,7 @@ OUTCOMES = (Status.SOLVED, Status.NOT_CERTIFIED, Status.NOT_CONVERGED, Status.IN
 """The ways in which the solution of a stage ends; its certificate refines `SOLVED`."""
 
 
-@record
+@dataclass(frozen=True)
 class GateSplit:
     """The passing of one gate, in SI and radians; `name` is the passage's, e.g. `1:g4`."""
 
@@ -64,7 +64,7 @@ class GateSplit:
     heading: float
 
 
-@record
+@dataclass(frozen=True)
 class Attempt:
     """A call of a solver: which one, what it was for, its verbatim status and its iterations."""
 
@@ -76,7 +76,7 @@ class Attempt:
     seconds: float
 
 
-@record
+@dataclass(frozen=True)
 class Timings:
     """The times of a stage, s.
 
@@ -89,7 +89,7 @@ class Timings:
     wall: float
 
 
-@record
+@dataclass(frozen=True)
 class StageProvenance:
     """The start of a stage, and the cost of its regularisation.
 
@@ -134,7 +134,7 @@ class NoteKind(Enum):
     """Why the race time could not be confirmed on a second mesh."""
 
 
-@record
+@dataclass(frozen=True)
 class Note:
     """Something that users should know of a stage although it holds."""
 
@@ -153,7 +153,7 @@ class RefinementReason(IntEnum):
     RACE_TIME = 5
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class MeshRecord:
     """The record of a mesh: where its nodes come from, and the measurements of its N intervals.
 
@@ -180,7 +180,7 @@ class PylonSide(Enum):
     BELOW = "below"
 
 
-@record
+@dataclass(frozen=True)
 class PylonCondition:
     """A condition that the wing keeps clear of a pylon when it is abeam of that, asked for at a node nearby.
 
@@ -211,7 +211,7 @@ OPTIMUM = "optimum"
 """What a route was evaluated by whose race time is that of an optimum of the stage, and no rough one."""
 
 
-@record
+@dataclass(frozen=True)
 class Route:
     """A route that was tried.
 
@@ -230,7 +230,7 @@ class Route:
     rolls: bool = False
 
 
-@record
+@dataclass(frozen=True)
 class SearchReport:
     """The routes that the search evaluated before a race was optimised.
 
@@ -260,7 +260,7 @@ NOT_SEARCHED = SearchReport()
 """The record of a stage without exploring."""
 
 
-@record
+@dataclass(frozen=True)
 class SuggestedChange:
     """A number that resolves a conflict of limits when it is changed alone.
 
@@ -291,7 +291,7 @@ class SuggestedChange:
     certified: bool = True
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class StageResult:
     """The result of one finished stage.
 
@@ -392,7 +392,7 @@ class StageResult:
         return sum(attempt.iterations for attempt in self.attempts)
 
 
-@record
+@dataclass(frozen=True)
 class Iteration:
     """A solver's iteration: its number, the objective (s) and the largest scaled infeasibility."""
 

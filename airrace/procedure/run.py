@@ -14,7 +14,7 @@ from functools import partial
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, library_path
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
+from airrace.planning.plan import plan_race
 from airrace.procedure.fidelity import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.recomputation import recertify, recompute
@@ -23,6 +23,7 @@ from airrace.procedure.result import Note, NoteKind, Progress, StageResult, Stat
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import STAGES, Stage
+from airrace.race import Race
 
 logger = logging.getLogger(__name__)
 
@@ -90,7 +91,7 @@ def optimize(
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     )
-    budget = Budget.of(race.plan, settings.mesh)
+    budget = Budget.of(plan_race(race), settings.mesh)
     with service, closing(SolverSession(service, settings, progress, threads, deadline, budget)) as session:
         if library_path() is None:
             progress.activity(MISSING, 0, 0)

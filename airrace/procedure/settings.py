@@ -1,11 +1,10 @@
 """The settings of a run: everything that can change its result besides the course and the aircraft."""
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import Enum
 
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT
-from airrace.records import record
 
 
 class GuessKind(Enum):
@@ -34,7 +33,7 @@ class MeshCheck(Enum):
     ALL = "all"
 
 
-@record
+@dataclass(frozen=True)
 class MeshSettings:
     """The settings of the meshes.
 
@@ -47,7 +46,7 @@ class MeshSettings:
     refinements_max: int = 10
 
 
-@record
+@dataclass(frozen=True)
 class SolverSettings:
     """The settings of the solvers.
 
@@ -66,7 +65,7 @@ LONG_RACE = 120.0
 """The duration from which on the change of a race time may grow with it, s; races of the series take 50 to 80."""
 
 
-@record
+@dataclass(frozen=True)
 class CertificateLimits:
     """The largest values that a certified result may show; lengths in m, angles in rad, load factors in g.
 
@@ -98,7 +97,7 @@ class CertificateLimits:
         return self.race_time * max(1.0, duration / LONG_RACE)
 
 
-@record
+@dataclass(frozen=True)
 class Settings:
     """The settings of a run.
 

@@ -11,7 +11,7 @@ second mesh of a stage that was solved on a single one.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -50,10 +50,9 @@ from airrace.procedure.result import MeshRecord, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, regularisation_share
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class Failure:
     """A start without an optimum; `solution` is where the solver gave up, None if it never came back.
 
@@ -116,7 +115,7 @@ def solve_with_refinement(
     return next(iter(uncertified.values())) if uncertified else _failure_result(session, failures, diagnose)
 
 
-@record
+@dataclass(frozen=True)
 class RefinementState:
     """The mesh to be solved on next, and how.
 
@@ -157,7 +156,7 @@ class RefinementState:
     too_near: "Refined | None" = None
 
 
-@record
+@dataclass(frozen=True)
 class Refined:
     """A mesh that was solved on, and the optimum on it; None where there is none."""
 

@@ -27,10 +27,9 @@ from airrace.procedure.guess import first_mesh
 from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timings
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.records import record
 
 
-@record
+@dataclass(frozen=True)
 class SessionLimits:
     """The work that solves may take.
 

@@ -15,7 +15,8 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.planning.plan import Plan, Race, plan_from_solution
+from airrace.planning.plan import Plan, plan_from_solution, plan_race
+from airrace.planning.planning_model import cruise
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.fidelity import Fidelity, fidelity_of, iterate_of, stage_model
 from airrace.procedure.formulation import (
@@ -32,7 +33,7 @@ from airrace.procedure.result import GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.system import Observation, System, at_points
 from airrace.track.course import ClearanceRule, Course, Passage, PilotLimits
 from airrace.trajectory import Array, Trajectory
@@ -55,7 +56,7 @@ SHORTEST_SHARE, SHORTEST_SECONDS = 1.0 / 3.0, 0.1
 """The shortest duration of a phase: a share of the plan (1), and a time (s) of which no more is asked."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class StageProblem:
     """The model of one stage flying a planned race.
 
@@ -156,12 +157,16 @@ def formulate(
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     course, model = race.course, stage_model(stage, race)
+    if route is None:
+        plan = plan_race(race)
+    else:
+        plan = plan_from_solution(course, cruise(race.aircraft, course.rules), route)
     crossing, rooms = crossing_observation(model.system.states), None
     if course.rules.clearance is ClearanceRule.FLIGHT or course.obstacles:
         rooms = PylonRooms.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
     return StageProblem(
         fidelity=fidelity_of(stage),
-        plan=race.plan if route is None else plan_from_solution(course, race.pace, route),
+        plan=plan,
         model=model,
         course=course,
         observation=crossing,

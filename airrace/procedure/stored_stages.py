@@ -6,6 +6,7 @@ that it never loads a solver.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -14,11 +15,10 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.environment import g0
 from airrace.optimal_control.replay import sample
-from airrace.planning.plan import Race
 from airrace.procedure.fidelity import Histories, ensure_matches_model, fidelity_of, iterate_of, stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.system import at_points
 from airrace.trajectory import Array
 
@@ -68,7 +68,7 @@ def _groups(race: Race, model: FlightModel) -> Iterator[tuple[Sequence[Quantity]
     yield (*load, *FORCES), loads
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Continuous:
     """Histories over a time axis that holds all nodes of the mesh.
 

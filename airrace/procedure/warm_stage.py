@@ -7,13 +7,13 @@ what comes out is measured like any stage that is solved on one mesh. Its route 
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
+from airrace.planning.plan import plan_race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.mesh_check import check_mesh_convergence
@@ -35,10 +35,10 @@ from airrace.procedure.stage_problem import (
     regularisation_weights,
 )
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.records import record
+from airrace.race import Race
 
 
-@record
+@dataclass(frozen=True)
 class WarmSettings:
     """The numbers of a warm stage.
 
@@ -78,7 +78,7 @@ class WarmStage:
         solver = replace(settings.solver, iterations_max=SETTINGS.iterations_max, fallback=settings.solver.primary)
         self._settings, self._threads = replace(settings, solver=solver), threads
         self._perturbed = PerturbedProblem.of_result(race, settings, optimum)
-        self._budget = Budget.of(race.plan, settings.mesh)
+        self._budget = Budget.of(plan_race(race), settings.mesh)
         self._services: list[SolverService] = []
         self._service = self._new_service(threads)
         spare, limits = SETTINGS.spare, settings.certificate

@@ -22,7 +22,6 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult
 from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.trajectory import Array
 
 
@@ -57,7 +56,7 @@ class InitialBarrier(Enum):
         return self in (InitialBarrier.OTHER_MESH, InitialBarrier.COARSER_MESH)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 

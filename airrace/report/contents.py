@@ -53,12 +53,12 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from airrace.quantities import DEGREE, KNOT
-from airrace.records import record
 from airrace.results import Flight
 from airrace.results.clearances import with_nearest
 from airrace.results.comparison import SHARES, Comparison
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
 FORMAT = "airrace-report/1"
 
 
-@record
+@dataclass(frozen=True)
 class ContentSettings:
     """Sizes of the contents of a page.
 
@@ -90,7 +90,7 @@ class ContentSettings:
 CONTENT = ContentSettings()
 
 
-@record
+@dataclass(frozen=True)
 class Strip:
     """Histories of one kind over time.
 

@@ -8,18 +8,18 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 
 from airrace.errors import StorageError, UsageError
-from airrace.records import record
 from airrace.report.browser import HARDWARE, SOFTWARE, browser_path, page_in_browser
 from airrace.resources import extra
 from airrace.standard_streams import STANDARD
 
 
-@record
+@dataclass(frozen=True)
 class FilmDefaults:
     """Sizes and times of films.
 
@@ -59,7 +59,7 @@ class FilmView(StrEnum):
     SIDE = "side"
 
 
-@record
+@dataclass(frozen=True)
 class FilmSettings:
     """What a film shows.
 

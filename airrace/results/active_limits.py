@@ -7,11 +7,11 @@ a quantity's scale of its bound counts as at it. How much a limit costs is anoth
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.results.clearances import distances, least_of_all
 from airrace.results.flight import Flight, legs_of, passings_around
 from airrace.trajectory import Array
@@ -29,7 +29,7 @@ LOAD_FACTORS = frozenset({"n_z", "n_y", "n_z_cmd", "n_y_cmd"})
 """Histories whose values people give in g."""
 
 
-@record
+@dataclass(frozen=True)
 class ActiveLimit:
     """A limit that a flight reaches.
 

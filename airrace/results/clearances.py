@@ -18,7 +18,7 @@ or a border. They follow from position and attitude, and no file stores them.
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,9 @@ from airrace.planning.clearance import (
     wing_distance,
     wing_position,
 )
-from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.results.derivation import Values, complete_histories
 from airrace.results.flight import (
     PATH_ATTITUDE,
@@ -59,7 +58,7 @@ BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
 
 
-@record
+@dataclass(frozen=True)
 class Clearance:
     """The least distance from one thing on one leg.
 
@@ -92,7 +91,7 @@ class Clearance:
         return f"{self.kind} {self.name}".rstrip()
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Distance:
     """The distance from one thing all along a flight, m, shape (n,); NaN where it is not known.
 
@@ -243,7 +242,7 @@ def _least_about(wing: Wing, pylon: PylonPost) -> Array:
     return least
 
 
-@record
+@dataclass(frozen=True)
 class NearMiss:
     """One pylon or obstacle passed closely.
 

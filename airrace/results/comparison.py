@@ -13,7 +13,7 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 
 import numpy as np
@@ -22,13 +22,12 @@ from airrace.environment import Air
 from airrace.errors import UsageError
 from airrace.procedure.formulation import passings_of
 from airrace.quantities import KNOT, Interval
-from airrace.records import record
 from airrace.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, way
 from airrace.track.course import PilotLimits, Rules
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class ComparisonSizes:
     """The sizes of what is reported of a comparison.
 
@@ -44,7 +43,7 @@ class ComparisonSizes:
 SIZES = ComparisonSizes()
 
 
-@record
+@dataclass(frozen=True)
 class Difference:
     """One thing that two flights do otherwise on a leg.
 
@@ -64,7 +63,7 @@ class Difference:
     weight: float
 
 
-@record
+@dataclass(frozen=True)
 class LegMeasure:
     """The way in which one thing is measured on a leg.
 
@@ -236,7 +235,7 @@ SHARES = np.linspace(0.0, 1.0, 41)
 """The shares of every leg at which the difference of time is given."""
 
 
-@record
+@dataclass(frozen=True)
 class LegComparison:
     """One leg in two flights.
 
@@ -270,7 +269,7 @@ class LegComparison:
         return abs(self.difference) <= TIE
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class RelativeProgress:
     """The difference of time along the course.
 
@@ -285,7 +284,7 @@ class RelativeProgress:
     passings: Array
 
 
-@record
+@dataclass(frozen=True)
 class Comparison:
     """One flight held against a reference.
 

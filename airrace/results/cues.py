@@ -15,15 +15,15 @@ The direction of a pull is that of the turn about the vertical, int cos^2(gamma)
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.records import record
 from airrace.results.flight import PATH_ATTITUDE, Flight, Leg, legs_of, way
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class CueSettings:
     """Thresholds of the cues, and their reasons.
 
@@ -72,7 +72,7 @@ class CueSettings:
 SETTINGS = CueSettings()
 
 
-@record
+@dataclass(frozen=True)
 class RollAction:
     """A roll about the velocity.
 
@@ -117,7 +117,7 @@ class RollAction:
         return margin < ahead < abs(self.angle) - margin
 
 
-@record
+@dataclass(frozen=True)
 class Pull:
     """A pull, or a push.
 
@@ -148,7 +148,7 @@ class Pull:
         return "right" if self.turn > 0.0 else "left"
 
 
-@record
+@dataclass(frozen=True)
 class Apex:
     """The highest point between two lower stretches, without a pull: time, s after the start, and height, m."""
 
@@ -160,7 +160,7 @@ class Apex:
 Action = RollAction | Pull | Apex
 
 
-@record
+@dataclass(frozen=True)
 class Cue:
     """What is done at one place: one action, or a roll and what follows on it at once.
 
@@ -203,7 +203,7 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
     return tuple(cues)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class _SmoothPath:
     """A flight from its first to its last passing at evenly spaced times: smoothed histories, SI units and radians.
 

@@ -6,7 +6,7 @@ stored itself is never computed again; so a recording of positions and speeds ge
 
 import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -21,11 +21,10 @@ from airrace.environment import (
     g0,
     pressure,
 )
-from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import attitude
 from airrace.results.flight import (
     BODY_ATTITUDE,
@@ -46,7 +45,7 @@ Values = Mapping[str, Array]
 """Histories by name, SI units and radians, each of shape (n,)."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Rule:
     """One derivation.
 

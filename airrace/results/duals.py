@@ -6,6 +6,7 @@ negative at a lower one, so that raising an upper bound by one unit changes the 
 (seconds per unit). All of it follows from the stored multipliers.
 """
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +14,12 @@ import numpy as np
 from airrace.optimal_control import optimality
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.quantities import Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.resources import extra
 from airrace.trajectory import Array
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class NamedArray:
     """Histories over one time axis, each with its declaration.
 
@@ -71,7 +71,7 @@ class NamedArray:
         return f"<NamedArray of {len(self.time)} times: {names}>"
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class ConstraintMultipliers:
     """The multipliers of all limits that are no bounds of states and controls.
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from airrace.aircraft import Aircraft
 from airrace.environment import Air
-from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.results.attitude import interpolate_attitude
 from airrace.results.stamp import ReserveState, Stamp, stamp_of
 from airrace.track.course import Course, Passage
@@ -67,7 +66,7 @@ class Basis(Enum):
     DERIVED = "derived"
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class History:
     """One quantity over time.
 
@@ -90,7 +89,7 @@ ANGLES = frozenset({"chi", "mu", "psi", "phi", "longitude"})
 """Histories that jump by a full turn."""
 
 
-@record
+@dataclass(frozen=True)
 class TimedCrossing:
     """One passing of the course in a flight.
 
@@ -124,7 +123,7 @@ class TimedCrossing:
         return self.values.get(name, math.nan)
 
 
-@record
+@dataclass(frozen=True)
 class Confirmation:
     """What was found when a stored optimum was to be measured again.
 
@@ -157,7 +156,7 @@ class Confirmation:
         return self.words if self.verified is False else ""
 
 
-@record
+@dataclass(frozen=True)
 class Source:
     """The source of a flight: what it is called, and where it comes from.
 
@@ -344,7 +343,7 @@ class Flight:
         return np.append(first + np.arange(steps) / rate_hz, last)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Leg:
     """The part of a flight from one passing to the next.
 
@@ -381,7 +380,7 @@ class Leg:
         return math.isfinite(self.time)
 
 
-@record
+@dataclass(frozen=True)
 class Lap:
     """One lap: from the last passing before it to its own last one.
 

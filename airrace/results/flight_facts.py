@@ -6,16 +6,16 @@ names a blackout, at -3 g pain.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.records import record
 from airrace.results.clearances import Clearance, distances, least
 from airrace.results.flight import Flight, Leg, legs_of
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class Range:
     """The least and the greatest value on a leg; NaN where the flight does not tell."""
 
@@ -23,7 +23,7 @@ class Range:
     greatest: float
 
 
-@record
+@dataclass(frozen=True)
 class LegFacts:
     """One leg in numbers, SI units and radians.
 
@@ -73,7 +73,7 @@ TOLERATED_LOADS = ((8.0, 15.0), (6.0, 20.0), (5.0, 30.0), (4.0, 60.0), (-3.0, 30
 """Load factors (g), and for how long each is tolerated (s)."""
 
 
-@record
+@dataclass(frozen=True)
 class SustainedLoad:
     """A load factor that is sustained for too long.
 

@@ -19,9 +19,11 @@ from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
 from airrace.planning.clearance import crowd_overflown, ground_distance
 from airrace.planning.lint import Remark, RemarkKind
-from airrace.planning.plan import Race
+from airrace.planning.plan import plan_race
+from airrace.planning.planning_model import cruise
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.procedure.guess import FIRST_MESH, guess, leg_seconds
+from airrace.race import Race
 from airrace.results.clearances import (
     Clearance,
     Distance,
@@ -89,7 +91,7 @@ def is_planned(flight: Flight, rows: np.ndarray) -> bool:
 
 def _planned_legs(race: Race) -> tuple[list[float], list[Array]]:
     """Return the duration of every leg, s, and its histories `_NAMES` at even times, shape (7, k + 1)."""
-    plan = race.plan
+    plan = plan_race(race)
     seconds = leg_seconds(plan)
     mesh = [(1.0 / count,) * count for count in _counts(seconds, LONGEST_STEP)]
     state = dict(zip(PointMassState.names(), guess(plan, mesh).state, strict=False))  # a counter of rolls may follow
@@ -109,10 +111,8 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
     """Return what `_planned_legs` does for a course of which only the places of its elements are known."""
     places = [(math.nan, math.nan) if (at := place(one)) is None else at[:2] for one in race.course.passages]
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
-    seconds = [
-        max(way / race.pace.V, FIRST_MESH.shortest_leg) if math.isfinite(way) else FIRST_MESH.shortest_leg
-        for way in ways
-    ]
+    V = cruise(race.aircraft, race.course.rules).V
+    seconds = [max(way / V, FIRST_MESH.shortest_leg) if math.isfinite(way) else FIRST_MESH.shortest_leg for way in ways]
     legs: list[Array] = []
     # In 0.2 s an aircraft flies twenty metres of a straight line.
     for count, (start, end) in zip(_counts(seconds, 0.2), itertools.pairwise(places), strict=True):

@@ -1,18 +1,18 @@
 """The stamp of a flight: what it is, beside whatever is shown, printed or exported of it."""
 
 import math
+from dataclasses import dataclass
 
 from airrace.environment import Air, StaticWind, atmosphere_parameters, density, temperature
-from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.quantities import KNOT
-from airrace.records import record
+from airrace.race import Race
 
 FREEZING = 273.15
 """The temperature of 0 degrees Celsius, K."""
 
 
-@record
+@dataclass(frozen=True)
 class ReserveState:
     """What was asked of a flight in disturbances, and how far the search for it has come.
 
@@ -46,7 +46,7 @@ class ReserveState:
         return f"{measured}, {self.asked:g} asked" if self.reached else f"{self.asked:g} asked, not reached: {measured}"
 
 
-@record
+@dataclass(frozen=True)
 class Stamp:
     """What a flight is.
 

@@ -13,13 +13,13 @@ leg, all legs to the difference of the race times, and every part changes its si
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from airrace.environment import atmosphere_parameters, density, g0
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.results.comparison import (
     SHARES,
     Comparison,
@@ -34,7 +34,7 @@ from airrace.results.flight import Flight, Leg, way
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class LossSettings:
     """What is reported of a loss, so that it is little and does not hang on noise.
 
@@ -79,7 +79,7 @@ WORDS = {
 """What each cause is called where it costs time, and where it wins some."""
 
 
-@record
+@dataclass(frozen=True)
 class Loss:
     """What the slower flight loses on a leg.
 
@@ -125,7 +125,7 @@ class Loss:
         return f"{text}: {'; '.join(clauses)}" if clauses else text
 
 
-@record
+@dataclass(frozen=True)
 class TimeLoss:
     """Where the slower of two flights has lost its time.
 

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from airrace.aircraft import Aircraft
@@ -18,7 +18,6 @@ from airrace.inputs.document import AIRCRAFT, SUFFIX, Document
 from airrace.inputs.inputs import DocumentReader, read_aircraft, read_named
 from airrace.inputs.schema import Schema, language_of, si_factor, validate
 from airrace.quantities import DEGREE, FOOT, KNOT, Interval
-from airrace.records import record
 from airrace.runs.output import ensure_free, write_text
 from airrace.views.tables import Column, Table
 
@@ -29,7 +28,7 @@ HORSEPOWER, METRIC_HORSEPOWER = 745.69987, 735.49875
 _MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+))\s*([^\d\s.,+-].*)?")
 
 
-@record
+@dataclass(frozen=True)
 class Measure:
     """A kind of measure.
 
@@ -96,7 +95,7 @@ source: {source}
 """
 
 
-@record
+@dataclass(frozen=True)
 class Provenance:
     """What an aircraft's numbers come from: the start of a sentence, marks and their meanings, and a source."""
 
@@ -115,7 +114,7 @@ MANUAL = Provenance(
 )
 
 
-@record
+@dataclass(frozen=True)
 class AircraftFile:
     """An aircraft file as it is read: what it says, and the aircraft that it makes."""
 
@@ -211,7 +210,7 @@ _COLUMNS = (
 )
 
 
-@record
+@dataclass(frozen=True)
 class ComparedAircraft:
     """An aircraft beside what is published of it; `path` is its file, None for one that existed."""
 

@@ -13,8 +13,7 @@ from airrace.inputs.json_schema import schema_text
 from airrace.inputs.placemarks import read_placemarks
 from airrace.inputs.rules import preset_names
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, review
-from airrace.planning.plan import Race
-from airrace.records import record
+from airrace.race import Race
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.planned import plan_clearances, planned_flight, remarks_on_line
@@ -28,7 +27,7 @@ from airrace.views.drawing import ensure_drawable, save_figure
 from airrace.views.map_model import MapModel, map_model
 
 
-@record
+@dataclass(frozen=True)
 class ShippedTrack:
     """A course that comes along.
 
@@ -47,7 +46,7 @@ class ShippedTrack:
     aircraft: str
 
 
-@record
+@dataclass(frozen=True)
 class ShippedAircraft:
     """An aircraft that comes along: its name, its name as the file gives it, and its mass (kg)."""
 
@@ -56,7 +55,7 @@ class ShippedAircraft:
     mass: float
 
 
-@record
+@dataclass(frozen=True)
 class Catalogue:
     """All that comes along; `rules` are the names that a track file's `rules` may give."""
 
@@ -97,7 +96,7 @@ EDITORS_LINE = "# yaml-language-server: $schema="
 """The line that names the schema of a file to editors, up to the path."""
 
 
-@record
+@dataclass(frozen=True)
 class CourseFile:
     """A track file that was written.
 

@@ -5,7 +5,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.stage import Stage
-from airrace.records import record
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
@@ -120,7 +119,7 @@ def execute(
     return (done.run for done in _execute(plan, threads=threads, timeout=timeout, progress=progress))
 
 
-@record
+@dataclass(frozen=True)
 class Executed:
     """A step of an execution: the run, the stage that was solved or checked last, and the reserve that it keeps.
 

@@ -6,7 +6,7 @@ Introduction to the Bootstrap, 1993]: the optimum of the fitted aircraft is reco
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +31,12 @@ from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.recording import refuse
 from airrace.logs.smoothing import smooth
-from airrace.planning.plan import Race
 from airrace.procedure.result import Progress, Silent
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stored_stages import sampler
 from airrace.process import available_cores
 from airrace.quantities import KNOT
-from airrace.records import record
+from airrace.race import Race
 from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
 from airrace.runs.execute import execute
 from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
@@ -56,7 +55,7 @@ from airrace.trajectory import Array
 from airrace.views.tables import Column, Table
 
 
-@record
+@dataclass(frozen=True)
 class BootstrapSettings:
     """The settings of the measurement of bias and scatter.
 
@@ -82,7 +81,7 @@ _COLUMNS = (
 )
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class FittedLog:
     """A log that is fitted: its file, its flight, places (north, east, up; m) over time, and their rounding."""
 
@@ -103,7 +102,7 @@ class FittedLog:
         return self.along(self.places, float(self.recorded.flight.time[-1]))
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class FittedAircraft:
     """An aircraft that was fitted to logs.
 

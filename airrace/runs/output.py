@@ -7,6 +7,7 @@ import io
 import os
 import tempfile
 from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -15,11 +16,10 @@ from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
 from airrace.inputs import Document, Inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS
-from airrace.records import record
 from airrace.standard_streams import STANDARD
 
 
-@record
+@dataclass(frozen=True)
 class FlightName:
     """A flight as it was asked for: a file, and a stage or None for the last one."""
 

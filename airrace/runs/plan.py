@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Self
@@ -16,7 +16,6 @@ from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import DocumentReader, read_named
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.inputs.overrides import value_text
-from airrace.planning.plan import Race
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.formulation import ensure_same_passings, passings_of
@@ -24,7 +23,7 @@ from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
-from airrace.records import record
+from airrace.race import Race
 from airrace.results.comparison import Comparison
 from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
@@ -130,7 +129,7 @@ MESH_CHECK = "settings.mesh_check="
 """The prefix of an override that says which stages have a mesh check."""
 
 
-@record
+@dataclass(frozen=True)
 class PlannedStage:
     """A stage of a plan.
 
@@ -157,7 +156,7 @@ class PlannedStage:
         return f"{self.stage.value}: {self.action}{reason and f' ({reason})'}"
 
 
-@record
+@dataclass(frozen=True)
 class ExecutionPlan:
     """A run and what is to be computed of it.
 
@@ -221,7 +220,7 @@ def stage_by_name(text: str | Stage | None) -> Stage:
     raise UsageError(f"there is no stage {text!r}; available: {', '.join(stage.value for stage in procedure.STAGES)}")
 
 
-@record
+@dataclass(frozen=True)
 class Changes:
     """The differences of a run from the one it is started from; None and empty stand for what stays as it is."""
 

@@ -16,7 +16,6 @@ from airrace.inputs.objects import is_of_objects
 from airrace.inputs.rules import FoundEntry, ReserveEntry
 from airrace.planning.parameters import course_limits
 from airrace.procedure.stage import Stage
-from airrace.records import record
 from airrace.runs.plan import Changes
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX, asked_text
 from airrace.runs.run import RunState
@@ -33,7 +32,7 @@ Keep = Callable[[ReserveAttempt, RunState | None], None]
 """Keeps a finished attempt with the run that it has flown, None where there is no flight with such margins."""
 
 
-@record
+@dataclass(frozen=True)
 class ReserveIteration:
     """The settings of the iteration.
 
@@ -65,7 +64,7 @@ REQUEST = ("probability", "load_factor", "found")
 """The keys of a reserve that are no options of closed-loop flights."""
 
 
-@record
+@dataclass(frozen=True)
 class KeptMargin:
     """A margin of a flight.
 
@@ -231,7 +230,7 @@ UNSEARCHED = ("rules.reserve=null", "margins=null")
 """What makes a race one without a reserve."""
 
 
-@record
+@dataclass(frozen=True)
 class _Measured:
     """An attempt that has found a flight.
 

@@ -1,8 +1,9 @@
 """How far the search for a reserve has come, as the file of a run and whoever shows it tell."""
 
+from dataclasses import dataclass
+
 from airrace.checkpoint import Checkpoint, StoredAttempt
 from airrace.inputs.rules import ReserveEntry
-from airrace.records import record
 from airrace.results import ReserveState
 
 ATTEMPTS_MAX = 4
@@ -36,7 +37,7 @@ def reserve_state(entry: ReserveEntry | None, attempts: int = 0) -> ReserveState
     return ReserveState(entry.probability, found.measured, found.flights, found.reached, found.source or "")
 
 
-@record
+@dataclass(frozen=True)
 class PlannedReserve:
     """The search for a reserve in a plan.
 

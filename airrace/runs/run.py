@@ -24,10 +24,10 @@ from airrace.checkpoint import (
 from airrace.errors import CheckpointError, UsageError
 from airrace.extensions import extension_versions
 from airrace.inputs import Document, Inputs, inputs_from_documents
-from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
+from airrace.race import Race
 from airrace.results import Confirmation, Flight
 from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, stamp_object, warnings_object

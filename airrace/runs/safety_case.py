@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import UsageError
-from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
+from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.stage_view import verdict
 from airrace.safety.closed_loop import Scatter

@@ -10,12 +10,12 @@ import functools
 import hashlib
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from airrace.checkpoint import Signature, read_sealed
 from airrace.errors import CheckpointError, UsageError
-from airrace.records import record
 from airrace.resources import extra
 
 logger = logging.getLogger(__name__)
@@ -24,7 +24,7 @@ LARGEST = 1 << 16
 """The size of the largest file that is taken for a key, bytes."""
 
 
-@record
+@dataclass(frozen=True)
 class Signer:
     """A private key that signs.
 

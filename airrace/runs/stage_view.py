@@ -13,10 +13,10 @@ from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
-from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.stage import Stage
+from airrace.race import Race
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns

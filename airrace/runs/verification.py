@@ -8,7 +8,7 @@ are made of it once more.
 import itertools
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,6 @@ from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchR
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
-from airrace.records import record
 from airrace.results import Confirmation
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
     from airrace.logs.log_flight import LogFlight
 
 
-@record
+@dataclass(frozen=True)
 class VerificationTolerances:
     """The differences that are no discrepancy between what is stored and what is measured again.
 
@@ -318,7 +317,7 @@ ROUGH = "solved on one mesh, as closely as the next stage needs"
 GUESS = "a guess, of which nothing but its gate splits can be verified"
 
 
-@record
+@dataclass(frozen=True)
 class Verification:
     """A stage as stored, as it was measured again, and what speaks against it (empty if nothing).
 

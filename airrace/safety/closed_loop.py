@@ -10,19 +10,19 @@ bit however many there are, in whatever batches, on however many threads.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Gusts, Plant, advance
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class Scatter:
     """The standard deviations of what is not as it was when the race was optimised, and the gusts.
 
@@ -49,7 +49,7 @@ class Scatter:
 UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=0.0)
 
 
-@record
+@dataclass(frozen=True)
 class ClosedLoopSettings:
     """The settings of closed-loop flights.
 
@@ -75,7 +75,7 @@ AILERONS = 1
 """The control that is the rate of the ailerons."""
 
 
-@record
+@dataclass(frozen=True)
 class ClosedLoop:
     """All that closed-loop flights along one optimum need.
 
@@ -114,7 +114,7 @@ class ClosedLoop:
         return GustFilter.of(gusts, -line[STATE["z"]], self.plant.airspeed_of(line), self.pilot.sample)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Flights:
     """Closed-loop flights, sample by sample; n flights of up to K samples.
 

@@ -7,7 +7,7 @@ allowed beyond each of them; see `Allowances`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,13 @@ from airrace.planning.clearance import (
     pylons_of,
     wing_position,
 )
-from airrace.planning.plan import Race, plan_from_solution
+from airrace.planning.plan import plan_from_solution
+from airrace.planning.planning_model import cruise
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.formulation import boundary
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.safety.closed_loop import ClosedLoop, Flights
 from airrace.safety.nominal import TABLE_STEP, NominalFlight, errors
 from airrace.safety.plant import STATE, STATES
@@ -44,7 +45,7 @@ from airrace.trajectory import Array
 Booleans = NDArray[np.bool_]
 
 
-@record
+@dataclass(frozen=True)
 class Allowances:
     """What is allowed beyond a limit before it counts; judgements.
 
@@ -90,7 +91,7 @@ KINDS = {
 LENGTHS = ("missed", "clearance", "height")
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Judge:
     """The rules of a course, ready to measure flights.
 
@@ -121,7 +122,8 @@ class Judge:
         """Return the rules of a race, for flights along the optimum of a stage."""
         plant, span = loop.plant, race.aircraft.airframe.b
         waypoints: list[Waypoint] = []
-        for waypoint in plan_from_solution(race.course, race.pace, result.trajectory).waypoints:
+        pace = cruise(race.aircraft, race.course.rules)
+        for waypoint in plan_from_solution(race.course, pace, result.trajectory).waypoints:
             element, passage = waypoint.passage.element, waypoint.passage
             if isinstance(element, Tolerant) and element.passing is Passing.POINT:
                 kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
@@ -149,7 +151,7 @@ class Judge:
         return boundary(waypoint, self.seen, 2.0 * self.semispan)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class FlightMeasurements:
     """What some flights did; n flights.
 

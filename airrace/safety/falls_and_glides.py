@@ -24,18 +24,18 @@ the pilot reacts at once, and the glide is the best one in still air.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.aircraft import Aircraft
 from airrace.environment import Air, atmosphere_parameters, density, g0
-from airrace.records import record
 from airrace.results.derivation import wind_along
 from airrace.results.flight import Flight
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class FallSettings:
     """The numbers of the integration.
 
@@ -48,7 +48,7 @@ class FallSettings:
     duration: float = 120.0
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class AirColumn:
     """Wind and density over height, which are the same at every place; linear between the heights.
 
@@ -78,7 +78,7 @@ class AirColumn:
         return np.stack([np.interp(height, self.height, one) for one in (self.north, self.east)], axis=-1)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class States:
     """Instants of one flight or of many, whose order does not matter here.
 
@@ -117,7 +117,7 @@ class States:
         return np.linalg.norm(self.velocity, axis=1)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Impacts:
     """Where and how falls end.
 
@@ -221,7 +221,7 @@ TURN, HEADINGS = math.pi, 37
 are 10 degrees apart."""
 
 
-@record
+@dataclass(frozen=True)
 class Glide:
     """The best glide of an aircraft in still air.
 
@@ -244,7 +244,7 @@ class Glide:
         return 2.0 * self.speed**2 / (self.ratio * g0)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Reach:
     """The ground within reach without power.
 

@@ -10,6 +10,7 @@ under control falls elsewhere, wreckage slides on, and light pieces drift with t
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -19,8 +20,7 @@ from scipy.spatial import ConvexHull
 from airrace.environment import g0
 from airrace.errors import UsageError
 from airrace.planning.clearance import ground_distance
-from airrace.planning.plan import Race
-from airrace.records import record
+from airrace.race import Race
 from airrace.results.flight import Flight
 from airrace.safety.falls_and_glides import (
     AirColumn,
@@ -46,7 +46,7 @@ NEEDED = ("x", "y", "height", "V_K", "chi", "gamma")
 """The histories of a flight without which nothing falls."""
 
 
-@record
+@dataclass(frozen=True)
 class FootprintSettings:
     """How finely a footprint is computed.
 
@@ -65,7 +65,7 @@ class FootprintSettings:
     step: float = 10.0
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Track:
     """The instants of one flight.
 
@@ -97,7 +97,7 @@ class Track:
         return cls(flight.label, time[known], States(states.place[known], states.velocity[known]))
 
 
-@record
+@dataclass(frozen=True)
 class CrowdExposure:
     """How near impacts come to one group of people.
 
@@ -129,7 +129,7 @@ class CrowdExposure:
         )
 
 
-@record
+@dataclass(frozen=True)
 class Footprint:
     """What falls where.
 

@@ -6,17 +6,17 @@ That is counts with confidence intervals, and the scatter at every gate and on e
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import betaincinv
 
 from airrace.errors import UsageError
 from airrace.frames import rotation
-from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
-from airrace.records import record
+from airrace.race import Race
 from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
 from airrace.safety.covariance import covariance
 from airrace.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
@@ -44,7 +44,7 @@ LOAD = "load factor"
 """The kind of breach that is counted apart."""
 
 
-@record
+@dataclass(frozen=True)
 class Count:
     """How many flights of all did something, and between which shares their probability lies.
 
@@ -72,7 +72,7 @@ class Count:
         return self.flights / self.of
 
 
-@record
+@dataclass(frozen=True)
 class Deviation:
     """How far one quantity deviates from the optimum.
 
@@ -87,7 +87,7 @@ class Deviation:
     linear: float = np.nan
 
 
-@record
+@dataclass(frozen=True)
 class Stretch:
     """A gate, or a leg.
 
@@ -102,7 +102,7 @@ class Stretch:
     breaches: Mapping[str, Count]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class SafetyResult:
     """Closed-loop flights along one optimum.
 

@@ -9,16 +9,16 @@ in the axes `R` of the flight path on the line, sixteen numbers; the first, alon
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.errors import UsageError
 from airrace.frames import product, rotation
-from airrace.planning.plan import Race
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
-from airrace.records import record
+from airrace.race import Race
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, STATES, Plant, advance
 from airrace.trajectory import Array
 
@@ -35,7 +35,7 @@ RUN_OUT = 0.4
 """The time for which the line goes on behind the finish, s, with the stick held: 40 m, so that wide flights cross."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class NominalFlight:
     """An optimum over its clock, at even steps.
 

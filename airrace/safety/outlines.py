@@ -6,11 +6,11 @@ the outline is where that is the width. It is true to about a cell.
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt  # pyright: ignore[reportUnknownVariableType] - it is untyped
 
-from airrace.records import record
 from airrace.track.polygons import Point, area, inside
 from airrace.trajectory import Array
 
@@ -24,7 +24,7 @@ together.
 """
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Outline:
     """A piece of ground.
 
@@ -37,7 +37,7 @@ class Outline:
     holes: tuple[Array, ...] = ()
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Raster:
     """The ground within a width of some points.
 

@@ -15,11 +15,10 @@ runs back from the finish. What is decided at k moves the stick d samples later,
 prediction takes e[k] through the d samples with the decisions that wait already. This is the optimum under the delay.
 """
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from airrace.records import record
 from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors, instants
 from airrace.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
 from airrace.trajectory import Array
@@ -27,7 +26,7 @@ from airrace.trajectory import Array
 SIZE = len(ERRORS)
 
 
-@record
+@dataclass(frozen=True)
 class PilotModel:
     """A pilot, by numbers.
 
@@ -81,7 +80,7 @@ class PilotModel:
         return self.sample * np.diag([1.0 / one**2 for one in self.brisk])
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class LinearFlight:
     """An aircraft linearised along its line, sample by sample; N samples.
 
@@ -179,7 +178,7 @@ def delayed(K: Array, later: Array, waiting: int) -> Array:
     return -K[held] @ later
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class PilotGains:
     """The feedback of a pilot along a line.
 

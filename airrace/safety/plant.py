@@ -21,7 +21,7 @@ of the second I / 4, with the output (1, sqrt(3)). So they stay stationary where
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -36,9 +36,8 @@ from airrace.environment import AtmosphereParameters, Weather, WindField
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.planning.plan import Race
 from airrace.quantities import FOOT, KNOT, T, Vector, quantity, vector
-from airrace.records import record
+from airrace.race import Race
 from airrace.system import System, column, named_symbols
 from airrace.trajectory import Array
 
@@ -71,7 +70,7 @@ class _DisturbedField(WindField):
         return [one + more for one, more in zip(super().velocity(x, y, z, p[:-3]), p[-3:], strict=True)]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Plant:
     """An aircraft in the air of a day, disturbed.
 
@@ -164,7 +163,7 @@ class Gusts(StrEnum):
         return KNOT * {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}[self.value]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class GustFilter:
     """The filters along a flight, for N steps of equal time.
 

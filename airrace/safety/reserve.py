@@ -19,7 +19,7 @@ more than its covariance says. A margin of the lift coefficient leaves him that.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,10 +34,9 @@ from airrace.planning.clearance import (
     wing_distance,
 )
 from airrace.planning.parameters import course_limits
-from airrace.planning.plan import Race
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.result import StageResult
-from airrace.records import record
+from airrace.race import Race
 from airrace.safety.closed_loop import ClosedLoop, Scatter
 from airrace.safety.covariance import covariance
 from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
@@ -54,7 +53,7 @@ STALL = "stall"
 """The kind of the limit of lift, which is no breach."""
 
 
-@record
+@dataclass(frozen=True)
 class ReserveSettings:
     """The settings of margins.
 
@@ -84,7 +83,7 @@ OPPOSITE = -0.95
 """The cosine between the directions away from two limits below which they are opposite."""
 
 
-@record
+@dataclass(frozen=True)
 class Limit:
     """A limit as an optimum meets it at one place.
 
@@ -310,7 +309,7 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
     return max(wanted, default=0.0) if share else 0.0
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Allocation:
     """Margins, and the risk that they leave.
 

@@ -1,10 +1,10 @@
 """Sensitivities of the race time: what every number of the inputs costs, its shadow price, unit and usual step."""
 
 import math
+from dataclasses import dataclass
 from enum import Enum
 
 from airrace.parameters import ParameterGroup
-from airrace.records import record
 
 
 class Activity(Enum):
@@ -15,7 +15,7 @@ class Activity(Enum):
     FREE = "free"
 
 
-@record
+@dataclass(frozen=True)
 class Sensitivity:
     """The derivative of the objective by one number of the inputs.
 

@@ -11,6 +11,7 @@ every multiplier is gathered once where its limit comes from, and a problem with
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,18 +24,17 @@ from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, ParameterGroup
-from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
+from airrace.race import Race
 from airrace.sensitivity import Activity, Sensitivity
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class SensitivitySettings:
     """The settings of sensitivities.
 
@@ -65,7 +65,7 @@ Owner = tuple[str, Place]
 """The owner of an observation: ("boundary", (its number, 0)) or ("watch", (phase, its number there))."""
 
 
-@record
+@dataclass(frozen=True)
 class Value:
     """The part of a problem's value that its numbers decide, s: by surely active limits, and by weakly active ones."""
 
@@ -73,7 +73,7 @@ class Value:
     weak: float
 
 
-@record
+@dataclass(frozen=True)
 class _LimitSource:
     """The place in a problem where the limits of some constraints are stated.
 

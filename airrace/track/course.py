@@ -1,19 +1,19 @@
 """The course: its elements in their order, the rules between them, what it keeps clear of, and its place on earth."""
 
 import math
+from dataclasses import dataclass
 from enum import Enum
 from typing import cast
 
 import numpy as np
 
 from airrace.quantities import Interval
-from airrace.records import record
 from airrace.track.element import Direction, Element
 from airrace.track.polygons import Point, to_right
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class SafetyLine:
     """A line not to be crossed, endless to both sides, on the legs that hold it.
 
@@ -43,7 +43,7 @@ class CrowdShape(Enum):
     AREA = "area"
 
 
-@record
+@dataclass(frozen=True)
 class Crowd:
     """A group of people to keep away from.
 
@@ -62,7 +62,7 @@ class Crowd:
     slant: bool = True
 
 
-@record
+@dataclass(frozen=True)
 class Obstacle:
     """A thing that stands in the way, as upright cylinders around all of it: a mast, a crane, a building.
 
@@ -101,7 +101,7 @@ class Turning(Enum):
     EITHER = "either"
 
 
-@record
+@dataclass(frozen=True)
 class Roll:
     """A roll on a line: on the leg that ends with the passage that carries it.
 
@@ -132,7 +132,7 @@ class EndState(Enum):
     FREE = "free"
 
 
-@record
+@dataclass(frozen=True)
 class Passage:
     """A passing of an element, and what holds on the leg that leads to it.
 
@@ -171,7 +171,7 @@ class StartSpeed(Enum):
     INDICATED = "indicated_airspeed"
 
 
-@record
+@dataclass(frozen=True)
 class PilotLimits:
     """The limits that a pilot keeps to besides those of the race; without a preset there are none.
 
@@ -204,7 +204,7 @@ class PilotLimits:
     turn_tolerance: float = 0.0
 
 
-@record
+@dataclass(frozen=True)
 class Rules:
     """The limits that hold along the whole flight.
 
@@ -236,7 +236,7 @@ class Rules:
         return self.n_z.intersect(Interval(lower=self.pilot.n_z_min))
 
 
-@record
+@dataclass(frozen=True)
 class Origin:
     """The place of the track's frame: WGS 84 (rad) if it is known, and its height above mean sea level (m)."""
 
@@ -250,7 +250,7 @@ class Origin:
         return self.latitude is not None and self.longitude is not None
 
 
-@record
+@dataclass(frozen=True)
 class Course:
     """A race: at least two passages, the first is the start, the last the finish.
 

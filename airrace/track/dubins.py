@@ -4,10 +4,10 @@ Positions are (north, east) in metres, headings in radians clockwise from north;
 path is three arcs or straights, written as the signs of their curvatures. The lengths follow Shkel & Lumelsky (2001).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from airrace.records import record
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ ROUNDED = 9
 """The number of decimals to which two lengths (in radii) or times (s) must agree to be the same."""
 
 
-@record
+@dataclass(frozen=True)
 class DubinsPath:
     """A path from (north, east) with `heading`: `lengths` of its three pieces (m) and their `curvatures` (1/m)."""
 

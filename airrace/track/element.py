@@ -8,12 +8,12 @@ metres; positions in the track's north-east frame, heights above its origin.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from airrace.parameters import Parameter
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 from airrace.track.polygons import Point
 
 PYLON_HEIGHT = 25.0
@@ -28,7 +28,7 @@ class Direction(Enum):
     PLANNED = "planned"
 
 
-@record
+@dataclass(frozen=True)
 class Crossing:
     """A way in which an element may be crossed, for the plan to choose from.
 
@@ -49,7 +49,7 @@ class Crossing:
     free: bool = False
 
 
-@record
+@dataclass(frozen=True)
 class Frame:
     """The place of a crossing and the directions it is measured against.
 
@@ -75,7 +75,7 @@ Symbols = Mapping[str, Any]
 """Symbols by name. Any: casadi's SX, which plain arithmetic and `airrace.frames` take."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class GateOutput:
     """The quantities that a kind of element observes of an aircraft besides those of every crossing.
 
@@ -95,7 +95,7 @@ class GateOutput:
     values: Callable[[Symbols, Symbols], Sequence[Any]]
 
 
-@record
+@dataclass(frozen=True)
 class Drawing:
     """The drawing of an element as seen from above.
 

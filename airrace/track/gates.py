@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from airrace.parameters import SINE, TANGENT, Parameter, attribute_parameter
 from airrace.quantities import Interval
-from airrace.records import record
 from airrace.track.element import PYLON_HEIGHT, Crossing, Direction, Drawing, Element, Frame, Standing, climb_condition
 from airrace.trajectory import Array
 
@@ -32,7 +32,7 @@ class Passing(Enum):
     WINDOW = "window"
 
 
-@record
+@dataclass(frozen=True)
 class Tolerances:
     """The tolerances of a `window` passing at a gate; `point` passings ignore all but `climb` and `crossing`.
 
@@ -109,7 +109,7 @@ WIDE = math.radians(89.9)
 """The largest tolerance of an angle, rad: beyond it the tangent is too large to compute with."""
 
 
-@record
+@dataclass(frozen=True)
 class Gate(Tolerant):
     """Two pylons, passed between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
 
@@ -239,7 +239,7 @@ MARGIN = 4.0
 """The distance beyond the clearance at which the plan passes a pylon, m."""
 
 
-@record
+@dataclass(frozen=True)
 class Pylon(Tolerant):
     """A single pylon passed on one side, bank free (slalom, turning point).
 
@@ -333,7 +333,7 @@ VERTICAL = 1e-6
 """The distance from +-pi/2 within which a climb angle is vertical, rad."""
 
 
-@record
+@dataclass(frozen=True)
 class Manoeuvre(Element):
     """An attitude to be reached at a position that is free within bounds (top of a loop, a 45 degree line, ...).
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from airrace.environment import StaticWind
 from airrace.planning.clearance import ground_distance
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import Drawing
 from airrace.trajectory import Array
@@ -32,7 +32,7 @@ from airrace.views.map_model import MapLine, MapModel, Mark, coordinates
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
-@record
+@dataclass(frozen=True)
 class MapStyle:
     """Sizes and limits in the drawing of a course."""
 

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.frames import angle_between
 from airrace.planning.lint import Remark
-from airrace.planning.plan import Race
 from airrace.quantities import Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Passage
 from airrace.track.polygons import Point
 from airrace.views.map_model import MapModel
@@ -17,7 +17,7 @@ from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import Column, Table
 
 
-@record
+@dataclass(frozen=True)
 class CourseRow:
     """A passage in a table; SI and radians, None for what the element leaves free.
 

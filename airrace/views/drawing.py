@@ -7,13 +7,13 @@ import io
 import math
 import warnings
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, ParamSpec
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
-from airrace.records import record
 from airrace.standard_streams import STANDARD
 from airrace.trajectory import Array
 from airrace.views.plain_text import plain
@@ -111,7 +111,7 @@ def figure_address(figure: Figure) -> str:
     return f"data:image/svg+xml;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
 
 
-@record
+@dataclass(frozen=True)
 class Placement:
     """What places are tried for a label, and what they cost.
 
@@ -132,7 +132,7 @@ class Placement:
 PLACEMENT = Placement()
 
 
-@record
+@dataclass(frozen=True)
 class Box:
     """A rectangle with edges along the axes, in any unit."""
 

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.results import Flight
 from airrace.results.comparison import Comparison
 from airrace.results.flight import legs_of, way
@@ -21,7 +20,7 @@ from airrace.views.map_model import LOSS_COLOURS, MapModel, by_loss, map_model
 WIDTH, HEIGHT = 15.0, 9.6  # inches
 
 
-@record
+@dataclass(frozen=True)
 class FigureSettings:
     """Sizes of the drawings.
 
@@ -38,7 +37,7 @@ FIGURE = FigureSettings()
 DEGREES = 180.0 / math.pi
 
 
-@record
+@dataclass(frozen=True)
 class Histories:
     """Histories that share a pair of axes: names, words, and the factor from SI to the unit of the label.
 

@@ -8,11 +8,11 @@ import itertools
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from airrace.records import record
 from airrace.results import Flight
 from airrace.results.cues import Cue, cues_of
 from airrace.results.flight_facts import leg_facts
@@ -28,7 +28,7 @@ PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5
 POINTS = 72.0  # per inch
 
 
-@record
+@dataclass(frozen=True)
 class PageStyle:
     """Measures of the page: lengths in points (1/72 inch) where nothing else is said.
 

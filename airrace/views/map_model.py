@@ -5,17 +5,16 @@ Places are north and east of the track's origin, m.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.environment import StaticWind
-from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT
-from airrace.records import record
+from airrace.race import Race
 from airrace.results.comparison import Comparison
 from airrace.results.flight import Flight, legs_of
 from airrace.results.planned import is_planned, planned_flight
@@ -38,7 +37,7 @@ def coordinates(points: Iterable[Point]) -> Array:
     return np.array([[point.north, point.east] for point in points])
 
 
-@record
+@dataclass(frozen=True)
 class Mark:
     """An element at its place on the ground.
 
@@ -67,7 +66,7 @@ class Mark:
         return None if across is None else coordinates(across)
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Way:
     """A track: north and east, shape (n, 2), m; of a flight or `planned`, or else straight from place to place."""
 
@@ -76,7 +75,7 @@ class Way:
     planned: bool
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class MapLine:
     """A safety line.
 
@@ -94,7 +93,7 @@ class MapLine:
     legs: tuple[str, ...]
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class MapModel:
     """A race from above.
 
@@ -264,7 +263,7 @@ STILL = 2e-4
 """The rate of loss that has the last colour at least, s/m: 0.02 s in 100 m are within the noise of a log."""
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class ColouredTrack:
     """A track with a value at each of its places.
 

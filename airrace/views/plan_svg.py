@@ -2,10 +2,10 @@
 
 import html
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.records import record
 from airrace.track.course import CrowdShape
 from airrace.trajectory import Array
 from airrace.views.drawing import AMBER, BLACK, BLUE, RED, Box, place_labels
@@ -13,7 +13,7 @@ from airrace.views.map_model import ColouredTrack, MapModel, coordinates, round_
 from airrace.views.plain_text import plain
 
 
-@record
+@dataclass(frozen=True)
 class SvgStyle:
     """Sizes in the drawing.
 
@@ -40,7 +40,7 @@ STYLE = SvgStyle()
 GREY = "#9a9a9a"  # lighter than on paper
 
 
-@record
+@dataclass(frozen=True)
 class _Sheet:
     """The mapping from places to the drawing: `scale` pixels per metre, the corner in the north-west."""
 

@@ -1,12 +1,12 @@
 """Safety as people see it: what falls where, on the map and in tables, and the envelope of disturbed flights."""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from airrace.quantities import KNOT
-from airrace.records import record
 from airrace.results import Flight
 from airrace.results.flight import passings_around
 from airrace.results.stamp import wind_text
@@ -142,7 +142,7 @@ DEVIATIONS = (
 WIDENINGS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 
 
-@record
+@dataclass(frozen=True)
 class EnvelopeSettings:
     """Sizes of the drawing.
 

@@ -4,13 +4,12 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from airrace.csv_cells import text_cell
 from airrace.errors import UsageError
 from airrace.quantities import FOOT, KNOT
-from airrace.records import record
 from airrace.resources import extra
 from airrace.views.plain_text import escape_html, escape_markdown
 
@@ -27,7 +26,7 @@ LEFT_OUT = "too narrow for: "
 DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 
 
-@record
+@dataclass(frozen=True)
 class Column:
     """A column of a table.
 
@@ -68,7 +67,7 @@ class Column:
         return escape_html(DASH if text == "-" else text.replace("-", MINUS))
 
 
-@record
+@dataclass(frozen=True)
 class Cell:
     """A cell that is more than its value.
 
@@ -85,7 +84,7 @@ class Cell:
     bad: bool = False
 
 
-@record
+@dataclass(frozen=True)
 class Table:
     """A table.
 
@@ -268,7 +267,7 @@ def _style(column: Column, inline: bool, *, bad: bool = False) -> str:
     return f' class="{classes}"' if classes else ""
 
 
-@record
+@dataclass(frozen=True)
 class Units:
     """Units of speed and length.
 

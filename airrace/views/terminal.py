@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
@@ -14,7 +14,6 @@ from rich.text import Text
 
 from airrace.procedure.result import Iteration, Progress, StageResult
 from airrace.procedure.stage import Stage
-from airrace.records import record
 from airrace.views.plain_text import plain
 from airrace.views.progress_view import outcome_line, stage_number
 
@@ -31,7 +30,7 @@ class PlainConsole(Console):
 ROWS = ("stage", "doing", "", "iteration", "objective", "infeasibility")
 
 
-@record
+@dataclass(frozen=True)
 class _StageUnderWay:
     """The stage under way: which one, its number in the run, since when, and what it is doing."""
 

@@ -130,7 +130,7 @@ def processor_time() -> float:
 def planned_time(track: Path, overrides: Sequence[str]) -> float:
     """The planned time of a race, s; 0 if it is refused."""
     try:
-        return load_inputs(track, overrides=overrides).race.plan.seconds
+        return plan_race(load_inputs(track, overrides=overrides).race).seconds
     except InputError:
         return 0.0
 

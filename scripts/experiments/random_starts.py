@@ -26,7 +26,8 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.plan import PlannedLeg, Race, plan
+from airrace.race import Race
+from airrace.planning.plan import (PlannedLeg, plan)
 from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.procedure.guess import align_quaternions, first_mesh, guess
 from airrace.procedure.result import Silent

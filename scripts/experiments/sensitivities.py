@@ -20,7 +20,7 @@ from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
+from airrace.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.result import Silent

@@ -18,7 +18,7 @@ from airrace.inputs import load_inputs
 from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.violations import NONE_KNOWN, Penalties
-from airrace.planning.plan import Race
+from airrace.race import Race
 from airrace.track.course import geodetic
 from airrace.trajectory import Array
 

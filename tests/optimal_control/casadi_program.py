@@ -1,17 +1,18 @@
 """The nonlinear program of a problem as casadi's own functions, which the package's evaluation is held against."""
 
+from dataclasses import dataclass
+
 import casadi as ca
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost
 from airrace.optimal_control.casadi_nlp import NlpExpressions, sum_of, take_columns
 from airrace.optimal_control.kernels import Kernels, Part
 from airrace.optimal_control.layout import Layout
-from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class NonlinearProgram:
     """The casadi functions of the scaled unknowns x and parameters p, named as casadi's solvers name them.
 

@@ -11,7 +11,6 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.planning.plan import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import concatenate, phase_piece
@@ -21,6 +20,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of, trajectory_of
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array, Trajectory
 

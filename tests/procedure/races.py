@@ -13,7 +13,7 @@ from airrace.environment import Air, StaticWind, g0
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
-from airrace.planning.plan import Plan, Race, plan
+from airrace.planning.plan import Plan, plan
 from airrace.planning.planning_model import cruise
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import Silent, StageResult
@@ -22,6 +22,7 @@ from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Setti
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
 from airrace.trajectory import Array

@@ -10,13 +10,14 @@ from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, 
 
 from airrace.dynamics.limits import LEAST_ROOM
 from airrace.environment import Air
-from airrace.planning.plan import ONE_PLACE, Race
+from airrace.planning.plan import ONE_PLACE
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import sampler
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Rules
 from airrace.track.gates import Gate, Passing, Pylon
 

@@ -24,7 +24,7 @@ from races import planned as plan_of
 from airrace.environment import Air
 from airrace.frames import angle_between, quaternion
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Plan, Race, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
+from airrace.planning.plan import Plan, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
 from airrace.planning.planning_model import cruise
 from airrace.planning.route_decisions import ANY, RouteDecisions, candidates
 from airrace.procedure.guess import first_mesh, guess
@@ -33,6 +33,7 @@ from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Se
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of, trajectory_of
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory
 

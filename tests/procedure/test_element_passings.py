@@ -14,11 +14,11 @@ from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap
 from airrace.environment import Air
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stored_stages import sampler
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
 from airrace.track.gates import Manoeuvre
 from airrace.track.polygons import Point, distance, inside, to_right

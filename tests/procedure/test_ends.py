@@ -12,7 +12,6 @@ from airrace.frames import rotation
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.planning.plan import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh
@@ -22,6 +21,7 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import mesh_of
+from airrace.race import Race
 from airrace.results.derivation import indicated_airspeed
 from airrace.track.course import EndState, StartSpeed
 

@@ -7,7 +7,6 @@ from races import DIVING_EIGHT, RACES, ROOT, SMALL, optimum, prepared, settings,
 
 from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility import conflicts
 from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
@@ -16,6 +15,7 @@ from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.procedure.solver_session import LIMITS
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import ClearanceRule
 
 every_guess = pytest.mark.parametrize(

@@ -18,11 +18,11 @@ from airrace.environment import Air
 from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
-from airrace.planning.plan import Race
 from airrace.procedure.formulation import PILOT_NAMES, path_constraints, piece_boundary
 from airrace.procedure.guess import QUATERNION, align_quaternions, first_mesh, rotate
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine
 from airrace.track.gates import Element, Manoeuvre, Passing, Pylon
 from airrace.track.polygons import Point

@@ -30,7 +30,6 @@ from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, attribute_parameter
 from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
@@ -48,7 +47,7 @@ from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import Course, Crowd, CrowdShape
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.track.polygons import Point
@@ -119,7 +118,7 @@ def test_parameters_are_relaxed_to_the_milder_side_and_rounded_to_it() -> None:
     assert [n_z.round_milder(value) for value in (2.31, 2.3, 99.0)] == [2.4, 2.3, n_z.limit]
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Hoop(Gate):
     """A kind of gate from outside."""
 

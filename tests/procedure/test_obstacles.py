@@ -9,12 +9,12 @@ from races import EDGE_540, PLAN, RULES, course, level, optimum
 
 from airrace.environment import Air
 from airrace.planning.clearance import ClosestApproach, Wing, cleared_pylons, closest_approaches, pylons_of
-from airrace.planning.plan import Race
 from airrace.procedure.certification import clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import PylonSide, Status
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.race import Race
 from airrace.results.clearances import distances, least_of_all
 from airrace.results.derivation import flight_of
 from airrace.results.flight import Flight, Source

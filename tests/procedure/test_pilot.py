@@ -13,7 +13,6 @@ from airrace.dynamics.pilot_observation import LOW_RELIEF
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
-from airrace.planning.plan import Race
 from airrace.procedure.formulation import NEAR_GROUND, PILOT_NAMES
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.infeasibility.local_infeasibility import without_one_limit
@@ -21,6 +20,7 @@ from airrace.procedure.result import Status
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import history
+from airrace.race import Race
 from airrace.track.course import PilotLimits
 
 MAGNITUDES = "beta_A", "n_y"

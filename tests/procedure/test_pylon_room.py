@@ -17,7 +17,6 @@ from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wing_distance
-from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -29,6 +28,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
+from airrace.race import Race
 from airrace.track.course import ClearanceRule
 from airrace.track.gates import Passing
 from airrace.trajectory import Array

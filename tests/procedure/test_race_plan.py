@@ -31,16 +31,16 @@ from airrace.environment import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import ONE_PLACE, ROOM, TURN, Plan, Race, decisions_from_solution, plan, plan_with_room
+from airrace.planning.plan import ONE_PLACE, ROOM, TURN, Plan, decisions_from_solution, plan, plan_race, plan_with_room
 from airrace.planning.planning_model import ASSUMED, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
-from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import guess
 from airrace.procedure.result import Silent
 from airrace.procedure.run import optimize
-from airrace.procedure.stage import STAGES, Stage
+from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import derived_quantities, sampler
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import ClearanceRule, Course, Crowd, CrowdShape, Direction, SafetyLine
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.polygons import Point
@@ -248,12 +248,13 @@ def test_pylon_between_two_gates_is_passed_on_whichever_side_is_asked_for() -> N
 @pytest.mark.parametrize("apart", [0.0, 0.9 * ONE_PLACE, 1.1 * ONE_PLACE])
 def test_a_gate_in_the_place_of_the_one_before_is_reached_round_a_circle(apart: float) -> None:
     race = race_of(level("a", 0.0, 0.0, 0.0), level("b", 400.0, 0.0, 0.0), level("c", 400.0 + apart, 0.0, 0.0))
-    planned, twin = (plan(race.course, race.pace, ties) for ties in (ANY, MIRRORED_TIES))
+    planned, twin = (plan(race.course, cruise(race.aircraft, race.course.rules), ties) for ties in (ANY, MIRRORED_TIES))
     way = planned.legs[1].path
     assert way is not None
     is_circle = apart < ONE_PLACE
-    assert way.length == pytest.approx(math.tau * race.pace.radius if is_circle else apart)
-    assert planned.seconds == pytest.approx((400.0 + way.length) / race.pace.V)
+    pace = cruise(race.aircraft, race.course.rules)
+    assert way.length == pytest.approx(math.tau * pace.radius if is_circle else apart)
+    assert planned.seconds == pytest.approx((400.0 + way.length) / pace.V)
     north, east, heading = (float(values[0]) for values in way.points(np.array([way.length])))
     assert (north, east, math.cos(heading)) == pytest.approx((400.0 + (0.0 if is_circle else apart), 0.0, 1.0))
     other = twin.legs[1].path
@@ -302,14 +303,6 @@ def fresh() -> Race:
     return dataclasses.replace(SMALL)
 
 
-def test_all_stages_fly_one_plan(searches: list[int]) -> None:
-    race = fresh()
-    ladder = FidelityContinuation(race, PLAN, ())
-    plans = {id(ladder.flight(stage).plan) for stage in STAGES}
-    assert plans == {id(race.plan)}
-    assert len(searches) == 1
-
-
 def test_looking_at_a_flight_plans_nothing(searches: list[int]) -> None:
     race = fresh()
     (result,) = optimize(race, PLAN, until=Stage.POINT_MASS, threads=1, progress=Silent())
@@ -322,8 +315,8 @@ def test_looking_at_a_flight_plans_nothing(searches: list[int]) -> None:
 def test_a_race_that_differs_has_a_plan_of_its_own() -> None:
     race = fresh()
     slower = dataclasses.replace(race, course=dataclasses.replace(race.course, passages=race.course.passages[:3]))
-    assert len(race.plan.waypoints) == 4
-    assert len(slower.plan.waypoints) == 3
+    assert len(plan_race(race).waypoints) == 4
+    assert len(plan_race(slower).waypoints) == 3
 
 
 def bounded(kind: str, side: float) -> Course:
@@ -349,17 +342,17 @@ def bounded(kind: str, side: float) -> Course:
 @pytest.mark.parametrize("kind", ["line", "airspace", "crowd"])
 def test_a_plan_with_room_turns_the_other_way(kind: str, side: float) -> None:
     made = bounded(kind, side)
-    race = Race(made, EDGE_540, Air())
-    other = plan_with_room(made, race.plan)
+    first = plan_race(Race(made, EDGE_540, Air()))
+    other = plan_with_room(made, first)
     assert other is not None
-    for planned, sense in ((race.plan, 1.0), (other, -1.0)):
+    for planned, sense in ((first, 1.0), (other, -1.0)):
         path = planned.legs[0].path
         assert path is not None
         turn = sum(length * bend for length, bend in zip(path.lengths, path.curvatures, strict=True))
         assert sense * side * turn > TURN
         _, east, _ = path.points(np.linspace(0.0, path.length, 201))
-        assert (float((side * east).max()) > 110.0) is (planned is race.plan)
-    assert other.seconds > race.plan.seconds
+        assert (float((side * east).max()) > 110.0) is (planned is first)
+    assert other.seconds > first.seconds
 
 
 def over(height: float) -> Course:

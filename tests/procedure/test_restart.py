@@ -8,13 +8,13 @@ from races import PLAN, ROOT, SHIPPED, SMALL, blown, optimum, solve_stages
 
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
 from airrace.procedure import restart, solver_session
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.course import Direction
 from airrace.trajectory import Trajectory
 

@@ -12,10 +12,10 @@ from short_course import AIRCRAFT
 from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
-from airrace.planning.plan import Race
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem, formulate
+from airrace.race import Race
 
 COURSE = """
 schema: airrace/track/1

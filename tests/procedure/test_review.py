@@ -14,9 +14,9 @@ from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.lint import Remark, RemarkKind, forgotten_lines, in_order, legs, review, swapped_axes, tightest
-from airrace.planning.plan import Race
 from airrace.planning.route_decisions import PLANNED_MAX
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.results.planned import planned_flight, remarks_on_line
 from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine
 from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances

@@ -19,7 +19,6 @@ from test_solving import asked, session
 from airrace.errors import InputError
 from airrace.optimal_control.problem import Iterate
 from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.plan import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
 from airrace.procedure.infeasibility.conflicts import (
@@ -43,6 +42,7 @@ from airrace.procedure.result import SuggestedChange
 from airrace.procedure.solver_session import Budget
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
+from airrace.race import Race
 
 KNOWN = {one.key: one for one in relaxable_parameters(SMALL)}
 NOBODY = cast(ElasticSolver, None)  # no trial of these tests asks what relaxed it

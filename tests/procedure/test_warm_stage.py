@@ -7,11 +7,11 @@ import pytest
 from races import PLAN, SMALL, blown, optimum
 
 from airrace.errors import UsageError
-from airrace.planning.plan import Race
 from airrace.procedure.result import Status
 from airrace.procedure.stage_problem import OtherStructureError, PerturbedProblem
 from airrace.procedure.warm_stage import WarmStage
 from airrace.quantities import Interval
+from airrace.race import Race
 
 
 def with_limit(race: Race, n_z: float) -> Race:

@@ -22,11 +22,11 @@ from test_shipped_optima import plane_of
 
 from airrace.environment import Thermal
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
 from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
+from airrace.race import Race
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
 WIND = 8.0  # m/s

@@ -22,12 +22,12 @@ from airrace.planning.clearance import (
     wing_distance,
     wing_position,
 )
-from airrace.planning.plan import Race
 from airrace.procedure.certification import approaches, clearance_item
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate, mesh_of
+from airrace.race import Race
 from airrace.results import Source
 from airrace.results.attitude import body_axes, path_axes
 from airrace.results.clearances import least_distances

@@ -12,8 +12,8 @@ from airrace.api import Run
 from airrace.environment import StaticWind, g0
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
 from airrace.quantities import Quantity
+from airrace.race import Race
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.derivation import complete_histories
 from airrace.trajectory import Array

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.frames import quaternion
-from airrace.planning.plan import Race
 from airrace.quantities import Quantity
+from airrace.race import Race
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.cues import Action, Pull, RollAction, cues_of, turning_points
 from airrace.results.derivation import complete_histories

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from example_flights import circling, half_cuban, rovinj
 
-from airrace.planning.plan import Race
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.report.contents import contents_of
 from airrace.results.clearances import (
     distance_columns,

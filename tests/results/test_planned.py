@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.planning.lint import RemarkKind
-from airrace.planning.plan import Race
+from airrace.planning.plan import plan_race
 from airrace.procedure.guess import leg_seconds
+from airrace.race import Race
 from airrace.results import Flight, legs_of
 from airrace.results.clearances import BESIDE, NEAR_MISS, near_misses
 from airrace.results.planned import is_planned, plan_clearances, planned_flight, remarks_on_line
@@ -56,12 +57,12 @@ def test_the_planned_flight_makes_every_passing_where_and_when_the_plan_does(tmp
         planned = planned_flight(flown)
         assert (np.diff(planned.time) > 0.0).all()
         assert [one.passage for one in planned.crossings] == list(flown.course.passages)
-        np.testing.assert_allclose([leg.time for leg in legs_of(planned)], leg_seconds(flown.plan), atol=1e-9)
-        for crossing, waypoint in zip(planned.crossings, flown.plan.waypoints, strict=True):
+        np.testing.assert_allclose([leg.time for leg in legs_of(planned)], leg_seconds(plan_race(flown)), atol=1e-9)
+        for crossing, waypoint in zip(planned.crossings, plan_race(flown).waypoints, strict=True):
             if waypoint.position is not None:
                 here = [crossing.value(name) for name in ("x", "y")]
                 assert here == pytest.approx(list(waypoint.position[:2]), abs=1e-6)
-        for leg, part in zip(legs_of(planned), flown.plan.legs, strict=True):
+        for leg, part in zip(legs_of(planned), plan_race(flown).legs, strict=True):
             assert is_planned(planned, leg.rows) == (part.path is not None)
 
 

@@ -4,10 +4,10 @@ import pytest
 
 from airrace.checkpoint.checkpoint import content_digest
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData
 from airrace.procedure.settings import Settings
+from airrace.race import Race
 
 measure = recomputation.measure
 MEASURED: dict[str, Measured] = {}

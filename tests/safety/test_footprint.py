@@ -16,7 +16,7 @@ import airrace
 from airrace.environment import StaticWind
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race
+from airrace.race import Race
 from airrace.safety.falls_and_glides import States, level_fall_distance
 from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.outlines import Outline, Raster, sweep

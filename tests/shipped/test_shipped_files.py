@@ -11,8 +11,9 @@ from airrace.aircraft import Aircraft
 from airrace.cli.main import app
 from airrace.environment import RHO_ISA, g0
 from airrace.inputs import load_inputs
-from airrace.planning.plan import Race, plan
+from airrace.planning.plan import plan
 from airrace.planning.planning_model import cruise
+from airrace.race import Race
 from airrace.track.course import Course, Direction, Turning
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 from airrace.track.polygons import Point, to_right

@@ -21,7 +21,7 @@ from rich.text import Text
 
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
-from airrace.planning.plan import Race
+from airrace.race import Race
 from airrace.track.gates import Gate
 from airrace.trajectory import Array
 from airrace.views.course_figure import course_figure

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, TypeVar, get_args
 
 from annotated_types import Ge, Gt, Le
@@ -10,7 +11,6 @@ from airrace.extensions import load_extensions
 from airrace.inputs.nodes import KeyPath
 from airrace.inputs.places import ClimbAngle, Height, Places
 from airrace.inputs.schema import Schema, optional
-from airrace.records import record
 from airrace.track.course import Direction, Roll
 from airrace.track.element import PYLON_HEIGHT, Element
 from airrace.track.polygons import Point
@@ -21,7 +21,7 @@ HEIGHT_BAND_M = 5.0
 Reach = Annotated[float, Gt(0), Le(5000)]
 
 
-@record
+@dataclass(frozen=True)
 class ElementPart:
     """A passage of a composite element.
 
@@ -35,7 +35,7 @@ class ElementPart:
     roll: Roll | None = None
 
 
-@record
+@dataclass(frozen=True)
 class CompositeElement:
     """An entry of `gates` by its name, as its passages: mostly one; a quad or a vertical roll has two.
 

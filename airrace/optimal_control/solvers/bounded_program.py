@@ -5,6 +5,7 @@ behind the other. The matrices of all stages are dense, one behind the other.
 """
 
 import ctypes
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatri
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.interface import Bounds
-from airrace.records import record
 from airrace.trajectory import Array, Indices
 
 
@@ -24,7 +24,7 @@ def available(assembly: Assembly) -> bool:
     return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
 
 
-@record
+@dataclass(frozen=True)
 class StepParameters:
     """The constants of a step.
 
@@ -103,7 +103,7 @@ class Vector:
         self.whole += point.whole
 
 
-@record
+@dataclass(frozen=True)
 class Measures:
     """What the native library measures of a point, `interior_point.h`."""
 

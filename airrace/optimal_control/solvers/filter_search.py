@@ -6,14 +6,15 @@ begins and with all that the filter remembers. A step that does not is corrected
 constraints, then halved; where it would be too short, the number on the diagonal grows.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from airrace.optimal_control.solvers.bounded_program import STEP, BoundedProgram, Measures, Vector
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class FilterParameters:
     """The constants of the line search, with the names and values of [Waechter & Biegler 2006] where they have any.
 

@@ -1,14 +1,14 @@
 """What every solver takes and returns: options, bounds, multipliers, and a result with the reason of its end."""
 
+from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar, Protocol
 
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class SolverOptions:
     """The tolerance, the number of iterations and the barrier that a solver is given.
 
@@ -26,7 +26,7 @@ class SolverOptions:
     curvature: bool = True
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Bounds:
     """The bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
 
@@ -36,7 +36,7 @@ class Bounds:
     g_upper: Array
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class Multipliers:
     """The multipliers of the scaled program: of its constraints (n_g,) and of its simple bounds (n_w,)."""
 
@@ -62,7 +62,7 @@ class Ending(Enum):
     BUDGET_EXHAUSTED = "the budget of iterations is spent"
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class SolverResult:
     """The last point of a solver and how it went.
 

@@ -15,7 +15,7 @@ multipliers are made anew for a large barrier parameter, twice at most.
 
 import sys
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,11 +25,10 @@ from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.solvers.bounded_program import BoundedProgram, Measures
 from airrace.optimal_control.solvers.filter_search import FilterSearch
 from airrace.optimal_control.solvers.interface import Bounds, Ending, Multipliers, Solver, SolverOptions, SolverResult
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class Parameters:
     """The constants of the method.
 

@@ -10,6 +10,7 @@ import queue
 import struct
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import IO, Any, Self
 
 import casadi as ca
@@ -18,7 +19,6 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.interface import Multipliers, SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.records import record
 from airrace.system import SYMBOLS, System
 
 PREPARED_INTERVALS = 600
@@ -29,7 +29,7 @@ A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They 
 """
 
 
-@record
+@dataclass(frozen=True)
 class SolveRequest:
     """A request to solve `problem` from `guess`, and to keep so many intervals prepared for the next one."""
 
@@ -42,7 +42,7 @@ class SolveRequest:
     prepared_intervals: int = PREPARED_INTERVALS
 
 
-@record
+@dataclass(frozen=True, eq=False)
 class PreloadRequest:
     """A system of a coming problem and what is observed of it, whose kernels can be made ready. It has no answer."""
 
@@ -51,7 +51,7 @@ class PreloadRequest:
     observed: tuple[ca.Function, ...] = ()
 
 
-@record
+@dataclass(frozen=True)
 class IterationReport:
     """A line of a solver's progress: iteration, objective, largest scaled infeasibility."""
 
@@ -60,14 +60,14 @@ class IterationReport:
     infeasibility: float
 
 
-@record
+@dataclass(frozen=True)
 class Notice:
     """A text for people on what the worker does besides solving."""
 
     text: str
 
 
-@record
+@dataclass(frozen=True)
 class WorkerFailure:
     """An answer that a request could not be worked on; a bug, not a failed solve."""
 
@@ -77,7 +77,7 @@ class WorkerFailure:
 Reply = IterationReport | Notice | Solution | WorkerFailure
 
 
-@record
+@dataclass(frozen=True)
 class _Definition:
     """A pickled function under the name by which later messages refer to it."""
 

@@ -5,7 +5,7 @@ A solve that fails is a value: `Solution.success` is False, `ending` says why, `
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -31,11 +31,10 @@ from airrace.optimal_control.solvers.interface import (
 )
 from airrace.optimal_control.solvers.interior_point import InteriorPoint
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class Solution:
     """The answer of a solver, whether it found an optimum or not.
 

@@ -17,7 +17,7 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate
 from airrace.parameters import Parameter
 from airrace.planning.parameters import relaxable_parameters
-from airrace.planning.plan import Race
+from airrace.planning.plan import plan_race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.budget import conflict_budget, searching_conflicts
 from airrace.procedure.infeasibility.elastic import ElasticSolver, Relaxed
@@ -25,11 +25,11 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Mesh, StageProblem, with_passages, without_pilot_limits
-from airrace.records import record
+from airrace.race import Race
 from airrace.track.course import PilotLimits
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class ConflictSettings:
     """The settings of the search for conflicts; steps are usual steps.
 
@@ -68,7 +68,7 @@ class ConflictSettings:
 SETTINGS = ConflictSettings()
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class RepairKind:
     """The parameters of rules and gates, or those of the aircraft, and how many are considered for a conflict.
 
@@ -93,7 +93,7 @@ KINDS = (RULES_AND_GATES, AIRCRAFT)
 """In the order in which they are tried and suggested: a director's first; the aircraft may be at fault as much."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Repair:
     """A parameter that resolves a conflict alone, with the relaxed flight."""
 
@@ -170,7 +170,7 @@ class RelaxedRoutes:
         for parameter in self._parameters:
             milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
         before: Iterate | None = None
-        for plan in (flight.plan, with_passages(milder.plan, self._race.course)):
+        for plan in (flight.plan, with_passages(plan_race(milder), self._race.course)):
             mesh = first_mesh(plan, settings)
             start = guess(plan, mesh)
             if before is None or not np.array_equal(before.state, start.state):
@@ -188,7 +188,7 @@ def conflict_location(routes: Iterable[Relaxed | None]) -> str:
     return where
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Conflict:
     """A place at which limits contradict each other, and what would resolve that, the least change first."""
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from airrace.errors import InputError
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
-from airrace.planning.plan import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.budget import searching_conflicts
@@ -33,10 +32,10 @@ from airrace.procedure.solver_session import LIMITS, Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.records import record
+from airrace.race import Race
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class TrialLimits:
     """The work that trials of suggested changes may take.
 
@@ -144,7 +143,7 @@ def _describe_conflict(first: SuggestedChange, *others: SuggestedChange) -> str:
     return given + "; or ".join([least, *repairs])
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class TrialFlight:
     """The flight of a race with a repair.
 
@@ -172,7 +171,7 @@ def certify(session: SolverSession, race: Race, near: Relaxed) -> StageResult | 
     return found if isinstance(found, StageResult) and found.certified else None
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Trials:
     """Trials of races with other numbers: near a relaxed flight, else from their own plans; or on from a flight.
 
@@ -236,7 +235,7 @@ def _start_on(race: Race, near: Relaxed, mesh: Mesh, flown: Iterate) -> Start:
     return Start(flight, flight.problem(coarse), iterate, InitialBarrier.PIECES)
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class RepairTrial:
     """A repair that was tried with some value.
 

@@ -29,10 +29,9 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.interface import SolverOptions
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.parameters import Parameter
-from airrace.planning.plan import Race
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem, StageProblem
-from airrace.records import record
+from airrace.race import Race
 from airrace.trajectory import Array
 
 OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.05, curvature=False)
@@ -40,7 +39,7 @@ OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.05, curvat
 instead of 52 and were not told apart."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class ElasticSettings:
     """The settings of elastic problems.
 
@@ -66,7 +65,7 @@ class ElasticSettings:
 SETTINGS = ElasticSettings()
 
 
-@record
+@dataclasses.dataclass(frozen=True, eq=False)
 class Relaxed:
     """A flight with limits that have given way.
 

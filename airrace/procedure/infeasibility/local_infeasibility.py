@@ -17,7 +17,6 @@ from airrace.procedure.formulation import without_pilot, without_trim
 from airrace.procedure.guess import concatenate, phase_piece
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval, Quantity
-from airrace.records import record
 
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1, curvature=False)
 """A feasible flight is enough."""
@@ -42,7 +41,7 @@ LIMITS = (
 """The limits along the path in the order in which they are left out: name, text, unit, factor from SI."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class LocalInfeasibility:
     """A phase around which no guess leads to a flight; `worst` is the condition that was violated most."""
 

@@ -26,13 +26,12 @@ from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.records import record
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 
 
-@record
+@dataclass(frozen=True)
 class CoarseSettings:
     """The settings of coarse solutions.
 

@@ -19,11 +19,10 @@ from airrace.procedure.multistart.coarse_solution import CoarseSolution, interva
 from airrace.procedure.multistart.rolls import rerolls, tilt_turn
 from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbours, same_route, segments_of, shape_of
 from airrace.procedure.multistart.window import EvaluatedMove, Move
-from airrace.records import record
 from airrace.track.course import Course, Turning
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class MoveSettings:
     """The settings of moves.
 

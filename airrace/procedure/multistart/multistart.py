@@ -10,7 +10,7 @@ A flight that was started from another run is searched around likewise, for a ro
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -44,11 +44,10 @@ from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import StageProblem, load_factors_along, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
-from airrace.records import record
 from airrace.track.course import Course
 
 
-@record
+@dataclass(frozen=True)
 class ReportSettings:
     """The thresholds of what a search returns and reports.
 
@@ -77,7 +76,7 @@ class ReportSettings:
 SETTINGS = ReportSettings()
 
 
-@record
+@dataclass(frozen=True)
 class FoundRoutes:
     """The outcome of a search.
 
@@ -240,7 +239,7 @@ def _needless_loops(
             )
 
 
-@record
+@dataclass(frozen=True)
 class RoutesAround:
     """What was found around a flight, solved roughly by the point mass.
 

@@ -10,6 +10,7 @@ Turns are tilted about the straight line between their ends: slanted at first, o
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,10 @@ from airrace.frames import product, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.guess import QUATERNION, align_quaternions
-from airrace.records import record
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class RollSettings:
     """The thresholds of rolls.
 
@@ -58,7 +58,7 @@ ROLL_RATE_ROW = PointMassState.names().index("p_Kbar")
 LOAD_FACTOR_ROW = PointMassState.names().index("n_z")
 
 
-@record
+@dataclass(frozen=True)
 class Reversal:
     """A roll from one side to the other.
 
@@ -80,7 +80,7 @@ class Reversal:
         return f"rolling {side} through {way}"
 
 
-@record
+@dataclass(frozen=True)
 class Reroll:
     """A flight with one roll the other way, or one pull or push otherwise.
 

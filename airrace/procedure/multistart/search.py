@@ -24,7 +24,6 @@ from airrace.procedure.multistart.window import EvaluatedMove, Move, apply_moves
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.stage_problem import StageProblem
 from airrace.procedure.warm_start import InitialBarrier
-from airrace.records import record
 from airrace.track.course import Course
 
 SAVED_MIN = 0.003
@@ -43,7 +42,7 @@ RETRIED_MAX = 2
 """The number of moves that are solved jointly although their windows have failed, at most, those of the best plans."""
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class Radius:
     """A factor on the planned turning radius; reached by a higher load factor, or by flying slower."""
 
@@ -57,7 +56,7 @@ class Radius:
         return dataclasses.replace(pace, n=math.hypot(1.0, pace.V**2 / (g0 * self.factor * pace.radius)))
 
 
-@record
+@dataclasses.dataclass(frozen=True)
 class SearchBudget:
     """The amount of a search.
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,12 +11,11 @@ from airrace.frames import rotation
 from airrace.planning.plan import ATTITUDE, POSITION, stops_of, track_turn
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.rolls import Reversal, reversals
-from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
 
-@record
+@dataclass(frozen=True)
 class ShapeSettings:
     """The thresholds by which routes are compared and described.
 
@@ -43,7 +43,7 @@ class ShapeSettings:
 SETTINGS = ShapeSettings()
 
 
-@record
+@dataclass(frozen=True)
 class Segment:
     """A part of the course from one stop to the next.
 
@@ -60,7 +60,7 @@ def segments_of(course: Course) -> list[Segment]:
     return [Segment(number, *pair) for number, pair in enumerate(itertools.pairwise(stops_of(course)))]
 
 
-@record
+@dataclass(frozen=True)
 class SegmentShape:
     """The shape of a segment as a flight takes it.
 

@@ -11,7 +11,6 @@ from races import optimum as without_search
 
 from airrace.environment import Air
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.plan import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
 from airrace.procedure.result import Silent, StageResult
 from airrace.procedure.run import optimize
@@ -20,6 +19,7 @@ from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
+from airrace.race import Race
 from airrace.track.gates import Gate, Pylon
 
 PLAN = settings(GuessKind.PLAN)

@@ -13,7 +13,7 @@ from transformations import mirrored
 from airrace.environment import Air
 from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.solvers.service import SolverService, SolverTimeout
-from airrace.planning.plan import Race, plan
+from airrace.planning.plan import plan
 from airrace.planning.route_decisions import RouteDecisions, candidates
 from airrace.procedure.guess import concatenate, guess, phase_piece
 from airrace.procedure.multistart import coarse_solution
@@ -44,6 +44,7 @@ from airrace.procedure.multistart.segments import (
 from airrace.procedure.multistart.window import END_SPEED_TRUST, EvaluatedMove, Move, apply_moves, evaluate
 from airrace.procedure.warm_start import InitialBarrier
 from airrace.quantities import Interval
+from airrace.race import Race
 
 ATTITUDE = slice(4, 8)
 

@@ -11,7 +11,6 @@ from test_moves import each_small_race, own_window
 from transformations import mirrored
 
 from airrace.frames import quaternion, rotation
-from airrace.planning.plan import Race
 from airrace.procedure.guess import QUATERNION, align_quaternions
 from airrace.procedure.multistart import moves
 from airrace.procedure.multistart import rolls as roll_moves
@@ -21,6 +20,7 @@ from airrace.procedure.multistart.rolls import LOAD_FACTOR_ROW, ROLL_RATE_ROW, r
 from airrace.procedure.multistart.search import QUICK
 from airrace.procedure.multistart.segments import differing, segments_of
 from airrace.procedure.multistart.window import Move, evaluate
+from airrace.race import Race
 from airrace.trajectory import Array
 
 PULLED = "pull instead of push"

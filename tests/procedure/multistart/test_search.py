@@ -24,7 +24,6 @@ from test_moves import own_window
 from transformations import mirrored
 
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.planning.plan import Race
 from airrace.procedure import fidelity_continuation, restart
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart import search
@@ -41,6 +40,7 @@ from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier
+from airrace.race import Race
 from airrace.trajectory import Trajectory
 from airrace.views.stage_tables import claim, search_table
 
