@@ -19,8 +19,8 @@ import numpy as np
 from airrace.control.dynamic_inversion import InnerController, InnerLoopInverse
 from airrace.control.path_following import Commands, PathGains, Reference, ReferencePoint, errors, path_following
 from airrace.dynamics.flight_model import FlightModel, RollCounter
-from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
-from airrace.frames import normalise
+from airrace.dynamics.outer_loop import FlightPathState, PoweredState
+from airrace.frames import QUATERNION, normalise
 from airrace.quantities import Quantity
 from airrace.system import System, at_points, column, named_symbols
 from airrace.trajectory import Array
@@ -173,7 +173,7 @@ def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
     """Return the reference at values of its clock (s), linear between its samples."""
     histories = zip(ReferencePoint.names(), reference.histories.join(), strict=True)
     here = {name: np.asarray(np.interp(nodes, reference.s, row), dtype=np.float64) for name, row in histories}
-    here |= zip(ATTITUDE, normalise([here[name] for name in ATTITUDE]), strict=True)
+    here |= zip(QUATERNION, normalise([here[name] for name in QUATERNION]), strict=True)
     return ReferencePoint[Array](**here)
 
 

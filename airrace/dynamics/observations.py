@@ -51,7 +51,6 @@ import casadi as ca
 
 from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.elementary import atan2, cos, maximum, minimum, sin, smooth_clip, smooth_maximum, sqrt
 from airrace.environment import (
     Air,
@@ -63,7 +62,7 @@ from airrace.environment import (
     g0,
     pressure,
 )
-from airrace.frames import Scalar, right_wing, rotation
+from airrace.frames import QUATERNION, Scalar, right_wing, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, System, column, named_symbols
 from airrace.track.course import Crowd, CrowdShape
@@ -152,7 +151,7 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
     Of a model with a body they include `beta_K`, too.
     """
     x, b = named_symbols(states), named_symbols(CrossingParameters.quantities())
-    q = [x[name] for name in ATTITUDE]
+    q = [x[name] for name in QUATERNION]
     position, beta_K = (x["x"], x["y"], x["z"]), x.get("beta_K", 0.0)
     values = crossing_values(position, x["V_K"], q, CrossingParameters(**b), beta_K)
     declared = CrossingValues.quantities(), x, CrossingParameters.quantities(), b
@@ -324,7 +323,7 @@ def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
 def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation:
     """Return the observation of the climb angle for a model whose states include the attitude `q0 ... q3`."""
     x = named_symbols(states)
-    R = rotation([x[name] for name in ATTITUDE])
+    R = rotation([x[name] for name in QUATERNION])
     level = R[0][0] * R[0][0] + R[1][0] * R[1][0]
     climb = atan2(-R[2][0], sqrt(level if exact else level + SMOOTHING.vertical * SMOOTHING.vertical))
     return _observation("climb exact" if exact else "climb", [CLIMB], x, (), {}, climb)
@@ -437,7 +436,7 @@ def airspeed_observation(states: tuple[Quantity, ...], field: WindField, *, indi
     numbers = list(b.values())
     air = AtmosphereParameters[Scalar].split(numbers[: AtmosphereParameters.size()])
     wind = field.velocity(x["x"], x["y"], x["z"], numbers[AtmosphereParameters.size() :])
-    V_A = wind_airflow(x["V_K"], rotation([x[name] for name in ATTITUDE]), wind).V_A
+    V_A = wind_airflow(x["V_K"], rotation([x[name] for name in QUATERNION]), wind).V_A
     speed = calibrated_airspeed(V_A, pressure(x["z"], air), density(x["z"], air)) if indicated else V_A
     function = ca.Function("airspeed", [column(x.values()), column(numbers)], [column([speed])], {"cse": True})
     return Observation("airspeed", (AIRSPEED,), declared, function)
@@ -481,7 +480,7 @@ def pylon_room_observation(system: System) -> Observation:
     b = named_symbols(PylonParameters.quantities())
     states, numbers = column(x.values()), column(p.values())
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
-    R = rotation([x[name] for name in ATTITUDE])
+    R = rotation([x[name] for name in QUATERNION])
     beta: Scalar = x.get("beta_K", 0.0)
     right = right_wing(R, sin(beta), cos(beta))
     bend = [b["roll_acceleration"] * R[row][2] for row in range(3)]

@@ -21,9 +21,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.elementary import maximum, smooth_maximum
-from airrace.frames import Scalar, product, rotation
+from airrace.frames import QUATERNION, Scalar, product, rotation
 from airrace.quantities import Quantity
 from airrace.system import Observation, column, named_symbols
 
@@ -65,9 +64,9 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
     by_name: dict[str, Scalar] = dict(zip(x, rates.elements(), strict=True))
     n_z, n_y, beta_A = (_at_rest(model, x, numbers, name) for name in ("n_z", "n_y", "beta_A"))
-    q = [x[name] for name in ATTITUDE]
+    q = [x[name] for name in QUATERNION]
     R, length = rotation(q), sum(one * one for one in q)
-    turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in ATTITUDE])
+    turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in QUATERNION])
     level = 1.0 - R[2][0] * R[2][0]
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
     declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK, LATERAL_LOAD_FACTOR, SIDESLIP]

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from airrace.frames import angle_between, angles, rotation
+from airrace.frames import QUATERNION, angle_between, angles, rotation
 from airrace.planning.clearance import (
     Place,
     PylonPost,
@@ -340,7 +340,6 @@ A flight that turns less has chosen none; forced to one, its plan might fly a ci
 LEVEL = 0.2
 """The share of a step's length that must lie over ground for the step to have a course."""
 POSITION = ("x", "y", "z")
-ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
 def plan_from_solution(course: Course, pace: PlanningModel, trajectory: Trajectory) -> Plan:
@@ -370,7 +369,7 @@ def decisions_from_solution(
         first_node: the node of every passage.
     """
     row = {one.name: history for one, history in zip(states, state, strict=True)}
-    q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
+    q, r = np.stack([row[name] for name in QUATERNION]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
     ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {

@@ -10,8 +10,8 @@ import numpy as np
 from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.dynamics.observations import crossing_observation
-from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
-from airrace.frames import angles, rotation
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.frames import QUATERNION, angles, rotation
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
@@ -247,7 +247,7 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
 
 def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
     """Return one row per passage."""
-    q = [trajectory.of(name) for name in ("q0", "q1", "q2", "q3")]
+    q = [trajectory.of(name) for name in QUATERNION]
     V_K, z, n_z = trajectory.of("V_K"), trajectory.of("z"), history(flight, trajectory, "n_z")
     splits: list[GateSplit] = []
     for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
@@ -294,7 +294,7 @@ def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float
     brisk = {**half, **model.brisk}
     weights = {one.name: weight * (one.scale / brisk[one.name]) ** 2 for one in controls if one.rate_of}
     resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
-    return weights | dict.fromkeys(ATTITUDE[1:3], weight) | resets
+    return weights | dict.fromkeys(QUATERNION[1:3], weight) | resets
 
 
 class OtherStructureError(Exception):

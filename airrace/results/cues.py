@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.results.flight import PATH_ATTITUDE, Flight, Leg, legs_of, way
+from airrace.frames import QUATERNION
+from airrace.results.flight import Flight, Leg, legs_of, way
 from airrace.trajectory import Array
 
 
@@ -225,7 +226,7 @@ class _SmoothPath:
     def of(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
         passed = [one.time for one in flight.crossings if one.found]
-        if len(passed) < 2 or not flight.has(*PATH_ATTITUDE, "chi", "gamma", "mu"):
+        if len(passed) < 2 or not flight.has(*QUATERNION, "chi", "gamma", "mu"):
             return None
         step, begin, end = SETTINGS.step, passed[0], passed[-1]
         times = begin + step * np.arange(max(2, int((end - begin) / step + 1e-6) + 1))
@@ -234,7 +235,7 @@ class _SmoothPath:
             rows = np.isfinite(values)
             return np.interp(times, flight.time[rows], values[rows]) if rows.sum() > 1 else None
 
-        q = np.array([flight[name] for name in PATH_ATTITUDE])
+        q = np.array([flight[name] for name in QUATERNION])
         known = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
         p = sample(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
         n_z, height = sample(flight.values("n_z")), sample(flight.values("height"))

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.errors import UsageError
-from airrace.frames import product, rotation
+from airrace.frames import QUATERNION, product, rotation
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.race import Race
@@ -164,4 +163,4 @@ def abeam(nominal: NominalFlight, state: Array, clock: Array) -> Array:
     return np.asarray(np.minimum(np.maximum(clock + along / line[3], 0.0), nominal.end), np.float64)
 
 
-assert tuple(STATE)[4:8] == ATTITUDE  # which the errors count on
+assert tuple(STATE)[4:8] == QUATERNION  # which the errors count on

@@ -31,12 +31,12 @@ from airrace.control.path_following import from_optimum
 from airrace.control.simulation import at
 from airrace.dynamics import flight_model, state_space_inversion
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.state_space import Surrounding
 from airrace.environment import g0
 from airrace.errors import Finding, InputError
-from airrace.frames import angles, rotation
+from airrace.frames import QUATERNION, angles, rotation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.replay import interval_durations
@@ -357,7 +357,7 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     rates = {one.name: row / one.upper for one, row in zip(flown.controls, flown.control, strict=True)}
     brisk = {"eta_dot": 0.5, "xi_dot": 0.5, "zeta_dot": 0.25}
     weighed = sum(((rates[name] / share) ** 2 * steps).sum() for name, share in brisk.items())
-    attitudes = zip(*(flown.of(name)[:-1] for name in ATTITUDE), strict=True)
+    attitudes = zip(*(flown.of(name)[:-1] for name in QUATERNION), strict=True)
     climbs_and_banks = [angles(rotation(q))[1:] for q in attitudes]
     upside_down = [0.5 * (1.0 - math.cos(climb) * math.cos(bank)) for climb, bank in climbs_and_banks]
     expected = Settings().regularisation * (weighed + upside_down @ steps)
