@@ -282,7 +282,7 @@ class WindField:
     thermals: int
 
     @classmethod
-    def of(cls, air: Air) -> "WindField":
+    def from_air(cls, air: Air) -> "WindField":
         """Return the structure of the wind in `air`."""
         return cls(air.wind.profile if air.wind is not None else None, len(air.thermals))
 
@@ -313,8 +313,8 @@ class WindField:
         Raises:
             ValueError: the wind in `air` is of another structure.
         """
-        if WindField.of(air) != self:
-            raise ValueError(f"the air holds {WindField.of(air)}, not {self}")
+        if WindField.from_air(air) != self:
+            raise ValueError(f"the air holds {WindField.from_air(air)}, not {self}")
         parts = [] if air.wind is None else [(air.wind, StaticWindParameters)]
         parts += [(thermal, ThermalParameters) for thermal in air.thermals]
         return [getattr(part, name) for part, declared in parts for name in declared.names()]

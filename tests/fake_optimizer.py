@@ -224,7 +224,7 @@ class Sampler:
 
     def __call__(self, time_of: Array) -> Mapping[str, Array]:
         names = [one.name for one in self._trajectory.states]
-        return {name: np.interp(time_of, self._trajectory.time, self._trajectory.of(name)) for name in names}
+        return {name: np.interp(time_of, self._trajectory.time, self._trajectory[name]) for name in names}
 
 
 def main() -> None:

@@ -114,7 +114,7 @@ def assemble(
     Raises:
         KeyError: a bound names no quantity.
     """
-    wind = WindField.of(air)
+    wind = WindField.from_air(air)
     structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
     rates, path_values, projection = functions(structure)
     declared = structure.states, structure.controls, vectors[2].quantities()

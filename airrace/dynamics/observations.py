@@ -343,7 +343,7 @@ class CrowdKind:
     slant: bool
 
     @classmethod
-    def of(cls, crowd: Crowd) -> "CrowdKind":
+    def from_crowd(cls, crowd: Crowd) -> "CrowdKind":
         """Return the kind of a crowd."""
         return cls(crowd.shape, len(crowd.corners), crowd.slant)
 
@@ -444,7 +444,7 @@ def airspeed_observation(states: tuple[Quantity, ...], field: WindField, *, indi
 
 def airspeed_values(air: Air) -> tuple[float, ...]:
     """Return the values of the parameters of `airspeed_observation` in the air of a day."""
-    return (*atmosphere_parameters(air).join(), *WindField.of(air).values(air))
+    return (*atmosphere_parameters(air).join(), *WindField.from_air(air).values(air))
 
 
 LEVEL_BLEND = 1e-2

@@ -92,7 +92,7 @@ class RemarkKind(Enum):
     LANGUAGE = "language"
 
     @classmethod
-    def of(cls, subject: str) -> "RemarkKind":
+    def from_subject(cls, subject: str) -> "RemarkKind":
         """Return the kind of a remark that an element makes about itself."""
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
@@ -197,7 +197,7 @@ def _element_remarks(course: Course) -> Iterator[Remark]:
     for passage in {one.element.name: one for one in reversed(course.passages)}.values():
         element, name, ceiling = passage.element, passage.name, ""
         for subject, text in element.remarks(name):
-            yield Remark(name, RemarkKind.of(subject), text)
+            yield Remark(name, RemarkKind.from_subject(subject), text)
         if element.heights.lower > allowed.upper:
             ceiling = f"`{name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
         elif element.heights.upper < allowed.lower:

@@ -91,7 +91,7 @@ def optimize(
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     )
-    budget = Budget.of(plan_race(race), settings.mesh)
+    budget = Budget.from_plan(plan_race(race), settings.mesh)
     with service, closing(SolverSession(service, settings, progress, threads, deadline, budget)) as session:
         if library_path() is None:
             progress.activity(MISSING, 0, 0)

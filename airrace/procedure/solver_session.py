@@ -78,7 +78,7 @@ class Budget:
     failed_only: bool = True
 
     @classmethod
-    def of(cls, plan: Plan, settings: MeshSettings, per_interval: int | None = None) -> Self:
+    def from_plan(cls, plan: Plan, settings: MeshSettings, per_interval: int | None = None) -> Self:
         """Return a budget from the plan of a race, by default that of each of its stages.
 
         Args:

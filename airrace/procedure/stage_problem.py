@@ -247,8 +247,8 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
 
 def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
     """Return one row per passage."""
-    q = [trajectory.of(name) for name in QUATERNION]
-    V_K, z, n_z = trajectory.of("V_K"), trajectory.of("z"), history(flight, trajectory, "n_z")
+    q = [trajectory[name] for name in QUATERNION]
+    V_K, z, n_z = trajectory["V_K"], trajectory["z"], history(flight, trajectory, "n_z")
     splits: list[GateSplit] = []
     for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
         heading, climb, bank = angles(rotation([float(one[node]) for one in q]))
@@ -275,7 +275,7 @@ def history(flight: StageProblem, trajectory: Trajectory, name: str) -> Array:
     system = flight.model.system
     names = [quantity.name for quantity in system.path]
     if name not in names:
-        return trajectory.of(name)
+        return trajectory[name]
     assert system.path_values is not None  # it has path quantities
     control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
     values = at_points(system.path_values, trajectory.state, control, flight.model.parameter_values)

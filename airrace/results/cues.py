@@ -188,7 +188,7 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
     None where the flight knows neither load factor nor attitude; NaN of its histories are bridged by straight lines.
     """
-    known = _SmoothPath.of(flight)
+    known = _SmoothPath.from_flight(flight)
     if known is None:
         return ()
     apexes = _apexes(known)
@@ -223,7 +223,7 @@ class _SmoothPath:
     mu: Array
 
     @classmethod
-    def of(cls, flight: Flight) -> "_SmoothPath | None":
+    def from_flight(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
         passed = [one.time for one in flight.crossings if one.found]
         if len(passed) < 2 or not flight.has(*QUATERNION, "chi", "gamma", "mu"):

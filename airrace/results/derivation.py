@@ -111,7 +111,7 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
     found = dict(histories)
     for name in bounds.keys() & histories.keys():
         quantity = histories[name].quantity
-        if not Interval(quantity.lower, quantity.upper).bounded:
+        if not Interval(quantity.lower, quantity.upper).constrained:
             quantity = replace(quantity, lower=bounds[name].lower, upper=bounds[name].upper)
             found[name] = replace(histories[name], quantity=quantity)
     return found
@@ -119,7 +119,7 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
 
 def wind_along(air: Air, x: Array, y: Array, z: Array) -> Array:
     """Return the north, east and down components of the wind at places of the track's frame (m), shape (3, n), m/s."""
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     if not field.present:
         return np.zeros((3, len(x)))
     return at_points(_wind_function(field), np.stack([x, y, z]), np.array(field.values(air)))

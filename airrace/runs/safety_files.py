@@ -95,7 +95,7 @@ def safety_document(
         CheckpointError: the run's signature does not belong to it.
     """
     flight = view.flight(case.label)
-    footprint = footprint_of(flight.race, [Track.of(flight)])
+    footprint = footprint_of(flight.race, [Track.from_flight(flight)])
     certificate, notes = view.certificate, [view.message] if view.message else []
     unseen, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()

@@ -89,8 +89,8 @@ def _flight_html(race: Race, result: StageResult) -> str:
     """Return splits and picture as HTML; empty if no flight was found."""
     if not result.is_flight:
         return ""
-    track = np.stack([result.trajectory.of("x"), result.trajectory.of("y")], axis=1)
-    plan = plan_svg(map_model(race).with_track(track), by_speed(track, result.trajectory.of("V_K")))
+    track = np.stack([result.trajectory["x"], result.trajectory["y"]], axis=1)
+    plan = plan_svg(map_model(race).with_track(track), by_speed(track, result.trajectory["V_K"]))
     return f"{Splits(result.splits).to_html()}{plan}"
 
 

@@ -118,7 +118,7 @@ class Judge:
     seen: Observation
 
     @classmethod
-    def of(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
+    def from_optimum(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
         """Return the rules of a race, for flights along the optimum of a stage."""
         plant, span = loop.plant, race.aircraft.airframe.b
         waypoints: list[Waypoint] = []

@@ -49,7 +49,7 @@ class NominalFlight:
     passings: Array
 
     @classmethod
-    def of(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
+    def from_optimum(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
         """Return the optimum of the stage with six degrees of freedom.
 
         Raises:
@@ -65,7 +65,7 @@ class NominalFlight:
         state = np.stack([known[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
-        controls = np.stack([trajectory.of(one.name) for one in plant.system.controls])
+        controls = np.stack([trajectory[one.name] for one in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
         moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
         held = np.zeros((CONTROLS + DISTURBANCES, 1))

@@ -150,7 +150,7 @@ def limits_of(
         scatter: the disturbances.
         margins: with which the stage was solved, by key.
     """
-    judge, P = Judge.of(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
+    judge, P = Judge.from_optimum(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
     found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
     near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * SETTINGS.most * one.sigma)
     known = {one.key for one in course_limits(race) if math.isfinite(one.value)}  # a `point` has no tolerances

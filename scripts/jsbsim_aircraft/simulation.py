@@ -231,12 +231,12 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
     interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
     since = times - optimum.time[interval]
     histories = {
-        rate.rate_of: optimum.of(rate.rate_of)[interval] + optimum.of(rate.name)[interval] * since
+        rate.rate_of: optimum[rate.rate_of][interval] + optimum[rate.name][interval] * since
         for rate in SurfaceControl.quantities()
         if rate.rate_of
     }
-    commanded = optimum.of("delta_T_cmd")[interval]
-    histories["delta_T"] = commanded + (optimum.of("delta_T")[interval] - commanded) * np.exp(-since / tau_T)
+    commanded = optimum["delta_T_cmd"][interval]
+    histories["delta_T"] = commanded + (optimum["delta_T"][interval] - commanded) * np.exp(-since / tau_T)
     rows = zip(*(values.tolist() for values in histories.values()), strict=True)
     return [dict(zip(histories, row, strict=True)) for row in rows]
 
@@ -286,7 +286,7 @@ def mirror(state: SixDofState[float]) -> SixDofState[float]:
 
 
 AT_REST = SurfaceControl[float](eta_dot=0.0, xi_dot=0.0, zeta_dot=0.0, delta_T_cmd=0.0)
-STILL = WindField.of(Air())
+STILL = WindField.from_air(Air())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -176,7 +176,7 @@ def test_loads_roll_rate_lift_and_sideslip_have_the_same_limits_in_all_stages(na
 def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
     flown, surfaces = optimum_of(name, stage).trajectory, EDGE_540.surfaces
     for surface, travel in (("eta", surfaces.eta), ("xi", surfaces.xi), ("zeta", surfaces.zeta)):
-        deflection = flown.of(surface)
+        deflection = flown[surface]
         rates = np.diff(deflection) / np.diff(flown.time)
         assert travel.lower - 1e-6 < deflection.min()
         assert deflection.max() < travel.upper + 1e-6
@@ -206,7 +206,7 @@ def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
             within = np.abs(moved / steps) <= one.upper
             assert np.allclose((row * steps)[within], moved[within], atol=1e-9)
         else:  # the lever: as much in every interval as was pulled in it
-            held = np.clip(flown.of(one.name), one.lower, one.upper) @ np.diff(flown.time)
+            held = np.clip(flown[one.name], one.lower, one.upper) @ np.diff(flown.time)
             assert row @ steps == pytest.approx(held, rel=1e-6)
 
 
@@ -346,7 +346,7 @@ def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, s
     assert set(moved) == expected
     flown = result.trajectory
     for one, value in moved.items():
-        assert value == pytest.approx(np.abs(np.diff(flown.of(one))).sum() / flown.race_time, rel=1e-4)
+        assert value == pytest.approx(np.abs(np.diff(flown[one])).sum() / flown.race_time, rel=1e-4)
         assert value > 0.0
 
 
@@ -357,7 +357,7 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     rates = {one.name: row / one.upper for one, row in zip(flown.controls, flown.control, strict=True)}
     brisk = {"eta_dot": 0.5, "xi_dot": 0.5, "zeta_dot": 0.25}
     weighed = sum(((rates[name] / share) ** 2 * steps).sum() for name, share in brisk.items())
-    attitudes = zip(*(flown.of(name)[:-1] for name in QUATERNION), strict=True)
+    attitudes = zip(*(flown[name][:-1] for name in QUATERNION), strict=True)
     climbs_and_banks = [angles(rotation(q))[1:] for q in attitudes]
     upside_down = [0.5 * (1.0 - math.cos(climb) * math.cos(bank)) for climb, bank in climbs_and_banks]
     expected = Settings().regularisation * (weighed + upside_down @ steps)

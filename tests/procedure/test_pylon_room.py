@@ -197,7 +197,7 @@ def planted_race() -> tuple[Race, StageResult]:
     finish = exact.course.passages[3].element
     assert finish.place is not None
     across = finish.axis + math.pi / 2
-    north, east = free.trajectory.of("x") - finish.place[0], free.trajectory.of("y") - finish.place[1]
+    north, east = free.trajectory["x"] - finish.place[0], free.trajectory["y"] - finish.place[1]
     along = north * math.cos(finish.axis) + east * math.sin(finish.axis)
     beside = north * math.cos(across) + east * math.sin(across)
     first_legs = slice(0, int(free.trajectory.first_node[2]))

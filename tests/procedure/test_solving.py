@@ -356,12 +356,14 @@ def test_a_race_may_take_more_the_longer_it_is_and_the_finer_its_mesh() -> None:
     plan, mesh = planned(SIXTEEN), MeshSettings()
     intervals = sum(len(phase) for phase in first_mesh(plan, mesh))
     assert intervals > LIMITS.fewest_intervals
-    assert Budget.of(plan, mesh).work == LIMITS.work_per_interval * intervals
+    assert Budget.from_plan(plan, mesh).work == LIMITS.work_per_interval * intervals
     assert (
-        Budget.of(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
+        Budget.from_plan(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
         == LIMITS.work_per_interval * LIMITS.fewest_intervals
     )
-    assert Budget.of(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.of(plan, mesh).work
+    assert (
+        Budget.from_plan(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.from_plan(plan, mesh).work
+    )
 
 
 def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:

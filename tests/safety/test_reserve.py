@@ -122,7 +122,7 @@ def test_a_margin_takes_from_the_room_what_its_rate_says() -> None:
 
 def test_the_room_beside_a_pylon_scatters_as_flights_do() -> None:
     """Standard deviation of 400 flights, good to 4 %."""
-    one, judge = loop(), Judge.of(inputs().race, optimum(), loop())
+    one, judge = loop(), Judge.from_optimum(inputs().race, optimum(), loop())
     found = measure(judge, one, fly(one, SMALL, 3, range(400)))
     (row,) = (row for row, pylon in enumerate(judge.pylons) if pylon.name == "side")
     (near,) = (each for each in limits() if each.kind == "flight clearance" and each.key == "gates.side.clearance_m")
