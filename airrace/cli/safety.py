@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
-from enum import StrEnum
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,19 +23,19 @@ from airrace.cli.options import (
     file_option,
     output_option,
 )
+from airrace.safety.disturbances import (
+    DENSITY_ERROR_PERCENT,
+    MASS_ERROR_PERCENT,
+    PILOT_DELAY,
+    POWER_ERROR_PERCENT,
+    ROLL_TIMING,
+    WIND_ERROR_KT,
+    Gusts,
+)
 
 if TYPE_CHECKING:
     from airrace.results import Flight
     from airrace.safety.footprint import Footprint
-
-
-class GustsName(StrEnum):
-    """An intensity of gusts; those of `airrace.safety.plant`, which is too heavy to import here."""
-
-    NONE = "none"
-    LIGHT = "light"
-    MODERATE = "moderate"
-    SEVERE = "severe"
 
 
 def _percent(what: str) -> typer.models.OptionInfo:
@@ -59,17 +58,19 @@ def safety(
     ] = None,
     stage: StageOfRun = None,
     flights: Annotated[int, typer.Option(metavar="N", help="How many flights.")] = 1000,
-    gusts: Annotated[GustsName, typer.Option(help="Turbulence of MIL-F-8785C.")] = GustsName.LIGHT,
+    gusts: Annotated[Gusts, typer.Option(help="Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
     wind_error: Annotated[
         float, typer.Option(metavar="KT", help="Standard deviation of the wind to the north and to the east.")
-    ] = 2.5,
-    mass_error: Annotated[float, _percent("mass")] = 2.0,
-    power_error: Annotated[float, _percent("power")] = 2.0,
-    density_error: Annotated[float, _percent("air's density")] = 1.0,
+    ] = WIND_ERROR_KT,
+    mass_error: Annotated[float, _percent("mass")] = MASS_ERROR_PERCENT,
+    power_error: Annotated[float, _percent("power")] = POWER_ERROR_PERCENT,
+    density_error: Annotated[float, _percent("air's density")] = DENSITY_ERROR_PERCENT,
     roll_timing: Annotated[
         float, typer.Option(metavar="S", help="Standard deviation of the time by which rolls are late or early.")
-    ] = 0.02,
-    delay: Annotated[float, typer.Option(metavar="S", help="From what the pilot sees to the stick that moves.")] = 0.1,
+    ] = ROLL_TIMING,
+    delay: Annotated[
+        float, typer.Option(metavar="S", help="From what the pilot sees to the stick that moves.")
+    ] = PILOT_DELAY,
     seed: Annotated[int, typer.Option(metavar="N", help="Of all flights; the same seed, the same flights.")] = 0,
     winds: Annotated[
         str | None,

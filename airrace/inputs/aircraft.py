@@ -28,14 +28,10 @@ from airrace.aircraft import (
     YawMoment,
 )
 from airrace.dynamics.handling import faults
+from airrace.environment import RHO_ISA, g0
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import Interval
-
-g0 = 9.80665
-"""The standard acceleration of gravity, m/s2."""
-rho_0 = 1.225
-"""The density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
 
 Derivative = Annotated[float, Ge(-100), Le(100)]
 Damping = Annotated[float, Ge(-100), Lt(0)]
@@ -348,7 +344,7 @@ def weight_not_carried(aircraft: Aircraft, C_L_max: float) -> str:
     """Return why the aircraft cannot hold 1 g at sea level at any speed of its envelope; empty if it can."""
     airframe, V_max = aircraft.airframe, aircraft.envelope.V.upper
     weight = airframe.m * g0
-    lift = 0.5 * rho_0 * V_max**2 * airframe.S * C_L_max
+    lift = 0.5 * RHO_ISA * V_max**2 * airframe.S * C_L_max
     if lift >= weight:
         return ""
     return (

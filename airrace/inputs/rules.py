@@ -22,6 +22,7 @@ from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.planning.parameters import course_limits, with_margins
 from airrace.quantities import Interval
 from airrace.race import Race
+from airrace.safety.disturbances import PILOT_DELAY
 from airrace.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Tolerant
@@ -213,6 +214,7 @@ class ReserveEntry(Schema):
     gusts: Literal["none", "light", "moderate", "severe"] = Field(
         default="light", description="turbulence of MIL-F-8785C"
     )
+    # A reserve is one against gusts alone unless the course names more, for every further disturbance costs race time.
     wind_error_kt: Annotated[float, Ge(0), Le(30)] = Field(
         default=0.0, description="standard deviation of the wind to the north and to the east"
     )
@@ -222,7 +224,9 @@ class ReserveEntry(Schema):
     roll_timing_s: Annotated[float, Ge(0), Le(0.2)] = Field(
         default=0.0, description="that of the time by which rolls are late or early"
     )
-    delay_s: Annotated[float, Ge(0), Le(1)] = Field(default=0.1, description="from what the pilot sees to the stick")
+    delay_s: Annotated[float, Ge(0), Le(1)] = Field(
+        default=PILOT_DELAY, description="from what the pilot sees to the stick"
+    )
     found: FoundEntry | None = optional("what the search has found; written with its flight")
 
     def texts(self) -> list[str]:

@@ -15,38 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.quantities import KNOT
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
-from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Gusts, Plant, advance
+from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Plant, advance
 from airrace.trajectory import Array
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """The standard deviations of what is not as it was when the race was optimised, and the gusts.
-
-    Attributes:
-        gusts: the turbulence.
-        wind: of either horizontal component of the wind, m/s: an error of its speed as well as of its direction.
-        mass, power, density: shares.
-        timing: of the time by which the ailerons come late, or early, on a leg, s. A judgement.
-    """
-
-    gusts: Gusts = Gusts.LIGHT
-    wind: float = 2.5 * KNOT
-    mass: float = 0.02
-    power: float = 0.02
-    density: float = 0.01
-    timing: float = 0.02
-
-    @property
-    def constant(self) -> Array:
-        """The standard deviations of a `Disturbance` that lasts for the flight, shape (6,)."""
-        return np.array([self.wind, self.wind, 0.0, self.mass, self.power, self.density])
-
-
-UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=0.0)
 
 
 @dataclass(frozen=True)
@@ -160,7 +133,7 @@ class _Batch:
         generators = [np.random.default_rng([seed, number]) for number in numbers]
         middles = loop.leg_middles
         drawn = np.stack([one.standard_normal(DISTURBANCES + len(middles)) for one in generators], axis=1)
-        self.constant = scatter.constant[:, None] * drawn[:DISTURBANCES]
+        self.constant = np.array(scatter.constant)[:, None] * drawn[:DISTURBANCES]
         lateness = scatter.timing * drawn[DISTURBANCES:]
         grid = instants(loop.pilot.sample, loop.linear.count + 2)
         self.late = np.stack([np.asarray(np.interp(grid, middles, one), np.float64) for one in lateness.T], axis=1)

@@ -17,8 +17,9 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.race import Race
-from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
+from airrace.safety.closed_loop import SETTINGS, ClosedLoop, batches, fly
 from airrace.safety.covariance import covariance
+from airrace.safety.disturbances import UNDISTURBED, Scatter
 from airrace.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
 from airrace.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.safety.pilot import PilotModel

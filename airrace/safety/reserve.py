@@ -37,8 +37,9 @@ from airrace.planning.parameters import course_limits
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.result import StageResult
 from airrace.race import Race
-from airrace.safety.closed_loop import ClosedLoop, Scatter
+from airrace.safety.closed_loop import ClosedLoop
 from airrace.safety.covariance import covariance
+from airrace.safety.disturbances import Scatter
 from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
 from airrace.safety.monte_carlo import LOAD
 from airrace.safety.nominal import ERRORS, gradients, instants

@@ -30,11 +30,11 @@ from airrace.runs.plan import Changes, in_force, plan_changed_run, plan_new_run,
 from airrace.runs.reserve import fly_reserve
 from airrace.runs.reserve_attempts import asked_text, reserve_state
 from airrace.runs.run import RunState, new_run, open_run
-from airrace.safety.closed_loop import Scatter, fly
+from airrace.safety.closed_loop import fly
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.evaluation import Judge, measure
 from airrace.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import Gusts
 from airrace.safety.reserve import STALL, Limit, allocate, limits_of
 from airrace.sensitivity.lagrangian import sensitivities_to
 from airrace.track.gates import Gate
