@@ -69,27 +69,14 @@ from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import GateOutput
 from airrace.track.polygons import Point, area
 
-
-@dataclass(frozen=True)
-class Smoothing:
-    """The lengths and angles over which edges are rounded off.
-
-    Attributes:
-        level_blend: a small number (1) that keeps the horizontal normal of the path defined where the path is
-            vertical.
-        vertical: the angle from the vertical (rad) within which the climb angle is rounded off, for it has an
-            edge there.
-        clip_width: the width of the smooth clip, as a part of the required distance (1).
-        tiny: a length (m) that keeps the distance from an edge differentiable on the edge.
-    """
-
-    level_blend: float = 1e-6
-    vertical: float = 1e-3
-    clip_width: float = 0.02
-    tiny: float = 1e-6
-
-
-SMOOTHING = Smoothing()
+NORMAL_BLEND = 1e-6
+"""A small number (1) that keeps the horizontal normal of the path defined where the path is vertical."""
+VERTICAL_BLEND = 1e-3
+"""The angle from the vertical within which the climb angle, which has an edge there, is rounded off, rad."""
+CLIP_WIDTH = 0.02
+"""The width of the smooth clip, as a part of the required distance (1)."""
+EDGE_BLEND = 1e-6
+"""A length that keeps the distance from an edge differentiable on the edge, m."""
 
 
 Symbols = Mapping[str, Scalar]
@@ -210,7 +197,7 @@ def crossing_values(
     left_tip = (d[0] - wing[0], d[1] - wing[1])
     axis = (place.axis_north, place.axis_east)
     to_right = (-place.axis_east, place.axis_north)
-    level = sqrt(e_N * e_N + e_E * e_E + SMOOTHING.level_blend)
+    level = sqrt(e_N * e_N + e_E * e_E + NORMAL_BLEND)
     normal = (-e_E / level, e_N / level)
     bank_sine = R[2][1] * place.bank_cos - R[2][2] * place.bank_sin
     bank_cosine = R[2][2] * place.bank_cos + R[2][1] * place.bank_sin
@@ -325,7 +312,7 @@ def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation
     x = named_symbols(states)
     R = rotation([x[name] for name in QUATERNION])
     level = R[0][0] * R[0][0] + R[1][0] * R[1][0]
-    climb = atan2(-R[2][0], sqrt(level if exact else level + SMOOTHING.vertical * SMOOTHING.vertical))
+    climb = atan2(-R[2][0], sqrt(level if exact else level + VERTICAL_BLEND * VERTICAL_BLEND))
     return _observation("climb exact" if exact else "climb", [CLIMB], x, (), {}, climb)
 
 
@@ -373,7 +360,7 @@ def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: boo
     if kind.slant:
         above = -x["z"] - height
         if kind.shape is CrowdShape.AREA:
-            distance = maximum(distance, 0.0) if exact else smooth_maximum(distance, 0.0, SMOOTHING.clip_width * keep)
+            distance = maximum(distance, 0.0) if exact else smooth_maximum(distance, 0.0, CLIP_WIDTH * keep)
         distance = sqrt(distance * distance + above * above)
     name = f"crowd {kind.shape.value} {kind.corners} {'slant' if kind.slant else 'ground'}{' exact' if exact else ''}"
     return _observation(name, [DISTANCE], x, kind.parameters, b, distance)
@@ -400,14 +387,14 @@ def _edge_distance(place: Place, a: Place, b: Place, keep: Scalar | None) -> Sca
     length = sqrt(along[0] * along[0] + along[1] * along[1])
     away = (place[0] - a[0], place[1] - a[1])
     foot = (away[0] * along[0] + away[1] * along[1]) / length
-    width = None if keep is None else SMOOTHING.clip_width * keep
+    width = None if keep is None else CLIP_WIDTH * keep
     foot = minimum(maximum(foot, 0.0), length) if width is None else smooth_clip(foot, 0.0, length, width)
     return _length(away[0] - foot * along[0] / length, away[1] - foot * along[1] / length, keep)
 
 
 def _length(north: Scalar, east: Scalar, keep: Scalar | None) -> Scalar:
     squared = north * north + east * east
-    return sqrt(squared if keep is None else squared + SMOOTHING.tiny * SMOOTHING.tiny)
+    return sqrt(squared if keep is None else squared + EDGE_BLEND * EDGE_BLEND)
 
 
 def _winding(place: Place, sides: Sequence[tuple[Place, Place]]) -> Scalar:

@@ -21,25 +21,14 @@ from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Plant, advance
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class ClosedLoopSettings:
-    """The settings of closed-loop flights.
-
-    Attributes:
-        batch: flights at once. With fewer the overhead of Python counts, with more the memory for their histories.
-        late: the time after which a flight must have come in, as a share of the optimum's.
-        lost: distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there.
-        undisturbed_off: largest distance of the undisturbed flight from the line, m, of a pilot who holds it.
-    """
-
-    batch: int = 125
-    late: float = 1.15
-    lost: float = 100.0
-    undisturbed_off: float = 1.0
-
-
-SETTINGS = ClosedLoopSettings()
+BATCH = 125
+"""Flights at once. With fewer the overhead of Python counts, with more the memory for their histories."""
+LATE = 1.15
+"""The time after which a flight must have come in, as a share of the optimum's."""
+LOST = 100.0
+"""The distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there."""
+UNDISTURBED_ERROR_MAX = 1.0
+"""The largest distance of the undisturbed flight from the line of a pilot who holds it, m."""
 KEPT = STATE["beta_K"] + 1
 """The number of the first states of a flight that are recorded: those that tell where its wing is."""
 SURFACES = slice(STATE["eta"], STATE["zeta"] + 1)
@@ -79,7 +68,7 @@ class ClosedLoop:
     @property
     def samples(self) -> int:
         """The number of samples after which flights are ended."""
-        return int(SETTINGS.late * self.nominal.end / self.pilot.sample) + 1
+        return int(LATE * self.nominal.end / self.pilot.sample) + 1
 
     def gust_filter(self, gusts: Gusts, samples: int) -> GustFilter:
         """Return the gusts along the optimum; behind its end they go on as there."""
@@ -110,7 +99,7 @@ class Flights:
 
 def batches(count: int) -> list[range]:
     """Return the numbers of so many flights, batch by batch."""
-    return [range(first, min(first + SETTINGS.batch, count)) for first in range(0, count, SETTINGS.batch)]
+    return [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
 
 
 def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -> Flights:
@@ -168,7 +157,7 @@ class _Batch:
             line = nominal.at(clock)
             e = errors(x, line)
             away = np.sqrt(np.sum(e[:3] * e[:3], axis=0))
-            gone = ~(away < SETTINGS.lost)
+            gone = ~(away < LOST)
             finished = clock >= nominal.end
             lost[gone & ~finished] = np.minimum(lost[gone & ~finished], k)
             if (gone | finished).any():

@@ -17,7 +17,7 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.race import Race
-from airrace.safety.closed_loop import SETTINGS, ClosedLoop, batches, fly
+from airrace.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.safety.covariance import covariance
 from airrace.safety.disturbances import UNDISTURBED, Scatter
 from airrace.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
@@ -241,7 +241,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
     off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    astray = np.flatnonzero(off > SETTINGS.undisturbed_off)
+    astray = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
     if not len(astray) and alone.lost[0] < len(alone.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
@@ -251,7 +251,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         when = float(alone.clock[astray[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
-            f"than {SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
+            f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"
         )
     return loop
 

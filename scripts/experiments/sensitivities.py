@@ -30,7 +30,7 @@ from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint
-from airrace.sensitivity.lagrangian import SETTINGS, sensitivities
+from airrace.sensitivity.lagrangian import (sensitivities, CHANGE_SHARE)
 from airrace.sensitivity import Activity, Sensitivity
 
 WIDER = 50.0  # than the step of a sensitivity
@@ -106,7 +106,7 @@ class Study:
 
     def compare(self, one: Sensitivity) -> Comparison:
         """Move one number to both sides."""
-        change = WIDER * SETTINGS.step * one.usual_step
+        change = WIDER * CHANGE_SHARE * one.usual_step
         up, down = self._moved(one, change), self._moved(one, -change)
 
         def slope(to: Optimum | None, sign: float) -> float:

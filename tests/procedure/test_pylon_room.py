@@ -16,7 +16,7 @@ from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wing_distance
+from airrace.planning.clearance import LEAST_CLEARANCE, PylonPost, closest_approaches, wing_distance
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -216,7 +216,7 @@ def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
     found = nearest(by(ClearanceRule.FLIGHT, planted), clear)
     assert (
         min(away for (name, _), away in found.items() if name == "last")
-        >= SEARCH.least_clearance - PLAN.certificate.gate_length
+        >= LEAST_CLEARANCE - PLAN.certificate.gate_length
     )
     assert any(one.element == "last" and one.leg < 2 for one in clear.pylon_conditions)
     assert clear.trajectory.race_time > free.trajectory.race_time
@@ -238,9 +238,7 @@ def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
         found = solve_certified(session, start, session.solvers[0])
     assert isinstance(found, StageResult)
     assert found.certified
-    assert (
-        min(away for (name, _), away in nearest(race, found).items() if name == "last") >= SEARCH.least_clearance - 0.01
-    )
+    assert min(away for (name, _), away in nearest(race, found).items() if name == "last") >= LEAST_CLEARANCE - 0.01
     assert [one.side for one in found.pylon_conditions if one.element == "last" and one.leg < 2] == [other.side]
 
 
