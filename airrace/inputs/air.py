@@ -11,7 +11,7 @@ from pydantic import Field
 
 from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.errors import UsageError
-from airrace.inputs.nodes import LIMITS, KeyPath, Reporter, dotted
+from airrace.inputs.nodes import THERMALS_MAX, KeyPath, Reporter, dotted
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
@@ -87,7 +87,7 @@ class EnvironmentEntry(Schema):
         default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
     )
     wind: WindEntry | None = optional("the wind of the day; without it the air is still")
-    thermals: Annotated[list[ThermalEntry], Field(max_length=LIMITS.thermals)] = Field(
+    thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
         default_factory=list[ThermalEntry], description="columns of rising air"
     )
 

@@ -17,39 +17,24 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
 from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
-from airrace.inputs.surroundings import SIZES
+from airrace.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
 from airrace.logs.recording import refuse
 from airrace.quantities import FOOT
 from airrace.track import polygons
 from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
-
-@dataclass(frozen=True)
-class ImportAssumptions:
-    """What is taken for granted of placemarks.
-
-    Attributes:
-        gate_width_max: the length beyond which a line is no gate, m.
-        straight: the distance of its corners from the line through its ends up to which a line is a straight
-            one, m.
-        crowd_distance: the distance from people until the file says better, m.
-        obstacle_height: the height of an obstacle until the file says better, m.
-        obstacle_height_min: the least height of an obstacle, m; one of 0 m is none.
-    """
-
-    gate_width_max: float = 60.0
-    straight: float = 1.0
-    crowd_distance: float = 100.0
-    obstacle_height: float = 50.0
-    obstacle_height_min: float = 0.1
-
-
-ASSUMED = ImportAssumptions()
-
-
+GATE_WIDTH_MAX = 60.0
+"""The length beyond which a line is no gate, m."""
+STRAIGHTNESS = 1.0
+"""The distance of its corners from the line through its ends up to which a line is straight, m."""
+# What a file does not say, m; assumptions.
+CROWD_DISTANCE = 100.0
+OBSTACLE_HEIGHT = 50.0
+OBSTACLE_HEIGHT_MIN = 0.1
+"""The least height of an obstacle, m; one of 0 m is none."""
 HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNORECASE)
 SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
@@ -195,7 +180,7 @@ class _Sketch:
         left, right = (one, other) if _side(one) == "l" else (other, one)
         places = (*left.places, *right.places)
         width = _width(self._points(places))
-        if 0.0 < width <= ASSUMED.gate_width_max:
+        if 0.0 < width <= GATE_WIDTH_MAX:
             self._add(SIDE.sub("", parted(one.name)), places, sided=True)
             return
         for mark in (one, other):
@@ -206,8 +191,8 @@ class _Sketch:
         width = _width(self._points(mark.places))
         if len(mark.places) > 2:
             self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
-        elif not 0.0 < width <= ASSUMED.gate_width_max:
-            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {ASSUMED.gate_width_max:.0f} m")
+        elif not 0.0 < width <= GATE_WIDTH_MAX:
+            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
         else:
             self._add(mark.name, mark.places)
             if mark.name and mark.subject is not Subject.ELEMENT:
@@ -249,8 +234,8 @@ class _Sketch:
     def take_surroundings(self, mark: Placemark) -> None:
         """Take people, obstacles, safety lines and airspace."""
         is_area, subject = mark.shape is PlacemarkShape.AREA, mark.subject
-        if len(mark.places) > LIMITS.corners:
-            self._drop(mark, f"a course has room for {LIMITS.corners} corners of a thing; draw it with fewer")
+        if len(mark.places) > CORNERS_MAX:
+            self._drop(mark, f"a course has room for {CORNERS_MAX} corners of a thing; draw it with fewer")
         elif subject is Subject.CROWD:
             self._take_crowd(mark)
         elif subject is Subject.SAFETY_LINE and mark.shape is PlacemarkShape.LINE:
@@ -269,24 +254,20 @@ class _Sketch:
             self._drop(mark, f"that is no {subject.value if subject else 'gate'}")
 
     def _take_crowd(self, mark: Placemark) -> None:
-        if not self._has_room(mark, self.crowd, 1, LIMITS.crowds, "groups of people"):
+        if not self._has_room(mark, self.crowd, 1, CROWDS_MAX, "groups of people"):
             return
         shape = {PlacemarkShape.POINT: "point", PlacemarkShape.LINE: "line", PlacemarkShape.AREA: "polygon"}[mark.shape]
         places = _degrees(mark.places)
         where: object = places[0] if shape == "point" else places
-        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": ASSUMED.crowd_distance}
+        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": CROWD_DISTANCE}
         if mark.named is not Subject.CROWD:
             self._guess(mark, "people", "its name does not say")
 
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
         found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
-        named = (
-            float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0)
-            if found
-            else ASSUMED.obstacle_height
-        )
-        height = min(max(named, ASSUMED.obstacle_height_min), SIZES.height_max)
+        named = float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0) if found else OBSTACLE_HEIGHT
+        height = min(max(named, OBSTACLE_HEIGHT_MIN), OBSTACLE_HEIGHT_MAX)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
@@ -294,20 +275,18 @@ class _Sketch:
         elif mark.shape is PlacemarkShape.AREA:
             boxes, what = [_box_around(points)], "an obstacle, a box around it"
         longest = max(box.get(side, 0.0) for box in boxes for side in ("length_m", "width_m"))
-        if longest > SIZES.box_max:
-            reason = (
-                f"an obstacle is no longer than {SIZES.box_max / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
-            )
+        if longest > BOX_MAX:
+            reason = f"an obstacle is no longer than {BOX_MAX / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
             self._drop(mark, f"{reason}; draw it in parts")
             return
-        if not self._has_room(mark, self.obstacles, len(boxes), LIMITS.obstacles, "obstacles"):
+        if not self._has_room(mark, self.obstacles, len(boxes), OBSTACLES_MAX, "obstacles"):
             return
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
         if not found:
             self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
         elif height != named:
-            limits = f"the height of an obstacle is more than 0 and at most {SIZES.height_max:g} m"
+            limits = f"the height of an obstacle is more than 0 and at most {OBSTACLE_HEIGHT_MAX:g} m"
             self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {named:.4g} m are named")
         elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
             drawn = "a course knows masts, cylinders and boxes"
@@ -326,9 +305,9 @@ class _Sketch:
     def _take_safety_line(self, mark: Placemark) -> None:
         """Take a straight line, or every stretch of a bent one: on the side on which most elements stand."""
         points, places = self._points(mark.places), mark.places
-        if all(abs(polygons.to_right(points[0], points[-1], one)) <= ASSUMED.straight for one in points[1:-1]):
+        if all(abs(polygons.to_right(points[0], points[-1], one)) <= STRAIGHTNESS for one in points[1:-1]):
             points, places = (points[0], points[-1]), (places[0], places[-1])
-        if not self._has_room(mark, self.lines, len(points) - 1, LIMITS.safety_lines, "safety lines"):
+        if not self._has_room(mark, self.lines, len(points) - 1, SAFETY_LINES_MAX, "safety lines"):
             return
         for number, ((start, end), corners) in enumerate(zip(pairwise(points), pairwise(places), strict=True), start=1):
             rights = [polygons.to_right(start, end, one.middle) > 0.0 for one in self.elements]

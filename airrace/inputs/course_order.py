@@ -10,7 +10,16 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import LIMITS, KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.nodes import (
+    PASSAGES_MAX,
+    SAFETY_LINES_MAX,
+    KeyPath,
+    MappingNode,
+    Node,
+    Reporter,
+    ScalarNode,
+    SequenceNode,
+)
 from airrace.inputs.schema import Schema, ShorthandSchema, optional
 from airrace.quantities import Interval
 from airrace.track.course import Direction, Passage, SafetyLine
@@ -29,14 +38,14 @@ class PassingReferenceEntry(ShorthandSchema):
     direction: DirectionName | None = optional(
         "which way a two-pylon gate is passed; `planned`: whichever makes the shorter race"
     )
-    safety_lines: Annotated[list[str], Field(max_length=LIMITS.safety_lines)] = Field(
+    safety_lines: Annotated[list[str], Field(max_length=SAFETY_LINES_MAX)] = Field(
         default_factory=list[str],
         description="names of `safety_lines` not to be crossed on the leg that leads here; one that no passing names "
         "is not to be crossed on any leg",
     )
 
 
-Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=LIMITS.passages)]
+Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
 
 
 class CourseEntry(Schema):
@@ -123,7 +132,7 @@ def check_references(reporter: Reporter) -> None:
     if not isinstance(course, MappingNode):
         return
     references = _references(course)
-    if len(references) > LIMITS.passages:
+    if len(references) > PASSAGES_MAX:
         return  # the schema reports that, and nothing else matters then
     if isinstance(gates, MappingNode):
         for one in references:
@@ -236,10 +245,10 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
                 return False
     laps = entry.laps or 1
     total = laps * len(entry.lap or ()) + sum(len(lap) for lap in entry.each_lap or ())
-    if total > LIMITS.passages:
+    if total > PASSAGES_MAX:
         path = ("course", "laps" if laps > 1 else "lap" if entry.lap else "each_lap")
-        reporter.value(path, f"{total} passings are too many; at most {LIMITS.passages}")
-    return total <= LIMITS.passages
+        reporter.value(path, f"{total} passings are too many; at most {PASSAGES_MAX}")
+    return total <= PASSAGES_MAX
 
 
 def _check_reference(reference: CourseReference, element: CompositeElement, reporter: Reporter) -> None:

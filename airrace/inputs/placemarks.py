@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
 from airrace.logs.reading import DAMAGES, archive_entry, xml_tree
 from airrace.logs.recording import refuse
 from airrace.standard_streams import name_of
@@ -179,8 +179,8 @@ def read_placemarks(path: Path) -> list[Placemark]:
         found = list(_of_geojson(name, content))
     if all(one.shape is PlacemarkShape.OTHER for one in found):
         refuse(name, 0, "holds no placemarks; expected KML, KMZ, GPX or GeoJSON with points, lines or areas")
-    if len(found) > LIMITS.placemarks:
-        refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
+    if len(found) > PLACEMARKS_MAX:
+        refuse(name, 0, f"holds {len(found)} placemarks; at most {PLACEMARKS_MAX} are read")
     return found
 
 
@@ -188,11 +188,11 @@ def _unpack(path: str, content: bytes) -> bytes:
     """Return the document of a KMZ, the first of its KML files."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(LIMITS.size + 1)
+            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(SIZE_MAX + 1)
     except DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
-    if len(unpacked) > LIMITS.size:
-        refuse(path, 0, f"is too large unpacked: at most {LIMITS.size} bytes are read")
+    if len(unpacked) > SIZE_MAX:
+        refuse(path, 0, f"is too large unpacked: at most {SIZE_MAX} bytes are read")
     return unpacked
 
 

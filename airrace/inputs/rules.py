@@ -1,9 +1,8 @@
 """The rules of a race in a track file: limits, those of the pilot, margins, a reserve, penalties; presets of seasons.
 
-A preset is a file of the language `airrace/rules/1` that comes along.
+A preset is a shipped file of the language `airrace/rules/1`.
 """
 
-import difflib
 import math
 from collections.abc import Iterator
 from functools import cache
@@ -15,7 +14,7 @@ from pydantic import Field
 
 from airrace.inputs.document import SUFFIX, Document
 from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
-from airrace.inputs.nodes import Reporter
+from airrace.inputs.nodes import Reporter, most_similar
 from airrace.inputs.places import Height
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
@@ -326,10 +325,9 @@ def with_preset(
         preset = read_preset(rules.preset)
         limits, defaults = _overlay(preset.rules, rules), _overlay(defaults, preset.gate_defaults)
     elif rules.preset is not None:
-        similar = difflib.get_close_matches(rules.preset[:100], names, n=1)
-        meant = f" did you mean `{similar[0]}`?" if similar else ""  # and all names: seasons are too alike
-        message = f"unknown preset `{rules.preset}`;{meant} known are {', '.join(names)}"
-        reporter.value(("rules", "preset"), message)
+        similar = most_similar(rules.preset, names)
+        hint = f" did you mean `{similar}`?" if similar else ""  # and all names: seasons are too alike
+        reporter.value(("rules", "preset"), f"unknown preset `{rules.preset}`;{hint} known are {', '.join(names)}")
     return limits.model_copy(update={"pilot": limits.pilot.complete(default_pilot)}), _overlay(defaults, gate_defaults)
 
 

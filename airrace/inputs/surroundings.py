@@ -7,7 +7,6 @@ its border will do. Up to a length of 1 km they reach less than 5 m beyond its s
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
@@ -15,7 +14,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
+from airrace.inputs.nodes import CORNERS_MAX, KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
@@ -23,35 +22,22 @@ from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point
 
+SAME_PLACE = 0.01
+"""The distance below which two corners are one, m."""
+ROUNDING = 1e-6
+"""The excess over a distance that is put down to rounding and not reported, m."""
+SQUARE_SIDE, SQUARES_MAX = 10.0, 100
+"""The side of the squares of a box, m, and the largest number of them along one of its sides.
 
-@dataclass(frozen=True)
-class SurroundingsLimits:
-    """The sizes of what surrounds a course.
-
-    Attributes:
-        same_place: the distance below which two corners are one, m.
-        rounding: the excess over a distance that is put down to rounding and not reported, m.
-        square: the side of the squares of a box, m; those of a long one are larger, so that there are no more
-            than `squares_max`. At most they are 1.7 times as long, as the number of them is rounded.
-        squares_max: the largest number of squares along one side of a box.
-        height_max: the greatest height of an obstacle, m.
-        box_max: the greatest length and width of a box, m.
-    """
-
-    same_place: float = 0.01
-    rounding: float = 1e-6
-    square: float = 10.0
-    squares_max: int = 100
-    height_max: float = 1000.0
-    box_max: float = 5000.0
-
-
-SIZES = SurroundingsLimits()
-
-
+Squares of a long box are larger, so that there are no more. At most they are 1.7 times as long, as their number is
+rounded.
+"""
+OBSTACLE_HEIGHT_MAX = 1000.0
+BOX_MAX = 5000.0
+"""The greatest length and width of a box, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
-Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
+Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
 
 
 class SafetyLineEntry(Schema):
@@ -121,12 +107,12 @@ class ObstacleEntry(PlacedEntry):
     """An obstacle: a mast, a cylinder with a `radius_m`, or a box with `length_m` and `width_m`."""
 
     what: ClassVar[str] = "an obstacle"
-    height_m: Annotated[float, Gt(0), Le(SIZES.height_max)] = Field(description="height of its top above the origin")
+    height_m: Annotated[float, Gt(0), Le(OBSTACLE_HEIGHT_MAX)] = Field(description="height of its top above the origin")
     radius_m: Annotated[float, Ge(0), Le(500)] | None = optional("radius of a cylinder; 0 by default, for a mast")
-    length_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
+    length_m: Annotated[float, Gt(0), Le(BOX_MAX)] | None = optional(
         "length of a box, along its heading; with `width_m`"
     )
-    width_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
+    width_m: Annotated[float, Gt(0), Le(BOX_MAX)] | None = optional(
         "width of a box, across its heading; with `length_m`"
     )
     heading_deg: Azimuth | None = optional("direction of a box's length; 0 by default")
@@ -160,7 +146,7 @@ def _box(
         cos, sin = math.cos(heading), math.sin(heading)
         return Point(middle.north + along * cos - across * sin, middle.east + along * sin + across * cos)
 
-    side = max(min(length, width, SIZES.square), max(length, width) / SIZES.squares_max)
+    side = max(min(length, width, SQUARE_SIDE), max(length, width) / SQUARES_MAX)
     # Round lengths are far from those with one square more.
     rows, columns = (max(1, math.floor(one / side + 0.3)) for one in (length, width))
     a, b = length / rows, width / columns
@@ -207,13 +193,13 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
     if len(places.reporter.findings) > known:
         return corners
     farthest = max(corners, key=lambda one: polygons.distance(one, corners[:1], closed=False))
-    if all(abs(polygons.to_right(corners[0], farthest, one)) < SIZES.same_place for one in corners):
+    if all(abs(polygons.to_right(corners[0], farthest, one)) < SAME_PLACE for one in corners):
         places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
         return corners
     for index, corner in enumerate(corners):
         before, after = corners[index - 1], corners[(index + 1) % len(corners)]
         to_edges = [(after, (before, corner)), (before, (corner, after))]
-        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SIZES.same_place:
+        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SAME_PLACE:
             places.reporter.value((*path, index), "the border turns back on itself at this corner; leave it out")
             return corners
     crossing = polygons.crossing_edges(corners)
@@ -235,7 +221,7 @@ def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tup
 
 
 def _same(a: Point, b: Point) -> bool:
-    return bool(polygons.distance(a, (b,), closed=False) < SIZES.same_place)
+    return bool(polygons.distance(a, (b,), closed=False) < SAME_PLACE)
 
 
 def check_room(
@@ -251,12 +237,12 @@ def check_room(
             continue
         place, height = element.position
         away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
-        if away > SIZES.rounding:
+        if away > ROUNDING:
             reporter.key(element.path, f"stands {away:.4g} m outside of the `airspace`")
         for crowd in crowds:
             away = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
             away = math.hypot(away, height - crowd.height) if crowd.slant else away
-            if away < crowd.distance - SIZES.rounding:
+            if away < crowd.distance - ROUNDING:
                 how = "in space" if crowd.slant else "over ground"
                 reporter.key(
                     element.path,
@@ -264,6 +250,6 @@ def check_room(
                 )
         for one in obstacles:
             away = min(polygons.distance(place, (axis,), closed=False) for axis in one.places) - one.radius
-            if away < one.clearance - SIZES.rounding and height < one.height + one.clearance:
+            if away < one.clearance - ROUNDING and height < one.height + one.clearance:
                 message = f"is {away:.4g} m from the obstacle `{one.name}`; at least {one.clearance:g} m"
                 reporter.key(element.path, message)

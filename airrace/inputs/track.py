@@ -14,7 +14,7 @@ from airrace.inputs.air import EnvironmentEntry
 from airrace.inputs.course_order import CourseEntry, build_passages
 from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
-from airrace.inputs.nodes import LIMITS, Reporter
+from airrace.inputs.nodes import CROWDS_MAX, GATES_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX, Reporter
 from airrace.inputs.places import OriginEntry, Places
 from airrace.inputs.rules import (
     MarginsEntry,
@@ -63,17 +63,17 @@ class TrackEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    gates: Annotated[dict[str, KindEntry], Field(max_length=LIMITS.gates)] = Field(
+    gates: Annotated[dict[str, KindEntry], Field(max_length=GATES_MAX)] = Field(
         description="what stands on the course, by name"
     )
-    obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=LIMITS.obstacles)] = Field(
+    obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=OBSTACLES_MAX)] = Field(
         default_factory=dict[str, ObstacleEntry], description="what stands in the way, by name; to be cleared all along"
     )
-    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
+    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=SAFETY_LINES_MAX)] = Field(
         default_factory=dict[str, SafetyLineEntry],
         description="lines not to be crossed, by name: on the legs whose passings name them, else on all",
     )
-    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=LIMITS.crowds)] = Field(
+    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=CROWDS_MAX)] = Field(
         default_factory=dict[str, CrowdEntry], description="where people are, by name; avoided all along"
     )
     airspace: Corners | None = optional("corners of the convex area of the race, in order")
@@ -109,7 +109,7 @@ def track_language() -> type[TrackEntry]:
 def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
     described = TrackEntry.model_fields["gates"]
     element: Annotation = Annotated[Union[known], Field(discriminator="type")]  # noqa: UP007  # made at run time
-    entries: Annotation = Annotated[dict[str, element], Field(max_length=LIMITS.gates)]
+    entries: Annotation = Annotated[dict[str, element], Field(max_length=GATES_MAX)]
     return create_model(
         TrackEntry.__name__,
         __base__=TrackEntry,
