@@ -10,7 +10,8 @@ import numpy as np
 from airrace.design.edits import Edit, Insert, Put, Remove
 from airrace.errors import UsageError
 from airrace.inputs import Inputs
-from airrace.inputs.nodes import KeyPath, dotted
+from airrace.inputs.course_order import CourseReference, references_of
+from airrace.inputs.nodes import KeyPath, MappingNode, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.yaml_reader import read_yaml
 from airrace.track.course import Origin, geodetic, metres
@@ -70,6 +71,7 @@ class EditableCourse:
 
     inputs: Inputs
     plain: Plain
+    references: tuple[CourseReference, ...]
     pieces: tuple[Piece, ...]
 
     def moved(self, places: Sequence[Spot], turns: Mapping[KeyPath, float]) -> list[Edit]:
@@ -102,13 +104,15 @@ class EditableCourse:
         """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
         group, name = self.piece(path).path[0], path[-1]
         edits = list[Edit]()
-        for where, gate, lines in reversed(list(_references(self.plain))):
-            if group == "gates" and gate == name:
-                if where[1] in ("start", "finish"):
-                    raise UsageError(f"{name} is the {where[1]} of the course: name another one in the file first")
-                edits.append(Remove(where))
-            elif group == "safety_lines" and name in lines:
-                edits.append(Remove((*where, "safety_lines", lines.index(name))))
+        for reference in reversed(self.references):
+            at = reference.path
+            if group == "gates" and reference.gate == name:
+                if at[1] in ("start", "finish"):
+                    raise UsageError(f"{name} is the {at[1]} of the course: name another one in the file first")
+                edits.append(Remove(at))
+            elif group == "safety_lines":
+                indices = [index for index, line in reference.safety_lines if line == name]
+                edits += [Remove((*at, "safety_lines", index)) for index in indices[:1]]
         return [*edits, Remove(path)]
 
     def addition(self, kind: str, at: Point) -> list[Edit]:
@@ -170,11 +174,11 @@ class EditableCourse:
         spots_of = {piece.path[-1]: piece.spots for piece in self.pieces if piece.path[0] == "gates"}
         before: Point | None = None
         path: KeyPath = ()
-        for where, gate, _ in _references(self.plain):
-            spots = spots_of.get(gate)
+        for reference in self.references:
+            spots = spots_of.get(reference.gate or "")
             middle = Point(*np.mean([(spot.north, spot.east) for spot in spots], axis=0).tolist()) if spots else None
-            if where[1] not in ("start", "finish"):
-                path = where
+            if reference.path[1] not in ("start", "finish"):
+                path = reference.path
             elif path:  # behind the last one
                 path = cast(KeyPath, (*path[:-1], int(path[-1]) + 1))
             if before is not None and middle and path:
@@ -199,7 +203,9 @@ class EditableCourse:
 
 def layout_of(inputs: Inputs) -> EditableCourse:
     """Return the pieces of a course whose track file is known to be without fault."""
-    plain: Any = read_yaml(inputs.track.path, inputs.track.text).plain()
+    root = cast(MappingNode, read_yaml(inputs.track.path, inputs.track.text))
+    references = references_of(cast(MappingNode, root.get("course")))
+    plain: Any = root.plain()
     course = inputs.race.course
     drawings = dict[str, tuple[tuple[Point, ...], ...]]()
     for element in {passage.element.name: passage.element for passage in course.passages}.values():
@@ -222,7 +228,7 @@ def layout_of(inputs: Inputs) -> EditableCourse:
         strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawing)
         closed = kind == "airspace" or "polygon" in entry
         pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
-    return EditableCourse(inputs, plain, tuple(pieces))
+    return EditableCourse(inputs, plain, tuple(references), tuple(pieces))
 
 
 def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:
@@ -237,18 +243,3 @@ def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:
         parts = enumerate(cast(list[Any], entry)) if isinstance(entry, list) else cast(dict[str, Any], entry).items()
         for part, child in parts:
             yield from _spots((*path, part), child, origin)
-
-
-def _references(plain: Plain) -> Iterator[tuple[KeyPath, str, list[str]]]:
-    """Yield all passings of a course, in the order of the race: their paths, gates, and safety lines."""
-    course = plain["course"]
-    laps: list[tuple[KeyPath, Any]] = [(("course", "lap"), course.get("lap") or ())]
-    laps += [(("course", "each_lap", number), lap) for number, lap in enumerate(course.get("each_lap") or ())]
-    passings: list[tuple[KeyPath, Any]] = [(("course", "start"), course["start"])]
-    for path, lap in laps:
-        passings += [((*path, index), passing) for index, passing in enumerate(lap)]
-    if "finish" in course:
-        passings.append((("course", "finish"), course["finish"]))
-    for path, passing in passings:
-        entry: Plain = {"gate": passing} if isinstance(passing, str) else passing
-        yield path, entry["gate"], entry.get("safety_lines") or []

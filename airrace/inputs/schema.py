@@ -23,7 +23,12 @@ SI = {"_deg": DEGREE, "_deg_s": DEGREE, "_kt": KNOT, "_kW": 1000.0, "_hPa": 100.
 """The SI value of units, by the ending of the key; all other units are SI."""
 DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 """A number as it is written in many countries, but not in YAML."""
-RANGE_WORDS: dict[type, tuple[str, str]] = {Gt: ("gt", "above"), Ge: ("ge", "at least"), Lt: ("lt", "below"), Le: ("le", "at most")}
+RANGE_WORDS: dict[type, tuple[str, str]] = {
+    Gt: ("gt", "above"),
+    Ge: ("ge", "at least"),
+    Lt: ("lt", "below"),
+    Le: ("le", "at most"),
+}
 
 
 class Schema(BaseModel):
