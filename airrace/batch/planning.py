@@ -226,7 +226,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
     return SourceGroup(
         tuple(courses),
         Manner(
-            aircraft=manner.aircraft or tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ()),
+            aircraft=manner.aircraft or tuple(AIRCRAFT.label(Path(name), folder) for name in entry.aircraft or ()),
             settings=manner.settings or (None if entry.settings is None else folder / entry.settings),
             overrides=(*(f"{key}={value_text(value)}" for key, value in entry.set.items()), *manner.overrides),
             sweeps=tuple({**sweeps, **of_command_line}.values()),
@@ -247,7 +247,7 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
             if path.is_dir():
                 findings.append(Finding(str(path), 0, 0, "", f"is a folder; name the files in it, e.g. {path}/*.yaml"))
             elif TRACKS.finds(file, folder):
-                yield TRACKS.meant(file, folder)
+                yield TRACKS.label(file, folder)
             elif reporter is not None and not path.exists():
                 reporter.value(("courses", index), TRACKS.missing(file, folder))
             else:  # a missing course becomes a job with invalid input
