@@ -358,7 +358,7 @@ class Run(RunState):
     @classmethod
     def of(cls, state: RunState) -> Self:
         """Return a run of its state."""
-        return cls(state.inputs, state.checkpoint, state.path, state.sign, state.confirmations)
+        return cls(state.inputs, state.checkpoint, state.path, state.confirmations)
 
     resume = resume
 

@@ -141,13 +141,6 @@ CsvColumns = Annotated[
 ]
 
 # What is written, and how.
-SigningKey = Annotated[
-    Path | None, file_option("KEY", "Sign the file with this private key of Ed25519 (extra: sign).", "--sign")
-]
-TrustedKey = Annotated[
-    Path | None,
-    file_option("KEY.pub", "Only take a file that is signed with this public key of Ed25519 (extra: sign).", "--trust"),
-]
 NoVerify = Annotated[
     bool, typer.Option("--no-verify", help="Measure no stage again, which takes a second or more; it says so.")
 ]

@@ -25,12 +25,10 @@ from airrace.cli.options import (
     ShowCertificate,
     ShowRoutes,
     ShowStages,
-    SigningKey,
     StageOfRun,
     Threads,
     Timeout,
     TrackFile,
-    TrustedKey,
     Verbose,
     file_option,
     output_option,
@@ -82,7 +80,6 @@ def optimize(
             help="Keep margins so that a race in disturbances breaks no limit with this probability, e.g. 0.9.",
         ),
     ] = None,
-    sign: SigningKey = None,
     dry_run: DryRun = False,
     threads: Threads = None,
     timeout: Timeout = None,
@@ -111,20 +108,18 @@ def optimize(
         from airrace.inputs import load_inputs
         from airrace.runs.output import NO_PIPE, ensure_free
         from airrace.runs.plan import chosen_texts, plan_new_run
-        from airrace.runs.signing import signer_of
 
-        signer = None if sign is None else signer_of(sign)
         path = output or Path(f"{stem_of(track)}.h5")
         if path == STANDARD:
             raise UsageError(NO_PIPE)
-        read = [track, aircraft, settings, start, sign]
+        read = [track, aircraft, settings, start]
         ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
         chosen = chosen_texts("settings", guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check)
         chosen = [*(overrides or ()), *chosen, *chosen_texts("rules.reserve", probability=reserve)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=chosen)
         plan = plan_new_run(inputs, until=until, path=path, start=start)
         parts = {"stages": stages, "routes": routes, "certificate": certificate, "every": every}
-        _fly(answer, plan.signed(signer), parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+        _fly(answer, plan, parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
 def resume(
@@ -141,7 +136,6 @@ def resume(
         Path | None, output_option("NEW.h5", "Checkpoint of the changed run; needed with --set, --track and the like.")
     ] = None,
     force: Force = False,
-    sign: SigningKey = None,
     threads: Threads = None,
     timeout: Timeout = None,
     stages: ShowStages = False,
@@ -167,24 +161,19 @@ def resume(
             start_early()
         from airrace.runs.plan import Changes, chosen_texts, open_source_run, plan_changed_run, plan_resumed_run
         from airrace.runs.run import open_run
-        from airrace.runs.signing import ensure_own, signer_of
 
-        signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
-        _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
+        _ensure_sensible(changes, run_file, output, force=force, from_stage=from_stage)
         if output is not None:
             changes = changes.with_overrides(chosen_texts("settings", mesh_check=mesh_check))
             plan = plan_changed_run(open_source_run(run_file), changes, until=until, path=output)
         else:
-            ensure_own(run_file, signer)
             plan = plan_resumed_run(open_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
         parts = {"stages": stages, "routes": routes, "certificate": certificate, "every": every}
-        _fly(answer, plan.signed(signer), parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+        _fly(answer, plan, parts, threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
-def _ensure_sensible(
-    changes: "Changes", run: Path, out: Path | None, sign: Path | None, *, force: bool, from_stage: str | None
-) -> None:
+def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:
     """Refuse options that do not go together.
 
     Raises:
@@ -205,7 +194,7 @@ def _ensure_sensible(
         raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --output NEW.h5")
     if from_stage is not None:
         raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
-    ensure_free(out, force=force, sources=[run, changes.track, changes.aircraft, changes.settings, sign])
+    ensure_free(out, force=force, sources=[run, changes.track, changes.aircraft, changes.settings])
 
 
 def _fly(
@@ -258,7 +247,6 @@ def show(
     certificate: ShowCertificate = False,
     every: ShowAll = False,
     no_verify: NoVerify = False,
-    trust: TrustedKey = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
 ) -> None:
@@ -269,11 +257,8 @@ def show(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import LogCheckpoint, read_stored
         from airrace.cli.run_screen import Parts, run_texts, stored_stages
-        from airrace.runs.signing import ensure_signed
 
-        stored, signature = read_stored(run_file)
-        signature = None if isinstance(stored, LogCheckpoint) else signature
-        signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
+        stored = read_stored(run_file)
         if isinstance(stored, LogCheckpoint):
             from airrace.cli.flight_tables import log_texts
             from airrace.runs.flight_sources import source_of
@@ -289,9 +274,7 @@ def show(
             answer.fail_if_refuted({log.recorded.label: log.confirmation})
             return
         shown = stored_stages(stored, run_file, stage, verify=not no_verify)
-        answer.fields.update(shown.as_object(), signed_by=signed_by or None)
-        if signed_by:
-            answer.texts.append(f"signed by {signed_by}")
+        answer.fields.update(shown.as_object())
         if not as_json:
             parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=every)
             answer.texts.extend(run_texts(shown, parts))
@@ -307,8 +290,6 @@ def verify(
             help="Also verify a run that other versions of airrace and its libraries have made, and leave open which.",
         ),
     ] = False,
-    trust: TrustedKey = None,
-    sign: SigningKey = None,
     as_json: AsJson = False,
     verbose: Verbose = False,
 ) -> None:
@@ -321,24 +302,16 @@ def verify(
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import LogCheckpoint, read_stored
         from airrace.cli.run_tables import items_table
-        from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.command_result import ExitCode
         from airrace.runs.json_objects import reserve_object
         from airrace.runs.run import ensure_readable, run_of_checkpoint
-        from airrace.runs.signing import ensure_signed, signer_of
         from airrace.runs.verification import confirm_log, verify_run
-        from airrace.standard_streams import STANDARD
 
-        if sign is not None and run_file == STANDARD:
-            raise UsageError("what is piped in cannot be signed: name a file")
-        signer = None if sign is None else signer_of(sign)
-        checkpoint, signature = read_stored(run_file)
+        checkpoint = read_stored(run_file)
         if isinstance(checkpoint, LogCheckpoint):
             from airrace.runs.log_view import open_log
 
-            if sign is not None or trust is not None:
-                raise UsageError("a flight log is not signed: leave --sign and --trust out")
             log = open_log(checkpoint)
             found = confirm_log(log, versions=not other_versions)
             answer.fields.update(flown=True, track=log.inputs.race.course.name, verified=bool(found.verified))
@@ -347,16 +320,15 @@ def verify(
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{checkpoint.label}: {found.words}")
             answer.texts.append(f"{checkpoint.label}: {found.outcome}; its log is taken as it is")
             return
-        signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
         run = ensure_readable(run_of_checkpoint(checkpoint, run_file))
         answer.fields["track"] = run.name
         stages = verify_run(run, versions=not other_versions)
         for stage in stages:
             if stage.objection:
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
-        unverified = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
+        unverified = list(UNVERIFIABLE) + ["versions"] * other_versions
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
-        answer.fields.update(unverified=unverified, signed_by=signed_by or None)
+        answer.fields["unverified"] = unverified
         reserve = run.stages[-1].stamp.reserve if run.results else None
         answer.fields["reserve"] = reserve_object(reserve)
         for stage in stages:
@@ -365,13 +337,7 @@ def verify(
                 answer.texts.append(render(items_table(stage.certificate)))
         if reserve is not None:
             answer.texts.append(f"reserve: {reserve.text}")
-        if signed_by:
-            answer.texts.append(f"signed by {signed_by}")
-        elif unverified:
-            answer.texts.append(f"unverified, for they cannot be measured again: {', '.join(unverified)}")
-        if signer is not None and not answer.error:
-            run.signing(signer).save(run_file)
-            answer.texts.append(f"signed now by {signer.fingerprint}")
+        answer.texts.append(f"unverified, for they cannot be measured again: {', '.join(unverified)}")
 
 
 class GroupName(StrEnum):

@@ -186,7 +186,7 @@ def _keep_reserve(
 
     assert run.inputs.reserve is not None
     case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
-    renewed = replace(case.run, path=run.path, sign=run.sign)
+    renewed = replace(case.run, path=run.path)
     _store(renewed)
     return Executed(renewed, renewed.results[-1], replace(case, run=renewed))
 
@@ -283,7 +283,7 @@ def unreached(reserve: ReserveEntry | None) -> str:
 
 def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
+        write_checkpoint(run.path, run.checkpoint, unchanged)
 
 
 def _next_step(plan: ExecutionPlan, run: RunState, results: Sequence[StageResult]) -> str:

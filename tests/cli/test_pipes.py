@@ -121,10 +121,6 @@ def test_a_checkpoint_that_is_renewed_needs_a_file(words: str) -> None:
     assert (refused.exit_code, "name one with --output" in refused.stderr) == (2, True)
 
 
-def test_what_is_piped_in_is_not_signed_in_its_place() -> None:
-    assert "name a file" in airrace("verify", "-", "--sign", "key").stderr
-
-
 def test_a_course_of_a_batch_has_a_name() -> None:
     refused = airrace("batch", "-", piped=TRACK)
     assert (refused.exit_code, "stdin: is no batch file" in refused.stderr) == (3, True)
