@@ -232,5 +232,5 @@ def _coarser_race_time(
     mesh, guess = restrict(mesh_of(trajectory), iterate_of(trajectory), coarser)
     session = SolverSession(service, settings, Silent())
     problem, barrier = flight.problem(mesh), InitialBarrier.COARSER_MESH
-    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, passing=True)
+    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
