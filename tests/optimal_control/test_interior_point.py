@@ -10,7 +10,7 @@ import pytest
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate, random_point
 
-from airrace.optimal_control.assembly import Assembly, StageMatrices
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
@@ -77,7 +77,7 @@ def bounded(name: str) -> tuple[BoundedProgram, Vector, Vector, Measures]:
     functions.p[:] = layout.parameter_values()
     functions.forget()
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    program = BoundedProgram(functions, StageMatrices(functions.assembly), bounds)
+    program = BoundedProgram(functions, bounds)
     point, residuals, random = program.vector(), program.vector(), np.random.default_rng(3)
     point.w[:] = random_point(layout, 3)[0]
     point.y[:], point.e[:] = random.normal(size=len(point.y)), random.normal(size=len(point.e))
@@ -182,7 +182,7 @@ def test_the_first_multipliers_balance_the_gradient_best() -> None:
     functions.p[:] = layout.parameter_values()
     functions.forget()
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    program = BoundedProgram(functions, StageMatrices(functions.assembly), bounds)
+    program = BoundedProgram(functions, bounds)
     solve = interior_point._Solve(program, SolverOptions())
     solve._begin(layout.pack(random_iterate(problem, 1)), None)
     functions.objective_gradient()

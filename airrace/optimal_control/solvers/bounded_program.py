@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
-from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatrices
+from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.interface import Bounds
@@ -138,14 +138,13 @@ class BoundedProgram:
 
     Args:
         functions: of the program.
-        matrices: those of its stages.
         bounds: of unknowns and constraints.
     """
 
-    def __init__(self, functions: Evaluation, matrices: StageMatrices, bounds: Bounds) -> None:
+    def __init__(self, functions: Evaluation, bounds: Bounds) -> None:
         native = library()
         assert native is not None  # see `available`
-        layout = functions.assembly.layout
+        layout, matrices = functions.assembly.layout, functions.stage_matrices
         self.functions, self.matrices, self._native = functions, matrices, native.evaluator
         gaps, rows = layout.gap_index.ravel(), layout.row_index
         lower = np.concatenate([bounds.g_lower[rows], bounds.lower])

@@ -16,11 +16,9 @@ multipliers are made anew for a large barrier parameter, twice at most.
 import sys
 from collections import deque
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from airrace.optimal_control.assembly import StageMatrices
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.solvers.bounded_program import BoundedProgram, Measures
 from airrace.optimal_control.solvers.filter_search import FilterSearch
@@ -104,14 +102,10 @@ class InteriorPoint(Solver):
     def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
         self._functions, self._options = functions, options
 
-    @cached_property
-    def _matrices(self) -> StageMatrices:
-        return StageMatrices(self._functions.assembly)
-
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
         self._functions.p[:] = p
         self._functions.forget()
-        program = BoundedProgram(self._functions, self._matrices, bounds)
+        program = BoundedProgram(self._functions, bounds)
         is_cold = multipliers is None and self._options.barrier >= PARAMETERS.cold_barrier
         result = _Solve(program, self._options).solve(guess, multipliers, begins_with_search=is_cold)
         left = self._options.iterations_max - result.iterations
