@@ -18,7 +18,7 @@ from airrace.optimal_control.mesh_refinement import divide, limits_of, transfer_
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT, bounded_program, interior_point
-from airrace.optimal_control.solvers.bounded_program import STEP, BoundedProgram, Measures, Vector
+from airrace.optimal_control.solvers.bounded_program import EQUALITY_WEIGHT, BoundedProgram, Measures, Vector
 from airrace.optimal_control.solvers.interface import (
     Bounds,
     Ending,
@@ -105,7 +105,7 @@ def dense(program: BoundedProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     ):
         matrix[sums.rows, sums.columns] = nonzeros
     rows = np.vstack([J[layout.row_index], np.eye(layout.unknowns)])
-    return H, J[layout.gap_index.ravel()], rows[program.equality], program.sign[:, None] * rows[program.side]
+    return H, J[layout.gap_index.ravel()], rows[program.equality], program.sign[:, None] * rows[program.inequality]
 
 
 DAMPING = 100.0  # enough for a step to a minimum from anywhere
@@ -122,7 +122,7 @@ def test_step_solves_the_linear_conditions(at_a_point: tuple[BoundedProgram, Vec
     stationarity = curvature + F.T @ step.y + C.T @ step.e - B.T @ step.z
     assert stationarity == pytest.approx(-residuals.w, abs=1e-8)
     assert F @ step.w == pytest.approx(-residuals.y, abs=1e-9)
-    assert C @ step.w - step.e / STEP.equality_weight == pytest.approx(-residuals.e, abs=1e-9)
+    assert C @ step.w - step.e / EQUALITY_WEIGHT == pytest.approx(-residuals.e, abs=1e-9)
     assert B @ step.w - step.s == pytest.approx(-residuals.s, abs=1e-9)
     assert point.s * step.z + point.z * step.s == pytest.approx(products, abs=1e-9)
 
@@ -162,16 +162,16 @@ def test_steps_keep_slacks_and_multipliers_positive_and_bring_the_conditions_clo
 ) -> None:
     program, point, residuals, _ = at_a_point
     assert program.factorise(point, DAMPING)
-    step, following = program.vector(), program.vector()
+    step, next_point = program.vector(), program.vector()
     primal, dual = program.predict_and_correct(point, residuals, 1e-9, step)
     assert 0.0 < primal <= 1.0
     assert 0.0 < dual <= 1.0
-    following.become(point, step, primal, dual)
-    assert following.s.min() > 0.0
-    assert following.z.min() > 0.0
+    next_point.become(point, step, primal, dual)
+    assert next_point.s.min() > 0.0
+    assert next_point.z.min() > 0.0
     _, F, C, _ = dense(program)
     assert F @ (primal * step.w) == pytest.approx(-primal * residuals.y, abs=1e-9)  # linear: they close by that share
-    assert C @ step.w - step.e / STEP.equality_weight == pytest.approx(-residuals.e, abs=1e-9)
+    assert C @ step.w - step.e / EQUALITY_WEIGHT == pytest.approx(-residuals.e, abs=1e-9)
 
 
 def test_the_first_multipliers_balance_the_gradient_best() -> None:
@@ -358,7 +358,7 @@ def test_steps_to_and_fro_are_damped() -> None:
 
 
 def test_steps_to_and_fro_that_are_not_damped_are_searched_along(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interior_point, "PARAMETERS", replace(interior_point.PARAMETERS, as_long=np.inf))
+    monkeypatch.setattr(interior_point, "REVERSAL_RATIO", np.inf)
     solution = with_idle_control(cycling_cost, -1.0, 0.3)
     assert solution.iterations <= 40
     assert solution.iterate.control[1] == pytest.approx(0.0, abs=1e-2)
