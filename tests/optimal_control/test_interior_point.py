@@ -197,6 +197,123 @@ def test_the_first_multipliers_balance_the_gradient_best() -> None:
     assert point.s * point.z == pytest.approx(np.full(len(point.s), 0.1))
 
 
+# centring, restarts, local infeasibility
+
+
+@pytest.mark.parametrize("barrier", [1e-6, 1e-2, 10.0])
+def test_centred_products_are_at_least_the_barrier_parameter_and_the_larger_factor_is_kept(barrier: float) -> None:
+    random = np.random.default_rng(5)
+    slacks, multipliers = random.normal(size=200), 10.0 ** random.uniform(-8.0, 3.0, size=200)  # slacks: even negative
+    s, z = interior_point.centre(slacks, multipliers, barrier)
+    assert (s * z >= barrier * (1.0 - 1e-12)).all()
+    assert (s >= slacks).all()
+    assert (np.minimum(s, z) > 0.0).all()
+    large, middle = np.maximum(slacks, multipliers), np.sqrt(barrier)
+    kept = np.where(multipliers >= slacks, z, s)
+    assert kept == pytest.approx(np.maximum(large, middle), rel=1e-12)
+    small = large < middle
+    assert s[small] == pytest.approx(middle)  # both are small: neither tells anything
+    assert z[small] == pytest.approx(middle)
+
+
+def solve_at_a_point(product: float) -> tuple[interior_point._Solve, Measures]:
+    """A solve without progress over some iterates, with all products of slack and multiplier equal."""
+    program, point, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    solve._point.whole[:] = point.whole
+    solve._point.s[:] = solve._point.z[:] = np.sqrt(product)
+    measures = program.linearise(solve._point, solve._residuals)
+    assert measures is not None
+    solve._recent.extend([measures.violation] * interior_point.MEMORY)
+    return solve, measures
+
+
+@pytest.mark.parametrize(("ratio", "centred"), [(0.9, True), (1.1, False)])
+def test_without_progress_a_point_off_its_central_path_is_centred_and_another_searched_from(
+    ratio: float, centred: bool
+) -> None:
+    _, measures = solve_at_a_point(1.0)
+    product = ratio * interior_point.PRODUCT_RATIO * measures.primal
+    for _ in range(2):  # as the infeasibility depends on the slacks
+        solve, measures = solve_at_a_point(product)
+        product = ratio * interior_point.PRODUCT_RATIO * measures.primal
+    target = interior_point.CENTRING * measures.primal
+    products: list[np.ndarray] = []
+    solve._take_free_step = lambda: bool(products.append(solve._point.s * solve._point.z)) or True  # type: ignore
+    solve._take_search_step = lambda _: True  # type: ignore
+    assert solve._advance(measures)
+    assert (solve._search is None) is centred
+    if centred:
+        assert products[0].min() == pytest.approx(target)
+        # not again before the objective has fallen
+        solve._recent.extend([0.0] * interior_point.MEMORY)
+        assert solve._advance(measures)
+        assert solve._search is not None
+
+
+def test_where_no_step_is_found_slacks_and_multipliers_are_reset_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    products: list[np.ndarray] = []
+    barriers: list[float] = []
+
+    def no_step(search: interior_point.FilterSearch, point: Vector, *_: object) -> None:
+        products.append(point.s * point.z)
+        barriers.append(search.barrier)
+
+    monkeypatch.setattr(interior_point.FilterSearch, "advance", no_step)
+    free_steps: list[interior_point._Solve] = []
+    monkeypatch.setattr(interior_point._Solve, "_take_free_step", lambda solve: bool(free_steps.append(solve)))
+    program, point, _, _ = bounded("everything")
+    result = interior_point._Solve(program, SolverOptions()).solve(point.w, None, begins_in_search=True)
+    assert result.ending is Ending.NO_STEP
+    assert len(products) == 1 + interior_point.RESTARTS_MAX
+    assert len(free_steps) == interior_point.RESTARTS_MAX
+    for previous, product in zip(barriers, products[1:], strict=False):
+        expected = max(interior_point.RESTART_FACTOR * previous, interior_point.RESTART_BARRIER_MIN)
+        assert product == pytest.approx(expected)
+
+
+def infeasible_measures(infeasibility: float, primal: float = 1.0) -> Measures:
+    return Measures(primal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, infeasibility)
+
+
+@pytest.mark.parametrize(
+    ("reduction", "primal", "stagnates"),
+    [(0.0, 1.0, True), (0.001, 1.0, True), (0.11, 1.0, False), (0.0, 1e-4, False)],
+    ids=["none", "a thousandth", "enough", "nearly feasible"],
+)
+def test_violations_that_stay_tell_a_locally_infeasible_program(
+    reduction: float, primal: float, stagnates: bool
+) -> None:
+    program, _, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    stay = interior_point.STAGNATION_MAX + 1
+    verdicts: list[bool] = []
+    for number in range(stay + 1):
+        verdicts.append(solve._stagnates(infeasible_measures((1.0 - reduction) ** number, primal)))
+    assert not any(verdicts[:-1])
+    assert verdicts[-1] is stagnates
+
+
+def test_a_reduction_of_the_violations_begins_the_count_of_stagnation_anew() -> None:
+    program, _, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    half = [1.0] * interior_point.STAGNATION_MAX + [0.5] * (interior_point.STAGNATION_MAX + 1)
+    assert not any([solve._stagnates(infeasible_measures(infeasibility)) for infeasibility in half])
+    assert solve._stagnates(infeasible_measures(0.5))
+
+
+@pytest.mark.parametrize("end", [3.0, 10.0])
+def test_an_end_out_of_reach_is_locally_infeasible(end: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a speed of 3 at most, 3 can be reached in a second, 10 cannot."""
+    monkeypatch.setattr(interior_point, "STAGNATION_MAX", 2)
+    problem = coasting(lambda _, u: u, lambda x: x, start=0.0, lowest=-9.0, end=exactly(end))
+    solution = attempt(problem, level(problem, 0.0))
+    assert solution.success is (end == 3.0)
+    if not solution.success:
+        assert solution.ending is Ending.INFEASIBLE
+        assert 3 <= solution.iterations < 10
+
+
 # optima
 
 

@@ -193,11 +193,7 @@ class _Solve:
         point.y[:], point.e[:] = self._step.y, self._step.e
 
     def _centre(self, slacks: Array, barrier: float) -> None:
-        """Give slacks and multipliers at least the products of a barrier parameter; the larger of both is kept."""
-        point, middle = self._point, np.sqrt(barrier)  # where slack and multiplier are equal
-        kept = np.maximum(point.z, middle)
-        point.z[:] = np.where(point.z >= slacks, kept, barrier / np.maximum(slacks, middle))
-        point.s[:] = np.maximum(slacks, barrier / point.z)
+        self._point.s[:], self._point.z[:] = centre(slacks, self._point.z, barrier)
 
     def _advance(self, measures: Measures | None) -> bool:
         """Go on from a point with these measures to the next one; return False where there is none."""
@@ -282,6 +278,13 @@ class _Solve:
         self._recentring_objective, self._stagnation = np.inf, 0
         self._recent.clear()
         return True
+
+
+def centre(slacks: Array, multipliers: Array, barrier: float) -> tuple[Array, Array]:
+    """Return slacks and multipliers with at least the products of a barrier parameter; the larger of both is kept."""
+    middle = np.sqrt(barrier)  # where both are equal
+    multipliers = np.where(multipliers >= slacks, np.maximum(multipliers, middle), barrier / np.maximum(slacks, middle))
+    return np.maximum(slacks, barrier / multipliers), multipliers
 
 
 def _reverses(change: Array, last_change: Array) -> bool:
