@@ -258,6 +258,7 @@ def test_where_no_step_is_found_slacks_and_multipliers_are_reset_twice(monkeypat
     def no_step(search: interior_point.FilterSearch, point: Vector, *_: object) -> None:
         products.append(point.s * point.z)
         barriers.append(search.barrier)
+        point.z[:] = 1e6  # whatever led astray
 
     monkeypatch.setattr(interior_point.FilterSearch, "advance", no_step)
     free_steps: list[interior_point._Solve] = []
@@ -298,7 +299,8 @@ def test_a_reduction_of_the_violations_begins_the_count_of_stagnation_anew() -> 
     program, _, _, _ = bounded("everything")
     solve = interior_point._Solve(program, SolverOptions())
     half = [1.0] * interior_point.STAGNATION_MAX + [0.5] * (interior_point.STAGNATION_MAX + 1)
-    assert not any([solve._stagnates(infeasible_measures(infeasibility)) for infeasibility in half])
+    for infeasibility in half:
+        assert not solve._stagnates(infeasible_measures(infeasibility))
     assert solve._stagnates(infeasible_measures(0.5))
 
 
