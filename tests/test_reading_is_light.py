@@ -22,7 +22,7 @@ SOLVING = (
     "airrace.optimal_control.layout",
     "airrace.optimal_control.solvers.service",
     "airrace.optimal_control.solvers.solver",
-    "airrace.optimal_control.solvers.ipopt_functions",
+    "airrace.optimal_control.solvers.ipopt",
     "airrace.logs.log_flight",
     "airrace.sensitivity.lagrangian",
     "multiprocessing",

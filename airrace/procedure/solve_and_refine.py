@@ -293,8 +293,8 @@ def refine_from(session: SolverSession, start: Start, first: RefinementState) ->
             barrier=state.barrier,
             solvers=state.solvers,
             iterations_max=start.iterations_max if state is first else None,
-            rough=state.rough,
-            passing=state.passing,
+            loose_tolerance=state.rough,
+            reference_only=state.passing,
             multipliers=state.multipliers,
         )
         if solution is None or not solution.success:

@@ -98,7 +98,7 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
 
 
 def test_flight_whose_multipliers_lead_nowhere_is_started_from_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_session, "LIMITS", dataclasses.replace(solver_session.LIMITS, known_iterations_max=1))
+    monkeypatch.setattr(solver_session, "WARM_ITERATIONS_MAX", 1)
     (result,) = started(WINDY, stored())
     assert result.remarks == ""
     assert [one.success for one in result.attempts[:2]] == [False, True]
