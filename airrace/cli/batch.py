@@ -110,7 +110,7 @@ def batch(
         if dry_run:
             describe_plan(answer, options.checked_plan(reports.ensure_writable), quiet=quiet)
             return
-        plan, results = options.fly(lambda: watching_batch(quiet=quiet), stopping, reports.ensure_writable)
+        plan, results = options.fly(watching_batch(quiet=quiet), stopping(), reports.ensure_writable)
         answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
 
 
