@@ -10,7 +10,7 @@ records.
 """
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from airrace.errors import InputError, UsageError
 if TYPE_CHECKING:
     from airrace.batch.planning import BatchPlan, Sources
     from airrace.batch.reports import BatchResult
-    from airrace.batch.supervision import JobPool, JobResult, Watcher
+    from airrace.batch.supervision import JobPool
 
 Sweeps = Mapping[str, str | Sequence[str | float]] | Sequence[str]
 """The values of keys: `{"rules.n_z_max": [9, 10]}`, `{"rules.n_z_max": "9:12:1"}` or `["rules.n_z_max=9:12:1"]`."""
@@ -105,11 +105,8 @@ class BatchOptions:
             raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
         return ClusterPool(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, self.timeout)
 
-    def checked_plan(self, ensure: Callable[["BatchPlan"], None]) -> "BatchPlan":
-        """Return the plan, and refuse what `fly` would refuse before a job runs, but a cluster that does not answer.
-
-        Args:
-            ensure: refuses a plan by raising.
+    def checked_plan(self) -> "BatchPlan":
+        """Return the plan, and refuse what `prepared` would refuse, but a cluster that does not answer.
 
         Raises:
             InputError, UsageError, StorageError: no job could run.
@@ -119,35 +116,20 @@ class BatchOptions:
         sources = self.sources()
         self.pool()
         ensure_folder(self.output)
-        plan = self.plan(sources)
-        ensure(plan)
-        return plan
+        return self.plan(sources)
 
-    def fly(
-        self,
-        watching: contextlib.AbstractContextManager["Watcher"],
-        stopping: contextlib.AbstractContextManager[Callable[[], bool]],
-        ensure: Callable[["BatchPlan"], None],
-    ) -> "tuple[BatchPlan, Sequence[JobResult]]":
-        """Plan the batch and run its jobs, with the folder locked.
-
-        Args:
-            watching: who watches, entered when the first job begins.
-            stopping: provides a function that tells whether to stop.
-            ensure: refuses a plan by raising.
+    @contextlib.contextmanager
+    def prepared(self) -> "Generator[tuple[BatchPlan, JobPool], None, None]":
+        """Provide the plan of the batch and what runs its jobs, with the folder locked.
 
         Raises:
             InputError, UsageError, ClusterError, StorageError: no job can run.
         """
         from airrace.batch.record import lock_folder
-        from airrace.batch.supervision import supervise
 
         sources = self.sources()
         with self.pool() as pool, lock_folder(self.output):
-            plan = self.plan(sources)
-            ensure(plan)
-            with stopping as stop_asked, watching as watcher:
-                return plan, supervise(plan, pool, self, watcher, stop_asked=stop_asked)
+            yield self.plan(sources), pool
 
 
 def optimize_many(
@@ -175,7 +157,7 @@ def optimize_many(
     Examples:
         >>> winds = {"speed_kt": [10], "from_deg": [90, 270]}
         >>> results = airrace.optimize_many("half_cuban_eight", winds=winds, until="homotopy")
-        >>> sorted(one.swept["environment.wind.from_deg"] for one in results)
+        >>> sorted(result.swept["environment.wind.from_deg"] for result in results)
         ['270', '90']
         >>> airrace.open(results[0].checkpoint)["homotopy"].name
         'homotopy'
@@ -207,17 +189,13 @@ def optimize_many(
         StorageError: the system refused to write.
     """
     from airrace.batch.reports import ranking_of
-    from airrace.batch.supervision import Watcher
+    from airrace.batch.supervision import Watcher, supervise
     from airrace.runs.plan import value_texts
-
-    def refuse(plan: "BatchPlan") -> None:
-        if plan.findings:
-            raise InputError(list(plan.findings))
 
     wind = {f"environment.wind.{key}": values for key, values in (winds or {}).items()}
     options = BatchOptions(
-        courses=[str(one) for one in ([tracks] if isinstance(tracks, str | Path) else tracks)],
-        aircraft=[Path(one) for one in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
+        courses=[str(track) for track in ([tracks] if isinstance(tracks, str | Path) else tracks)],
+        aircraft=[Path(name) for name in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
         settings=None if settings is None else Path(settings),
         set=value_texts(set),
         sweep=[*sweep_texts(wind), *sweep_texts(sweep)],
@@ -230,5 +208,7 @@ def optimize_many(
         retry_failed=retry_failed,
         force=force,
     )
-    plan, results = options.fly(contextlib.nullcontext(Watcher()), contextlib.nullcontext(lambda: False), refuse)
-    return ranking_of(plan, results)
+    with options.prepared() as (plan, pool):
+        if plan.findings:
+            raise InputError(list(plan.findings))
+        return ranking_of(plan, supervise(plan, pool, options, Watcher()))

@@ -130,7 +130,7 @@ def supervise(
     options: "BatchOptions",
     watcher: Watcher,
     *,
-    stop_asked: Callable[[], bool],
+    stop_asked: Callable[[], bool] = lambda: False,
 ) -> Sequence[JobResult]:
     """Run all jobs of a plan that are due.
 

@@ -91,7 +91,7 @@ def flown(
     """Fly a plan with stand-ins."""
     plan.folder.mkdir(parents=True, exist_ok=True)
     with pool or LocalPool(STAND_IN, slots) as running:
-        return list(supervise(plan, running, options or policy(), Watched(), stop_asked=lambda: False))
+        return list(supervise(plan, running, options or policy(), Watched()))
 
 
 def starts(folder: Path, name: str) -> list[str]:
