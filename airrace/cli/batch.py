@@ -87,6 +87,7 @@ def batch(
     only what is not finished, or has changed.
     """
     with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
+        from airrace.batch.supervision import supervise
         from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
 
         ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
@@ -108,9 +109,14 @@ def batch(
         )
         reports = Reports(csv_file, junit_file, markdown_file)
         if dry_run:
-            describe_plan(answer, options.checked_plan(reports.ensure_writable), quiet=quiet)
+            plan = options.checked_plan()
+            reports.ensure_writable(plan)
+            describe_plan(answer, plan, quiet=quiet)
             return
-        plan, results = options.fly(lambda: watching_batch(quiet=quiet), stopping, reports.ensure_writable)
+        with options.prepared() as (plan, pool):
+            reports.ensure_writable(plan)
+            with stopping() as stop_asked, watching_batch(quiet=quiet) as watcher:
+                results = supervise(plan, pool, options, watcher, stop_asked=stop_asked)
         answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
 
 
