@@ -32,11 +32,12 @@ from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_gue
 from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
-    Refined,
     RefinementState,
     carry_multipliers,
-    certified_state,
-    refine_from,
+    next_until_certified,
+    refine,
+    solve_on_mesh,
+    state_to_certify,
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
@@ -193,9 +194,9 @@ def _on_other_route(
         return None
     whole = continuation.start_along(continued.stage, point_mass, session)
     start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
-    draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
-    first = certified_state(session, start.flight, draft, start.barrier, (primary,), None)
-    found = refine_from(session, start, replace(first, purpose="on another route"))
+    proposal, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
+    first = state_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
+    found = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
     return found if isinstance(found, StageResult) and found.certified else None
 
 
@@ -227,46 +228,43 @@ def _from_optimum(
     assert stored is not None  # there would be an obstacle
     flight = continuation.along(optimum.stage, optimum)
     start, finer = _start(flight, optimum, stored, name)
-    start = replace(start, iterations_max=ITERATIONS_MAX)
     primary = session.solvers[0]
-
-    def following(refined: Refined) -> RefinementState:
-        """Go on with the finer of the stored meshes, or with the usual refinement of the only one."""
-        coarse, solution = refined.solved
-        if finer is None:
-            draft, multipliers = MeshProposal.first(start.problem, coarse.iterate), solution.multipliers
-            return certified_state(
-                session, refined.flight, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse
-            )
-        draft = replace(finer, guess=_carry_change(finer, start.guess, coarse.iterate))
-        draft = refine_guess(draft, flight.problem(draft.mesh), session.settings.certificate)
-        return certified_state(
-            session,
-            refined.flight,
-            draft,
-            InitialBarrier.OTHER_MESH,
-            (primary,),
-            refined.carry(draft),
-            number=min(1, session.settings.mesh.refinements_max),
-            before=coarse,
-            coarser=coarse,
-        )
-
-    first = RefinementState(
-        start.flight,
+    reference = RefinementState(
+        flight,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (primary,),
-        following,
         start.multipliers,
         number=-1,
-        passing=True,
+        reference_only=True,
         purpose=f"from {start.provenance.source}",
     )
-    found = refine_from(session, start, first)
+    coarse = solve_on_mesh(session, start, reference, ITERATIONS_MAX)
+    if isinstance(coarse, Failure):
+        status = session.attempts[-1].status if coarse.solution is None else coarse.solution.status
+        return f"{primary} found no optimum ({status})"
+    if finer is None:  # the usual refinement of the only stored mesh
+        proposal, multipliers = MeshProposal.first(start.problem, coarse.optimum.iterate), coarse.solution.multipliers
+        number, coarser = 0, None
+    else:
+        proposal = replace(finer, guess=_carry_change(finer, start.guess, coarse.optimum.iterate))
+        proposal = refine_guess(proposal, flight.problem(proposal.mesh), session.settings.certificate)
+        multipliers = coarse.carry(proposal)
+        number, coarser = min(1, session.settings.mesh.refinements_max), coarse.optimum
+    first = state_to_certify(
+        session,
+        flight,
+        proposal,
+        InitialBarrier.OTHER_MESH,
+        (primary,),
+        multipliers,
+        number=number,
+        before=coarse.optimum,
+        coarser=coarser,
+    )
+    found = refine(session, start, first, next_until_certified, first_intervals=start.problem.intervals)
     if isinstance(found, Failure):
-        status = session.attempts[-1].status if found.solution is None else found.solution.status
-        return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
+        return f"{primary} found no optimum on a finer mesh"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
 
 
