@@ -8,7 +8,7 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.refinement import MeshProposal, MeshSolution, bisect_all, bisect_coarse
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Note, NoteKind, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
     RefinementState,
@@ -19,6 +19,7 @@ from airrace.procedure.solve_and_refine import (
     state_to_certify,
 )
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 
@@ -83,3 +84,15 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     if isinstance(found, Failure):
         return f"no optimum was found on the {'coarser' if found.coarser is None else 'finer'} mesh"
     return replace(found, search=optimum.search) if found.certified else found.message
+
+
+def confirm_mesh(models: StageModels, optimum: StageResult, session: SolverSession) -> StageResult:
+    """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""
+    if optimum.certified or not optimum.holds:
+        return optimum
+    checked = check_mesh_convergence(models.along(optimum.stage, optimum), optimum, session)
+    notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
+    if isinstance(checked, StageResult):
+        return replace(checked, notes=notes)
+    failure = Note(NoteKind.MESH_CHECK, f"its race time could not be confirmed on a second mesh: {checked}")
+    return replace(optimum, notes=(*notes, failure))
