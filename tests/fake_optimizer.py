@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 REPLACED = {
-    "STAGES": "airrace.procedure.run",
-    "optimize": "airrace.procedure.run",
-    "recompute": "airrace.procedure.run",
+    "STAGES": "airrace.procedure.procedure",
+    "optimize": "airrace.procedure.procedure",
+    "recompute": "airrace.procedure.procedure",
     "continuous": "airrace.procedure.stored_stages",
     "derived_quantities": "airrace.procedure.stored_stages",
     "ensure_matches_model": "airrace.procedure.stored_stages",

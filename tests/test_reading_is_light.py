@@ -12,7 +12,7 @@ READERS = {
 }
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (
-    "airrace.procedure.run",
+    "airrace.procedure.procedure",
     "airrace.procedure.stage_problem",
     "airrace.procedure.solver_session",
     "airrace.procedure.recomputation",

@@ -13,8 +13,8 @@ from airrace import interrupts
 from airrace.checkpoint import ReserveAttempt, write_checkpoint
 from airrace.errors import OutOfTime, UsageError
 from airrace.inputs.rules import ReserveEntry
-from airrace.procedure import run as procedure
-from airrace.procedure.fidelity_continuation import checks_mesh
+from airrace.procedure import procedure
+from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult, ExitCode

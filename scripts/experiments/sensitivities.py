@@ -24,7 +24,7 @@ from airrace.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.result import Silent
-from airrace.procedure.run import optimize
+from airrace.procedure.procedure import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession

@@ -11,8 +11,8 @@ from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, 
 from airrace.dynamics.limits import LEAST_ROOM
 from airrace.environment import Air
 from airrace.planning.plan import ONE_PLACE
+from airrace.procedure.procedure import recertify
 from airrace.procedure.result import StageResult, Status
-from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import sampler

@@ -9,8 +9,8 @@ from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility import conflicts
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.procedure.solver_session import CONTINUATIONS_MAX
 from airrace.procedure.stage import Stage

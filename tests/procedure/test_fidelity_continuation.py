@@ -20,6 +20,7 @@ from races import (
     SMALL,
     WITHOUT_ANGLES,
     assert_certified,
+    models_of,
     motion,
     optimum_of,
     prepared,
@@ -44,10 +45,9 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import fidelity
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
-from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
@@ -95,9 +95,9 @@ def test_all_that_a_stage_observes_is_loaded_before_it_is_solved(stage: Stage) -
         ) -> None:
             loaded.update(one.values for one in observed)
 
-    continuation = FidelityContinuation(SHIPPED["half_cuban_eight"], PLAN, ())
-    continuation.preload(stage, Service())
-    flight = continuation.flight(stage)
+    models = models_of(SHIPPED["half_cuban_eight"], PLAN, stage)
+    models.preload(stage, Service())
+    flight = models.problem(stage)
     layout = Layout(flight.problem(first_mesh(flight.plan, PLAN.mesh)))
     assert len(loaded) > 1
     assert loaded == {sample.observation.values for sample in layout.output_samples}

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
+from races import RACES, SIXTEEN, SMALL, models_of, planned, prepared, settings
 from transformations import mirrored
 
 from airrace.control.dynamic_inversion import InnerLoopInverse
@@ -15,8 +15,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure import fidelity_continuation as module
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure import stage_models as module
 from airrace.procedure.guess import (
     FIRST_MESH,
     QUATERNION_ROWS,
@@ -190,11 +189,9 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
         return tracking_simulator(model, inverse)
 
     monkeypatch.setattr(module, "tracking_simulator", watched)
-    ladder = FidelityContinuation(SMALL, settings(GuessKind.PLAN), ())
-    for _ in range(2):
-        ladder.prepare(stage)
+    models = models_of(SMALL, settings(GuessKind.PLAN), stage)
     assert len(made) == simulations
-    assert all(model is ladder.flight(stage).model for model in made)
+    assert all(model is models.problem(stage).model for model in made)
 
 
 def flight(name: str) -> tuple[Problem, Iterate]:

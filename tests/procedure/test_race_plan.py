@@ -44,8 +44,8 @@ from airrace.planning.plan import (
 from airrace.planning.planning_model import AIR_DENSITY, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.guess import guess
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import derived_quantities, sampler
 from airrace.quantities import Interval

@@ -10,8 +10,8 @@ from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.procedure import restart, solver_session
 from airrace.procedure.formulation import ensure_same_passings, passings_of
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.race import Race

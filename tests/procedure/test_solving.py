@@ -21,8 +21,8 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece
 from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import (
@@ -287,7 +287,7 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
 @pytest.mark.parametrize("name", RACES)
 def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
     flight, used = prepared(RACES[name]), session("stuck")
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
@@ -298,7 +298,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
 
 def test_homotopy_tries_the_whole_way_first() -> None:
     flight, used = prepared(SMALL), session("solved")
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
     assert result.remarks == ""
@@ -315,7 +315,7 @@ def test_homotopy_tries_the_whole_way_first() -> None:
 def test_step_that_fails_is_halved_until_it_leads_to_the_real_gate_or_is_too_small(
     verdicts: list[str], parts: list[float], remarks: bool
 ) -> None:
-    result = solve_homotopy(prepared(SMALL), session(*verdicts))
+    result = solve_homotopy(prepared(SMALL), session(*verdicts)).result
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     made = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
     assert made[:6] == parts
@@ -333,7 +333,7 @@ def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
 
     name = flight.plan.waypoints[3].passage.name.partition(":")[2]
     used = SolverSession(Failing("stuck"), Settings(), Silent())
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     first, second = (one for one in result.trajectory.phases if one.endswith(f":{name}"))
     assert result.remarks == f"left as planned: {first}, {second}"
     tried = {attempt.purpose.partition(",")[0] for attempt in result.attempts}

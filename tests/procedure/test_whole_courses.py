@@ -22,8 +22,8 @@ from test_shipped_optima import plane_of
 
 from airrace.environment import Thermal
 from airrace.inputs import load_inputs
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.race import Race
