@@ -176,7 +176,7 @@ def optimize(
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     )
-    session = SolverSession(service, settings, progress, threads, deadline, Budget.of(own_plan, settings.mesh))
+    session = SolverSession(service, settings, progress, threads, deadline, Budget.from_plan(own_plan, settings.mesh))
     with service, closing(session), _model_maker() as maker:
         models = StageModels.request(maker, race, settings, own_plan, needed)
         if library_path() is None:

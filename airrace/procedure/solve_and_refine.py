@@ -326,8 +326,8 @@ def solve_on_mesh(
         barrier=state.barrier,
         solvers=state.solvers,
         iterations_max=iterations_max,
-        rough=state.loose_tolerance,
-        passing=state.reference_only,
+        loose_tolerance=state.loose_tolerance,
+        reference_only=state.reference_only,
         multipliers=state.multipliers,
     )
     if solution is None or not solution.success:

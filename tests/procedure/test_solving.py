@@ -368,8 +368,13 @@ def test_a_race_may_take_more_the_longer_it_is_and_the_finer_its_mesh() -> None:
     intervals = sum(len(phase) for phase in first_mesh(plan, mesh))
     assert intervals > INTERVALS_MIN
     assert Budget.from_plan(plan, mesh).work == WORK_PER_INTERVAL * intervals
-    assert Budget.from_plan(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work == WORK_PER_INTERVAL * INTERVALS_MIN
-    assert Budget.from_plan(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.from_plan(plan, mesh).work
+    assert (
+        Budget.from_plan(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
+        == WORK_PER_INTERVAL * INTERVALS_MIN
+    )
+    assert (
+        Budget.from_plan(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.from_plan(plan, mesh).work
+    )
 
 
 def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
