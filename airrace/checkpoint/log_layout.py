@@ -124,7 +124,7 @@ class Columns:
         return {column: within.dataset(column, float) for column in within.names}
 
 
-def _sound_log(log: RawLog, path: str) -> RawLog:
+def _validate_log(log: RawLog, path: str) -> RawLog:
     if {len(log.lines), *(len(column) for column in log.columns.values())} != {len(log.time)}:
         raise CheckpointError(f"{path}: its columns are not equally long")
     for name, recorded in {**log.columns, "time": log.time, "offset": np.array([log.offset])}.items():
@@ -134,7 +134,7 @@ def _sound_log(log: RawLog, path: str) -> RawLog:
     return log
 
 
-def _sound_flight(flight: LogCheckpoint, path: str) -> LogCheckpoint:
+def _validate_flight(flight: LogCheckpoint, path: str) -> LogCheckpoint:
     time, path = flight.time, f"{path}/flight"
     ensure_sizes(time, f"{path}/time")
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
@@ -164,7 +164,7 @@ LOG_LAYOUTS = {
             "lines": Hint("line", "1", "line of the log"),
             "columns": Hint(special=Columns()),
         },
-        unpack=_sound_log,
+        unpack=_validate_log,
     ),
     LogCheckpoint: Layout(
         {
@@ -174,7 +174,7 @@ LOG_LAYOUTS = {
             "violations": Hint("flight/violations"),
             "label": Hint("flight/label"),
         },
-        unpack=_sound_flight,
+        unpack=_validate_flight,
     ),
 }
 """The layouts of the records of flight logs; their inputs are stored like those of runs."""

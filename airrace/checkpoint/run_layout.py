@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.checkpoint.checkpoint import Checkpoint, StoredAttempt, StoredInputs, StoredStage
+from airrace.checkpoint.checkpoint import Checkpoint, StoredAttempt, StoredStage
 from airrace.checkpoint.codec import Hint, Layout
 from airrace.checkpoint.hdf5 import Attribute, Reader, Writer
 from airrace.errors import CheckpointError
@@ -137,7 +137,7 @@ def trajectory_of(stored: StoredTrajectory, path: str) -> Trajectory:
     return Trajectory(stored.phases, *nodes, declared[0], values[0], declared[1], values[1])
 
 
-def _sound_mesh(mesh: MeshRecord, path: str) -> MeshRecord:
+def _validate_mesh(mesh: MeshRecord, path: str) -> MeshRecord:
     intervals = len(mesh.why)
     nodes = intervals + 1 if intervals else 0
     if (len(mesh.coarser), len(mesh.defect), len(mesh.drift)) != (nodes, intervals, intervals):
@@ -147,7 +147,7 @@ def _sound_mesh(mesh: MeshRecord, path: str) -> MeshRecord:
     return mesh
 
 
-def _sound_attempt(stored: StoredAttempt, path: str) -> StoredAttempt:
+def _validate_attempt(stored: StoredAttempt, path: str) -> StoredAttempt:
     attempt = stored.attempt
     counts, numbers = (attempt.outside, attempt.over_load), (attempt.risk, attempt.load_risk, attempt.lift)
     if min(counts) < 0 or max(counts) > attempt.flights or not all(0.0 <= number < math.inf for number in numbers):
@@ -171,7 +171,7 @@ LENGTH_ERROR = 0.1
 """The largest distance of the length of an attitude's quaternion from 1; a flight keeps it at 1 but for rounding."""
 
 
-def possible(result: StageResult, path: str) -> StageResult:
+def validate_result(result: StageResult, path: str) -> StageResult:
     """Return a stage, or refuse one whose flight no aircraft can fly.
 
     Where no flight was found the numbers are those at which the solver gave up, and anything goes.
@@ -212,7 +212,7 @@ def possible(result: StageResult, path: str) -> StageResult:
     passed: Array = np.diff(trajectory.time[trajectory.first_node])
     if not (np.abs(passed - trajectory.durations) <= ROUNDED * trajectory.race_time).all():
         raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")
-    rows = {one.name: values for one, values in zip(trajectory.states, trajectory.state, strict=True)}
+    rows = {state.name: values for state, values in zip(trajectory.states, trajectory.state, strict=True)}
     ensure_attitudes(rows, f"{path}/states")
     return result
 
@@ -242,41 +242,34 @@ def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
         raise CheckpointError(f"{path}: the quaternion {', '.join(QUATERNION)} is not of length 1")
 
 
-def _stage_at(path: str) -> tuple[Stage]:
+def _stage_at(path: str) -> Stage:
     """Return the stage of a result by its path; a reserve is searched for in the last one."""
     _, folder, name, *_ = path.split("/")
-    return (Stage(name) if folder == "stages" else STAGES[-1],)
-
-
-def _alternatives_at(path: str) -> tuple[tuple[StageResult, ...]] | None:
-    """Return that an alternative has no alternatives; those of a stage are stored."""
-    return ((),) if "/alternatives/" in path else None
+    return Stage(name) if folder == "stages" else STAGES[-1]
 
 
 LAYOUTS = {
     Checkpoint: Layout(
         {
             "stages": Hint(
-                keys=lambda: [stage.value for stage in STAGES], key=lambda stored: stored.result.stage.value
+                entries=lambda: [stage.value for stage in STAGES], entry=lambda stored: stored.result.stage.value
             ),
             "attempts": Hint("reserve", absent=True),
         }
     ),
-    StoredInputs: Layout({"settings": Hint(absent=True)}),
     StoredStage: Layout({"result": Hint(inline=True)}),
-    StoredAttempt: Layout({"result": Hint("flight", absent=True)}, unpack=_sound_attempt),
+    StoredAttempt: Layout({"result": Hint("flight")}, unpack=_validate_attempt),
     StageResult: Layout(
         {
-            "stage": Hint(follows=_stage_at),
+            "stage": Hint(value_at=_stage_at),
             "trajectory": Hint(inline=True),
             "constraint_multipliers": Hint("", "1", "multipliers of the constraints"),
             "bound_multipliers": Hint("", "1", "multipliers of the simple bounds"),
-            "certificate": Hint(absent=True),
             "suggested_changes": Hint(absent=True),
-            "alternatives": Hint(follows=_alternatives_at),
+            "alternatives": Hint(outermost=True),
             "pylon_conditions": Hint(absent=True),
         },
-        unpack=possible,
+        unpack=validate_result,
     ),
     Trajectory: Layout(
         {
@@ -298,7 +291,7 @@ LAYOUTS = {
             "defect": Hint("", "scaled", "deviation of the replay from the next node"),
             "drift": Hint("", "1", "distance of the Hamiltonian from -1"),
         },
-        unpack=_sound_mesh,
+        unpack=_validate_mesh,
     ),
 }
 """The layouts of the records of runs."""
