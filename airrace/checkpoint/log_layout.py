@@ -99,7 +99,7 @@ class LogCheckpoint:
 
 
 FLIGHT_LOG = "flight log"
-"""The content of such a file."""
+"""The attribute `content` of such a file."""
 LOG_SCHEMA = 1
 """The version of this layout; a reader refuses every other."""
 BASES = ("measured", "derived")

@@ -22,7 +22,7 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
 from airrace.checkpoint.codec import Codec
 from airrace.checkpoint.hdf5 import Attribute, open_image
-from airrace.checkpoint.log_layout import LOG_LAYOUTS, LOG_SCHEMA, LogCheckpoint
+from airrace.checkpoint.log_layout import FLIGHT_LOG, LOG_LAYOUTS, LOG_SCHEMA, LogCheckpoint
 from airrace.checkpoint.run_layout import LAYOUTS, OTHER_SCHEMA, SCHEMA
 from airrace.errors import CheckpointError
 from airrace.standard_streams import STANDARD, name_of, read_bytes
@@ -66,8 +66,8 @@ def unseal(content: bytes) -> bytes:
 logger = logging.getLogger(__name__)
 
 CODEC = Codec(LAYOUTS | LOG_LAYOUTS)
-CONTENT, FLIGHT_LOG = "content", "flight log"
-"""The attribute that tells flight logs from runs, which have none, and its value."""
+CONTENT = "content"
+"""The attribute that tells flight logs from runs, which have none."""
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 

@@ -145,6 +145,16 @@ def shorten_history(file: h5py.File) -> None:
         file[f"{STAGE}/states/V_K"].attrs.create(name, attributes[name], dtype=utf8(len(attributes[name])))
 
 
+def set_mesh(file: h5py.File, why: int, coarser: int, intervals: int = 6) -> None:
+    for name, data in (
+        ("why", np.full(intervals, why)),
+        ("coarser", np.full(intervals + 1, coarser)),
+        ("defect", np.zeros(intervals)),
+        ("drift", np.zeros(intervals)),
+    ):
+        renew(file, f"{STAGE}/mesh/{name}", data=data)
+
+
 def set_time(file: h5py.File, time: Sequence[float]) -> None:
     file[f"{STAGE}/time"][:] = time
     file[f"{STAGE}/interval_time"][:] = time[:-1]
@@ -267,6 +277,22 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "a row that is not UTF-8": (
         lambda f: renew(f, f"{STAGE}/phases", data=np.array([(b"caf\xe9",)] * 2, [("phase", utf8(4))])),
         "phases.phase: a text is not UTF-8",
+    ),
+    "a reason that does not exist": (lambda f: set_mesh(f, 6, 1), "mesh/why: holds reasons that do not exist"),
+    "a reason that is too large": (lambda f: set_mesh(f, 257, 1), "mesh/why: holds numbers that are no int8"),
+    "nodes of the coarser mesh twice": (lambda f: set_mesh(f, 1, 2), "mesh/coarser: holds numbers that are no bool"),
+    "a mesh of another flight": (lambda f: set_mesh(f, 1, 1, 5), "mesh: does not belong to 6 intervals"),
+    "a mesh with a gap": (
+        lambda f: (set_mesh(f, 1, 1), renew(f, f"{STAGE}/mesh/drift", data=np.zeros(5))),
+        "mesh: its series do not belong to the same intervals",
+    ),
+    "an unknown note": (
+        lambda f: renew(f, f"{STAGE}/notes", data=np.array([(b"joke", b"ha")], [("kind", utf8(4)), ("text", utf8(2))])),
+        "notes.kind: unknown kind 'joke'",
+    ),
+    "an outcome of no stage": (
+        lambda f: renew(f, f"{STAGE}/outcome", data=np.array(b"certified", utf8(9))),
+        "unknown outcome 'certified'",
     ),
     "two rows of timings": (
         lambda f: renew(f, f"{STAGE}/timings", data=np.repeat(f[f"{STAGE}/timings"][()], 2)),
