@@ -1,4 +1,4 @@
-"""Checkpoints: all that a run was given and found, in one HDF5 file, replaced atomically and read with distrust."""
+"""Checkpoints: all of a run in one HDF5 file, which is replaced atomically and read by a validating reader."""
 
 from airrace.checkpoint.checkpoint import (
     Checkpoint,
@@ -10,7 +10,8 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver
+from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredPassing, StoredReceiver
+from airrace.checkpoint.run_layout import StoredHistory
 from airrace.checkpoint.store import (
     read_checkpoint,
     read_stored,

@@ -15,17 +15,16 @@ import logging
 import os
 import stat
 import struct
-from collections.abc import Callable, Collection
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
-from airrace.checkpoint.hdf5 import Group, image_of, tree_of
-from airrace.checkpoint.log_layout import LogCheckpoint, decode_log, encode_log, is_log_checkpoint
-from airrace.checkpoint.run_layout import decode, encode
+from airrace.checkpoint.codec import Codec
+from airrace.checkpoint.hdf5 import Attribute, open_image
+from airrace.checkpoint.log_layout import FLIGHT_LOG, LOG_LAYOUTS, LOG_SCHEMA, LogCheckpoint
+from airrace.checkpoint.run_layout import LAYOUTS, OTHER_SCHEMA, SCHEMA
 from airrace.errors import CheckpointError
-from airrace.procedure.stage import Stage
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 BLOCK_SIZE = 512
@@ -66,32 +65,29 @@ def unseal(content: bytes) -> bytes:
 
 logger = logging.getLogger(__name__)
 
-T = TypeVar("T")
+CODEC = Codec(LAYOUTS | LOG_LAYOUTS)
+CONTENT = "content"
+"""The attribute that tells flight logs from runs, which have none."""
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint, unchanged: Collection[Stage] = ()) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
-
-    Args:
-        path: the file.
-        checkpoint: its contents.
-        unchanged: stages that are as they were last written or read; they are not read back.
 
     Raises:
         StorageError: the system refused; the old checkpoint survives.
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    _write(path, encode(checkpoint), decode, [f"/stages/{one.value}" for one in unchanged])
+    _write(path, checkpoint, {"schema": SCHEMA})
 
 
 def write_log(path: Path, recorded: LogCheckpoint) -> None:
     """Replace the file at `path` by a flight log, at once and as a whole; errors as of `write_checkpoint`."""
-    _write(path, encode_log(recorded), decode_log)
+    _write(path, recorded, {CONTENT: FLIGHT_LOG, "schema": LOG_SCHEMA})
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -100,32 +96,19 @@ def read_checkpoint(path: Path) -> Checkpoint:
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
     """
-    return _read(path, decode)
+    stored = read_stored(path)
+    if isinstance(stored, LogCheckpoint):
+        words = "this is a flight log, not a run; show, report, compare, plot and export take it"
+        raise CheckpointError(f"{name_of(path)}: {words}")
+    return stored
 
 
 def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
     """Return the run or the flight log at `path`; errors as of `read_checkpoint`."""
-    return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))
-
-
-def _write(
-    path: Path,
-    root: Group,
-    understood: Callable[[Group], object],
-    without: Collection[str] = (),
-) -> None:
-    image = image_of(root)
-    if BLOCK_SIZE + len(image) > SIZE_MAX:
-        raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
-    understood(tree_of(image, without))
-    replace_file(path, seal(image))
-
-
-def _read(path: Path, understood: Callable[[Group], T]) -> T:
     try:
         image = unseal(_content(path))
         logger.info("%s is read", name_of(path))
-        return understood(tree_of(image))
+        return _decoded(image)
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:
@@ -133,6 +116,30 @@ def _read(path: Path, understood: Callable[[Group], T]) -> T:
         raise CheckpointError(f"the checkpoint {path} cannot be read: {reason[:1].lower()}{reason[1:]}") from error
     except CheckpointError as error:
         raise CheckpointError(f"{name_of(path)}: {error}") from error
+
+
+def _write(path: Path, contents: object, attributes: Mapping[str, Attribute]) -> None:
+    image = CODEC.image_of(contents, attributes)
+    if BLOCK_SIZE + len(image) > SIZE_MAX:
+        raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
+    _decoded(image)
+    replace_file(path, seal(image))
+
+
+def _decoded(image: bytes) -> Checkpoint | LogCheckpoint:
+    with open_image(image) as root:
+        attributes = root.attributes({CONTENT: str, "schema": int})
+        is_log, schema = CONTENT in attributes, attributes.get("schema")
+        if is_log and attributes != {CONTENT: FLIGHT_LOG, "schema": LOG_SCHEMA}:
+            content = f"a {attributes[CONTENT]} of schema {schema}"
+            raise CheckpointError(
+                f"the file holds {content[:80]}; this airrace reads schema {LOG_SCHEMA} of a {FLIGHT_LOG}"
+            )
+        if not is_log and schema != SCHEMA:
+            raise CheckpointError(
+                f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA} alone. {OTHER_SCHEMA}"
+            )
+        return CODEC.read(root, LogCheckpoint if is_log else Checkpoint)
 
 
 def _content(path: Path) -> bytes:

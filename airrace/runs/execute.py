@@ -3,7 +3,7 @@
 import contextlib
 import os
 import time
-from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +16,6 @@ from airrace.inputs.rules import ReserveEntry
 from airrace.procedure import procedure
 from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
-from airrace.procedure.stage import Stage
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
@@ -181,7 +180,7 @@ def _keep_reserve(
     def keep(attempt: ReserveAttempt, flown: RunState | None) -> None:
         nonlocal stored
         stored = stored.with_attempt(attempt, flown)
-        _store(stored, [one.stage for one in stored.results])
+        _store(stored)
         attempted(stored)
 
     assert run.inputs.reserve is not None
@@ -209,7 +208,7 @@ def _execute_locked(
         progress=progress,
     ):
         run = run.with_mesh_check(result) if result.stage in reused else run.with_stage(result)
-        _store(run, {one.stage for one in run.results} - {result.stage})
+        _store(run)
         progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
         yield Executed(run, result)
 
@@ -281,9 +280,9 @@ def unreached(reserve: ReserveEntry | None) -> str:
     return f"a reserve of {reserve.probability:g} was not reached: {most}"
 
 
-def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:
+def _store(run: RunState) -> None:
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint, unchanged)
+        write_checkpoint(run.path, run.checkpoint)
 
 
 def _next_step(plan: ExecutionPlan, run: RunState, results: Sequence[StageResult]) -> str:

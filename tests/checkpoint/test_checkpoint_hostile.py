@@ -110,20 +110,19 @@ def virtual_dataset(file: h5py.File) -> None:
     file.create_virtual_dataset(f"{STAGE}/durations", layout)
 
 
-def repeated_members(file: h5py.File) -> None:
-    for number in range(25_000):
-        file[f"stages/n{number}"] = file["versions"]
+def repeated_alternatives(file: h5py.File, count: int) -> None:
+    """One flight under many names."""
+    flight = file.create_group("flight")
+    for name in set(file[STAGE]) - {"alternatives", "inputs_hash", "chain_hash"}:
+        flight[name] = file[STAGE][name]
+    for number in range(1, count + 1):
+        file[f"{STAGE}/alternatives/{number}"] = flight
+    del file["flight"]
 
 
-def one_dataset_many_times(file: h5py.File) -> None:
-    file.create_dataset("large", data=np.zeros(5000))
-    for number in range(50):
-        file[f"large_{number}"] = file["large"]
-
-
-def many_attributes(file: h5py.File) -> None:
-    for number in range(17):
-        file["stages"].attrs[f"a{number}"] = 1.0
+def repeated_bytes(file: h5py.File) -> None:
+    renew(file, f"{STAGE}/bound_multipliers", data=np.zeros(50_000))
+    repeated_alternatives(file, 20)
 
 
 def add_states(file: h5py.File, values: Mapping[str, float]) -> None:
@@ -137,6 +136,25 @@ def add_states(file: h5py.File, values: Mapping[str, float]) -> None:
         added.attrs["row"] = np.int64(row)
 
 
+def shorten_history(file: h5py.File) -> None:
+    attributes = dict(file[f"{STAGE}/states/V_K"].attrs)
+    renew(file, f"{STAGE}/states/V_K", data=np.zeros(3))
+    for name in ("scale", "lower", "upper", "row"):
+        file[f"{STAGE}/states/V_K"].attrs[name] = attributes[name]
+    for name in ("units", "long_name"):
+        file[f"{STAGE}/states/V_K"].attrs.create(name, attributes[name], dtype=utf8(len(attributes[name])))
+
+
+def set_mesh(file: h5py.File, why: int, coarser: int, intervals: int = 6) -> None:
+    for name, data in (
+        ("why", np.full(intervals, why)),
+        ("coarser", np.full(intervals + 1, coarser)),
+        ("defect", np.zeros(intervals)),
+        ("drift", np.zeros(intervals)),
+    ):
+        renew(file, f"{STAGE}/mesh/{name}", data=data)
+
+
 def set_time(file: h5py.File, time: Sequence[float]) -> None:
     file[f"{STAGE}/time"][:] = time
     file[f"{STAGE}/interval_time"][:] = time[:-1]
@@ -146,26 +164,28 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "soft link": (soft_link, "durations: is a soft or external link"),
     "external link": (external_link, "durations: is a soft or external link"),
     "external storage": (
-        lambda f: renew(f, "inputs/resolved", shape=(1,), dtype="<f8", external=[("/etc/passwd", 0, 8)]),
+        lambda f: renew(f, f"{STAGE}/durations", shape=(2,), dtype="<f8", external=[("/etc/passwd", 0, 16)]),
         "not stored plainly",
     ),
     "virtual dataset": (virtual_dataset, "not stored plainly"),
     "object reference": (
         lambda f: renew(f, f"{STAGE}/durations", data=np.array([f.ref, f.ref], h5py.ref_dtype)),
-        "durations: is neither",
+        "durations is not a series of floats",
     ),
     "reference as attribute": (
-        lambda f: f[f"{STAGE}/durations"].attrs.create("units", f.ref),
-        "durations@units: is ne",
+        lambda f: f[f"{STAGE}/states/V_K"].attrs.create("units", f.ref),
+        "V_K@units is not a short text",
     ),
-    "named type": (lambda f: f.__setitem__(f"{STAGE}/kind", np.dtype("<f8")), "neither a group nor a dataset"),
+    "named type": (
+        lambda f: (f.pop(f"{STAGE}/durations"), f.__setitem__(f"{STAGE}/durations", np.dtype("<f8"))),
+        "durations is not a series of floats",
+    ),
     "group within itself": (
-        lambda f: f.__setitem__(f"{STAGE}/states/self", f["stages"]),
-        "nested more than|more than a checkpoint can",
+        lambda f: f.__setitem__(f"{STAGE}/alternatives/1", f[STAGE]),
+        "alternatives/1: '.*' is unknown",
     ),
-    "too many objects": (repeated_members, "more than a checkpoint can"),
-    "bytes counted twice": (one_dataset_many_times, "more than a checkpoint can"),
-    "too many attributes": (many_attributes, "has 17 attributes"),
+    "too many objects": (lambda f: repeated_alternatives(f, 1000), "more than a checkpoint can"),
+    "bytes counted twice": (repeated_bytes, "more than a checkpoint can"),
     "compressed": (
         lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2), compression="gzip"),
         "not stored plainly",
@@ -173,10 +193,13 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "chunked": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2), chunks=(1,)), "not stored plainly"),
     "unallocated": (lambda f: renew(f, f"{STAGE}/durations", shape=(9,), dtype="<f8"), "not stored plainly"),
     "absurd size": (lambda f: renew(f, f"{STAGE}/durations", shape=(10**15,), dtype="<f8"), "more than a checkpoint"),
-    "single precision": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<f4")), "durations: is neither"),
-    "two dimensions": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros((1, 2))), "durations: is neither"),
-    "no dataspace": (lambda f: renew(f, f"{STAGE}/durations", data=h5py.Empty("<f8")), "durations: is neither"),
-    "variable-length text": (lambda f: renew(f, f"{STAGE}/message", data="hello"), "message: is neither"),
+    "single precision": (
+        lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<f4")),
+        "durations is not a series",
+    ),
+    "two dimensions": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros((1, 2))), "durations is not a series"),
+    "no dataspace": (lambda f: renew(f, f"{STAGE}/durations", data=h5py.Empty("<f8")), "durations is not a series"),
+    "variable-length text": (lambda f: renew(f, f"{STAGE}/message", data="hello"), "message is not a text"),
     "integers for floats": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<i8")), "series of floats"),
     "floats for integers": (lambda f: renew(f, f"{STAGE}/first_node", data=np.zeros(3)), "series of integers"),
     "numbers for a text": (lambda f: renew(f, f"{STAGE}/message", data=np.zeros(2)), "message is not a text"),
@@ -186,7 +209,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     ),
     "missing member": (lambda f: f.pop(f"{STAGE}/durations"), "'durations' is missing"),
     "unknown member": (lambda f: f.create_group(f"{STAGE}/more"), "'more' is unknown"),
-    "unknown stage": (lambda f: f.move(STAGE, "stages/warp"), "unknown stage 'warp'"),
+    "unknown stage": (lambda f: f.move(STAGE, "stages/warp"), "/stages: 'warp' is unknown"),
     "another schema": (lambda f: f.attrs.modify("schema", np.int64(2)), "schema is 2"),
     "an older schema": (
         lambda f: f.attrs.modify("schema", np.int64(6)),
@@ -196,7 +219,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "no declaration": (lambda f: f[f"{STAGE}/states/V_K"].attrs.pop("upper"), "V_K: is not declared"),
     "the same row twice": (lambda f: f[f"{STAGE}/states/V_K"].attrs.modify("row", np.int64(0)), "are not 0, 1, 2"),
     "a row elsewhere": (lambda f: f[f"{STAGE}/states/V_K"].attrs.modify("row", np.int64(7)), "are not 0, 1, 2"),
-    "a short history": (lambda f: renew(f, f"{STAGE}/states/V_K", data=np.zeros(3)), "3 values instead of 7"),
+    "a short history": (shorten_history, "V_K: 3 values instead of 7"),
     "phases out of order": (
         lambda f: renew(f, f"{STAGE}/first_node", data=np.array([0, 9, 6])),
         "first_node: does not divide",
@@ -209,7 +232,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     ),
     "other columns": (
         lambda f: renew(f, f"{STAGE}/splits", data=np.zeros(1, [("name", utf8(2)), ("time", "<f8")])),
-        "splits: the columns are name, time",
+        "splits is not a table of name, time, V_K, height",
     ),
     "a truth of two": (lambda f: f[f"{STAGE}/attempts"].__setitem__((0, "success"), 2), "neither 0 nor 1"),
     "no time for a phase": (lambda f: f[f"{STAGE}/durations"].__setitem__(0, 0.0), "a phase takes no time"),
@@ -252,8 +275,24 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         "V_K@long_name: a text is not UTF-8",
     ),
     "a row that is not UTF-8": (
-        lambda f: renew(f, f"{STAGE}/phases", data=np.array([(b"caf\xe9",)] * 2, [("name", utf8(4))])),
-        "phases.name: a text is not UTF-8",
+        lambda f: renew(f, f"{STAGE}/phases", data=np.array([(b"caf\xe9",)] * 2, [("phase", utf8(4))])),
+        "phases.phase: a text is not UTF-8",
+    ),
+    "a reason that does not exist": (lambda f: set_mesh(f, 6, 1), "mesh/why: holds reasons that do not exist"),
+    "a reason that is too large": (lambda f: set_mesh(f, 257, 1), "mesh/why: holds numbers that are no int8"),
+    "nodes of the coarser mesh twice": (lambda f: set_mesh(f, 1, 2), "mesh/coarser: holds numbers that are no bool"),
+    "a mesh of another flight": (lambda f: set_mesh(f, 1, 1, 5), "mesh: does not belong to 6 intervals"),
+    "a mesh with a gap": (
+        lambda f: (set_mesh(f, 1, 1), renew(f, f"{STAGE}/mesh/drift", data=np.zeros(5))),
+        "mesh: its series do not belong to the same intervals",
+    ),
+    "an unknown note": (
+        lambda f: renew(f, f"{STAGE}/notes", data=np.array([(b"joke", b"ha")], [("kind", utf8(4)), ("text", utf8(2))])),
+        "notes.kind: unknown kind 'joke'",
+    ),
+    "an outcome of no stage": (
+        lambda f: renew(f, f"{STAGE}/outcome", data=np.array(b"certified", utf8(9))),
+        "unknown outcome 'certified'",
     ),
     "two rows of timings": (
         lambda f: renew(f, f"{STAGE}/timings", data=np.repeat(f[f"{STAGE}/timings"][()], 2)),
