@@ -140,16 +140,17 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
     largest = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean()))
     threshold = TOLERANCES.zero * largest / MULTIPLIER_SCALE
     saddle = SADDLE * threshold
-    found, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
-    if found is not None:
-        curvature, least = Curvature.SINGULAR, min(form.curvature(found), threshold)  # however the direction is rounded
+    direction, curvature, least = direction_below(form, threshold), Curvature.POSITIVE, np.nan
+    if direction is not None:
+        curvature = Curvature.SINGULAR
+        least = min(form.curvature(direction), threshold)  # however the direction is rounded
         less = direction_below(form, -saddle)
         if less is not None:
-            found, least = less, min(form.curvature(less), -saddle)
+            direction, least = less, min(form.curvature(less), -saddle)
             negative = descent_direction(replace(form, active=equal | active | weak), saddle)
             if negative is not None:
-                curvature, found, least = Curvature.INDEFINITE, negative, form.curvature(negative)
-    phase, quantity = ("", "") if found is None else _place(layout, found)
+                curvature, direction, least = Curvature.INDEFINITE, negative, form.curvature(negative)
+    phase, quantity = ("", "") if direction is None else _place(layout, direction)
     verdict = SecondOrder(
         curvature=curvature,
         threshold=threshold,
@@ -159,7 +160,9 @@ def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Arra
         active=int(active.sum()),
         weakly_active=int(weak.sum()),
     )
-    return verdict, np.zeros(layout.unknowns) if found is None else found / found[np.abs(found).argmax()]
+    if direction is None:
+        return verdict, np.zeros(layout.unknowns)
+    return verdict, direction / direction[np.abs(direction).argmax()]
 
 
 def _shares(layout: Layout, w: Array) -> Array:
@@ -174,8 +177,10 @@ def _shares(layout: Layout, w: Array) -> Array:
 def _place(layout: Layout, direction: Array) -> tuple[str, str]:
     """Return the phase in which a direction begins, and what it changes most, for people."""
     system = layout.problem.system
-    words = [one.text or one.name for one in (*system.states, *system.controls)]
-    names = [*words[: len(system.states)], "duration", *words[len(system.states) :], "next duration"]
+    states, controls = (
+        [quantity.text or quantity.name for quantity in part] for part in (system.states, system.controls)
+    )
+    names = [*states, "duration", *controls, "next duration"]
     stage_of, most = layout.stage_of_unknown, int(np.abs(direction).argmax())
     begin = int(np.min(stage_of[direction != 0.0]))
     place = int(np.sum(stage_of[:most] == stage_of[most]))
@@ -221,8 +226,11 @@ class StageQuadratic:
 
     def gain(self, direction: Array) -> float:
         """Return what a step gains, of shape (n_w,), in the objective's unit."""
-        moved = [one for one in zip(_blocks(direction, self.sizes), self.hessians, strict=True) if one[0].any()]
-        return -0.5 * sum(float(z @ H @ z) for z, H in moved)
+        curvature = 0.0
+        for z, H in zip(_blocks(direction, self.sizes), self.hessians, strict=True):
+            if z.any():
+                curvature += float(z @ H @ z)
+        return -0.5 * curvature
 
     @property
     def hessians(self) -> list[Array]:
@@ -257,10 +265,10 @@ def descent_direction(form: StageQuadratic, saddle: float) -> Array | None:
     One that gains too little is made to count for more, so that the others are seen.
     """
     for _ in range(TOLERANCES.spikes_max):
-        found = direction_below(form, -saddle)
-        if found is None or not form.curvature(found) < -saddle:  # a saddle only where it is measured
+        direction = direction_below(form, -saddle)
+        if direction is None or not form.curvature(direction) < -saddle:  # a saddle only where it is measured
             return None
-        direction = found / np.abs(found).max()
+        direction = direction / np.abs(direction).max()
         if form.gain(direction) > TOLERANCES.gain_min:
             return direction
         inside = [bool((np.abs(z) > TOLERANCES.spike).any()) for z in _blocks(direction, form.sizes)]
@@ -281,10 +289,10 @@ def _native_recursion(
 ) -> _StartOfDirection | None:  # Any: made by ctypes
     m, sizes = form.states, form.sizes.astype(np.int64)
     gains, costs, ahead = (np.empty(size) for size in (len(form.hessian), int(sizes.max()) ** 2, 2 * m * m))
-    given = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.active, form.weights)
-    arrays, count = [np.ascontiguousarray(one) for one in given], ctypes.c_int()
-    found = (gains.ctypes.data, costs.ctypes.data, ahead.ctypes.data, ctypes.byref(count))
-    stage: int = native.null_space_riccati(len(sizes), m, *(one.ctypes.data for one in arrays), shift, *found)
+    matrices = (form.sizes, form.hessian, form.dynamics, form.row_counts, form.rows, form.active, form.weights)
+    inputs, count = [np.ascontiguousarray(matrix) for matrix in matrices], ctypes.c_int()
+    outputs = (gains.ctypes.data, costs.ctypes.data, ahead.ctypes.data, ctypes.byref(count))
+    stage: int = native.null_space_riccati(len(sizes), m, *(array.ctypes.data for array in inputs), shift, *outputs)
     n, blocks = count.value, _blocks(gains, sizes**2)
     behind = [block[: size * m].reshape(size, m) for block, size in zip(blocks, sizes, strict=True)]
     if stage >= 0:

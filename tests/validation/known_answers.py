@@ -3,6 +3,7 @@
     python tests/validation/known_answers.py [--markdown]           ours, published, difference
     python tests/validation/known_answers.py --refine [--markdown]  on meshes twice and four times as fine
     python tests/validation/known_answers.py --orders [--markdown]  orders of convergence of every integrator
+    python tests/validation/known_answers.py --solvers [--markdown] iterations and seconds, ours and IPOPT's
 
 `tests/validation/` states the problems, a module each. Seconds are those in the solver, without compiled
 kernels. Ends with 1 if a problem is not solved, a value lies outside its tolerance or an order is not what theory says.
@@ -18,6 +19,7 @@ from statement import KnownAnswer, Value
 from textbook import known_answers, refinements
 
 from airrace.optimal_control.problem import Problem
+from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT
 from airrace.optimal_control.solvers.solver import Solution
 
 REFINEMENTS = 2
@@ -122,6 +124,21 @@ def orders_table() -> Table:
     return Table(headings, (1, 2, 3, 4), rows())
 
 
+def solvers_table() -> Table:
+    """One line per problem."""
+
+    def rows() -> Iterable[Row]:
+        for answer in known_answers():
+            solutions = [answer.solve(solver) for solver in (INTERIOR_POINT, IPOPT)]
+            iterations = [str(solution.iterations) if solution.success else "-" for solution in solutions]
+            seconds = [f"{solution.seconds:.2f}" for solution in solutions]
+            holds = all(solution.success for solution in solutions)
+            yield Row((answer.name, mesh(answer.problem), *iterations, *seconds), holds)
+
+    headings = ("problem", "intervals", "iterations", "of IPOPT", "solver s", "of IPOPT")
+    return Table(headings, (2, 3, 4, 5), rows())
+
+
 def print_text(table: Table) -> bool:
     """In columns; whether all rows hold."""
     rows = list(table.rows)
@@ -155,8 +172,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--refine", action="store_true", help="the answers on finer meshes instead")
     which.add_argument("--orders", action="store_true", help="the orders of convergence instead")
+    which.add_argument("--solvers", action="store_true", help="iterations of both solvers instead")
     chosen = parser.parse_args(arguments)
-    table = orders_table() if chosen.orders else refinement_table() if chosen.refine else answers_table()
+    table = answers_table()
+    if chosen.orders:
+        table = orders_table()
+    elif chosen.refine:
+        table = refinement_table()
+    elif chosen.solvers:
+        table = solvers_table()
     return 0 if (print_markdown if chosen.markdown else print_text)(table) else 1
 
 

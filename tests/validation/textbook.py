@@ -3,17 +3,28 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import beam
+import catalyst_mixing
 import delta_iii
 import double_integrator
 import dynamic_soaring
+import fuller
+import goddard_rocket
 import hang_glider
+import hanging_chain
 import heated_shuttle
+import insurance
 import level_turn
 import lofted_rocket
+import moon_lander
 import numpy as np
+import particle_steering
+import quadrotor
 import reorientation
+import robot_arm
 import sliding_mass
 import terminal_bunt
+import van_der_pol
 from statement import KnownAnswer
 
 from airrace.optimal_control.mesh_refinement import divide
@@ -31,6 +42,17 @@ PROBLEMS = (
     lofted_rocket,
     heated_shuttle,
     delta_iii,
+    goddard_rocket,
+    robot_arm,
+    particle_steering,
+    catalyst_mixing,
+    hanging_chain,
+    van_der_pol,
+    beam,
+    fuller,
+    moon_lander,
+    quadrotor,
+    insurance,
 )
 
 

@@ -200,18 +200,18 @@ class PreparedProblem:
             The better optimum, else the one that is given, and the verdict on it.
         """
         judged = judge(self._functions, layout, result.w, p, result.lam_g)
-        for side in (STEP_FROM_SADDLE, -STEP_FROM_SADDLE):
+        for length in (STEP_FROM_SADDLE, -STEP_FROM_SADDLE):
             if judged is None or judged[0].curvature is not Curvature.INDEFINITE:
                 break
-            start = np.clip(result.w + side * judged[1], bounds.lower, bounds.upper)
+            start = np.clip(result.w + length * judged[1], bounds.lower, bounds.upper)
             _, lam_x, _ = kkt_error(self._functions, layout, result.w, p, result.lam_g)
-            found = self._solver.solve(start, bounds, p, Multipliers(result.lam_g, lam_x))
-            better = found.success and found.objective < result.objective
-            spent = result.iterations + found.iterations
-            derived = result.derivative_seconds + found.derivative_seconds
-            result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
-            result = replace(result, iterations=spent, derivative_seconds=derived)
-            if better:
+            beyond = self._solver.solve(start, bounds, p, Multipliers(result.lam_g, lam_x))
+            is_better = beyond.success and beyond.objective < result.objective
+            iterations = result.iterations + beyond.iterations
+            seconds = result.derivative_seconds + beyond.derivative_seconds
+            result = replace(beyond, status=f"{beyond.status}, beyond a saddle") if is_better else result
+            result = replace(result, iterations=iterations, derivative_seconds=seconds)
+            if is_better:
                 judged = judge(self._functions, layout, result.w, p, result.lam_g)
         return result, None if judged is None else judged[0]
 
