@@ -12,6 +12,7 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredAttempt, StoredStage
 from airrace.checkpoint.codec import Hint, Layout
 from airrace.checkpoint.hdf5 import Attribute, Reader, Writer
 from airrace.errors import CheckpointError
+from airrace.frames import QUATERNION
 from airrace.procedure.result import OUTCOMES, MeshRecord, RefinementReason, StageResult
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
