@@ -249,12 +249,12 @@ def result_of(record: JobRecord) -> JobResult:
     """Return what a record says."""
     run: Mapping[str, Any] = record.run or {}  # Any: the object of `airrace optimize --json`
     stages: Sequence[Mapping[str, Any]] = run.get("stages") or ({},)
-    routes = next((found for stage in stages if (found := stage.get("routes"))), None)
+    routes: RouteSummary | None = None
+    for stage in reversed(stages):
+        if tried := stage.get("routes"):
+            second = (tried[1]["route"], tried[1]["difference_s"]) if len(tried) > 1 else ()
+            routes = RouteSummary(tried[0]["route"], len(tried), *second)
     least: Sequence[Mapping[str, Any]] = stages[-1].get("least_distances") or ()
-    summary = None
-    if routes:
-        rival = (routes[1]["route"], routes[1]["difference_s"]) if len(routes) > 1 else ()
-        summary = RouteSummary(routes[0]["route"], len(routes), *rival)
     return JobResult(
         record.code,
         record.message,
@@ -262,10 +262,10 @@ def result_of(record: JobRecord) -> JobResult:
         record.wall,
         record.retries,
         record.findings,
-        summary,
+        routes,
         stages[-1].get("stage", ""),
         tuple(stages[-1].get("lap_times_s", ())),
-        tuple((f"{one['kind']} {one['name']}".rstrip(), one["distance_m"]) for one in least),
+        tuple((f"{place['kind']} {place['name']}".rstrip(), place["distance_m"]) for place in least),
     )
 
 
