@@ -173,9 +173,9 @@ class _Supervision:
 
     def __init__(self, plan: BatchPlan, pool: JobPool, options: "BatchOptions", watcher: Watcher) -> None:
         self._folder, self._pool, self._options, self._watcher = plan.folder, pool, options, watcher
-        self.waiting = deque(_PendingJob(step, step.job) for step in plan.steps if step.known is None and step.job)
+        self.waiting = deque(_PendingJob(step, step.job) for step in plan.steps if step.result is None and step.job)
         self.running: dict[Future[AttemptResult], _PendingJob] = {}
-        self.results = {step.name: step.known for step in plan.steps if step.known is not None}
+        self.results = {step.name: step.result for step in plan.steps if step.result is not None}
 
     def begin(self, pending: _PendingJob) -> None:
         job, path = pending.job, checkpoint_path(self._folder, pending.job.name)
