@@ -196,9 +196,8 @@ class _Supervision:
         self._report_progress()
         for future in done:
             pending, result = self.running.pop(future), future.result()
-            if (
-                result.code == ExitCode.SYSTEM and self._pool.stop_asked.is_set()
-            ):  # who stops a batch may signal its jobs
+            # Who stops a batch may signal its jobs as well: they have not failed.
+            if result.code == ExitCode.SYSTEM and self._pool.stop_asked.is_set():
                 result = replace(result, code=ExitCode.INTERRUPTED, message="interrupted")
             # A crash, a lost worker or a lack of memory may well not occur the next time.
             if result.code == ExitCode.SYSTEM and len(pending.reasons) < self._options.retries:
