@@ -146,7 +146,8 @@ def supervise(
     watcher.on_begin(plan)
     try:
         while (batch.waiting or batch.running) and not stop_asked():
-            while batch.waiting and len(batch.running) < pool.slots:
+            slots = pool.slots  # asked every time: a cluster notices by it what it has lost
+            while batch.waiting and len(batch.running) < slots:
                 batch.begin(batch.waiting.popleft())
             batch.collect()
         pool.stop_asked.set()
