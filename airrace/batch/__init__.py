@@ -79,13 +79,15 @@ class BatchOptions:
     def plan(self, sources: "Sources") -> "BatchPlan":
         """Return the plan of the batch; see `planning.make_plan`."""
         from airrace.batch.planning import make_plan
-        from airrace.batch.record import Choice
+        from airrace.batch.record import Repeat
         from airrace.runs.plan import stage_by_name
         from airrace.runs.run import library_versions
 
-        choice = Choice.ALL if self.force else Choice.FAILED if self.retry_failed else Choice.NONE
+        repeat = Repeat.FAILED if self.retry_failed else Repeat.NONE
+        if self.force:
+            repeat = Repeat.ALL
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
-        return make_plan(sources, self.output, until=stage_by_name(None).value, versions=versions, choice=choice)
+        return make_plan(sources, self.output, until=stage_by_name(None).value, versions=versions, repeat=repeat)
 
     def pool(self) -> "JobPool":
         """Return what runs the jobs; a cluster is given as long to have a worker as a job has to end.

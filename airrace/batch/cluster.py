@@ -8,7 +8,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self, cast
 
@@ -118,9 +117,13 @@ class ClusterPool(JobPool):
         try:
             self._refuse_other_versions()
             self._client.subscribe_topic(self._topic, self._take_report)
-        except BaseException:
+        except ClusterError:
             self.__exit__()
             raise
+        except Exception as error:  # any error of the library
+            self.__exit__()
+            text = f"the scheduler {self._address} does not answer as it should: {_describe(error)}"
+            raise ClusterError(text) from error
         return self
 
     def __exit__(self, *raised: object) -> None:
@@ -181,10 +184,12 @@ class ClusterPool(JobPool):
         """
         try:
             threads = self._client.nthreads(callback_timeout=REPLY_TIME)
-            for worker, mismatch in self._compare_versions([name for name in threads if name not in self._mismatches]):
-                if mismatch and mismatch not in self._mismatches.values():
-                    _log.warning("worker %s gets no jobs: it has %s", worker, mismatch)
-                self._mismatches[worker] = mismatch
+            if not threads.keys() <= self._mismatches.keys():
+                for worker, answer in self._client.get_versions(packages=list(self._versions))["workers"].items():
+                    mismatch = self._mismatch(answer["packages"])
+                    if mismatch and mismatch not in self._mismatches.values():
+                        _log.warning("worker %s gets no jobs: it has %s", worker, mismatch)
+                    self._mismatches[worker] = mismatch
             self._threads_of = {name: number for name, number in threads.items() if self._mismatches.get(name) == ""}
             alone = not self._threads_of
         except Exception:  # any error of the library
@@ -201,38 +206,25 @@ class ClusterPool(JobPool):
 
     def _refuse_other_versions(self) -> None:
         """Begin nothing with a cluster whose scheduler or workers have other versions."""
-        here = self._versions["airrace"]
-        try:
-            try:
-                there = self._client.run_on_scheduler(version, "airrace", callback_timeout=REPLY_TIME)
-            except PackageNotFoundError:
-                raise ClusterError(f"the scheduler {self._address} has no airrace, which it needs as well") from None
-            if there != here:
-                raise ClusterError(f"the scheduler {self._address} has airrace {there}, here is {here}")
-            workers = list(self._client.nthreads(callback_timeout=REPLY_TIME))
-            for worker, mismatch in self._compare_versions(workers):
-                if mismatch:
-                    raise ClusterError(f"worker {worker} of {self._address} has {mismatch}")
-        except ClusterError:
-            raise
-        except Exception as error:  # any error of the library
-            text = f"the scheduler {self._address} does not answer as it should: {_describe(error)}"
-            raise ClusterError(text) from error
+        versions = self._client.get_versions(packages=list(self._versions))
+        here, there = self._versions["airrace"], versions["scheduler"]["packages"]["airrace"]
+        if there is None:
+            raise ClusterError(f"the scheduler {self._address} has no airrace, which it needs as well")
+        if there != here:
+            raise ClusterError(f"the scheduler {self._address} has airrace {there}, here is {here}")
+        for worker, answer in versions["workers"].items():
+            if mismatch := self._mismatch(answer["packages"]):
+                raise ClusterError(f"worker {worker} of {self._address} has {mismatch}")
 
-    def _compare_versions(self, workers: list[str]) -> list[tuple[str, str]]:
-        """Return the workers that answer, each with the first version that is another; empty where all are the same."""
-        mismatches = dict.fromkeys(workers, "")
-        for name, here in self._versions.items() if workers else ():
-            answers = self._client.run(version, name, workers=workers, on_error="return", callback_timeout=REPLY_TIME)
-            for worker in list(mismatches):
-                there = answers.get(worker)
-                if isinstance(there, PackageNotFoundError):
-                    mismatches[worker] = mismatches[worker] or f"no {name}"
-                elif not isinstance(there, str):
-                    del mismatches[worker]
-                elif there != here:
-                    mismatches[worker] = mismatches[worker] or f"{name} {there}, here is {here}"
-        return list(mismatches.items())
+    def _mismatch(self, packages: Mapping[str, str | None]) -> str:
+        """Return the first version that is another one than here; empty where all are the same."""
+        for name, here in self._versions.items():
+            there = packages.get(name)
+            if there is None:
+                return f"no {name}"
+            if there != here:
+                return f"{name} {there}, here is {here}"
+        return ""
 
 
 def _connect(address: str) -> Any:

@@ -63,8 +63,8 @@ def air_text(air: Combination) -> str:
     wind = f"{values[SPEED]} kt from {values[ORIGIN]}" if {SPEED, ORIGIN} <= values.keys() else ""
     words = {WIND, OTHER_SPEED, SPEED, ORIGIN} if wind else {WIND}
     wind = wind or ("calm" if WIND in values else "")
-    others = (f"{key.rpartition('.')[2]}={value}" for key, value in air if key not in words)
-    return ", ".join(filter(None, (wind, *others))) or "as the course says"
+    values_of_rest = (f"{key.rpartition('.')[2]}={value}" for key, value in air if key not in words)
+    return ", ".join(filter(None, (wind, *values_of_rest))) or "as the course says"
 
 
 @dataclass(frozen=True)
@@ -140,15 +140,21 @@ class Fairness:
     @property
     def behind(self) -> tuple[tuple[float, ...], ...]:
         """What every aircraft is behind the fastest, s, air by air; NaN where an optimum is missing."""
-        times = [[one.time for one in row] for row in self.optima]
-        return tuple(tuple(one - min(filter(math.isfinite, row), default=math.nan) for one in row) for row in times)
+        table: list[tuple[float, ...]] = []
+        for row in self.optima:
+            fastest = min((optimum.time for optimum in row if math.isfinite(optimum.time)), default=math.nan)
+            table.append(tuple(optimum.time - fastest for optimum in row))
+        return tuple(table)
 
     @property
     def messages(self) -> tuple[str, ...]:
         """What is missing or not certified."""
-        rows = zip(self.airs, self.optima, strict=True)
-        cells = [(name, air, one) for air, row in rows for name, one in zip(self.aircraft, row, strict=True)]
-        return tuple(f"{name}, {air_text(air)}: {one.message}" for name, air, one in cells if one.message)
+        messages: list[str] = []
+        for air, row in zip(self.airs, self.optima, strict=True):
+            for name, optimum in zip(self.aircraft, row, strict=True):
+                if optimum.message:
+                    messages.append(f"{name}, {air_text(air)}: {optimum.message}")
+        return tuple(messages)
 
     def air_table(self) -> Table:
         """Return the optima of all aircraft in all airs."""
@@ -156,7 +162,7 @@ class Fairness:
         columns = [Column("air", key="air"), *(Column(name, "s", ".3f", key=f"{name}_s") for name in names)]
         columns += [Column(f"{name} behind", "s", ".3f", key=f"{name}_behind_s") for name in names if len(names) > 1]
         rows = [
-            [air_text(air), *(one.time for one in row), *(behind if len(names) > 1 else ())]
+            [air_text(air), *(optimum.time for optimum in row), *(behind if len(names) > 1 else ())]
             for air, row, behind in zip(self.airs, self.optima, self.behind, strict=True)
         ]
         return Table(f"{self.stage.value} optima", columns, rows)
@@ -170,21 +176,24 @@ class Fairness:
         ]
         rows: list[list[str | float]] = []
         for number, name in enumerate(self.aircraft):
-            times = [one for row in self.optima if math.isfinite(one := row[number].time)] or [math.nan]
-            behind = [one for row in self.behind if math.isfinite(one := row[number])] or [math.nan]
-            rows.append([name, self.behind[0][number], min(behind), max(behind), max(times) - min(times)])
+            times = [row[number].time for row in self.optima if math.isfinite(row[number].time)] or [math.nan]
+            handicaps = [row[number] for row in self.behind if math.isfinite(row[number])] or [math.nan]
+            rows.append([name, self.behind[0][number], min(handicaps), max(handicaps), max(times) - min(times)])
         notes = ["least, most: handicap in all airs", "spread: slowest without fastest air"]
         return Table("what aircraft and air are worth", columns, rows, notes)
 
     def gate_table(self) -> Table:
         """Return what steps of the gates' numbers cost every aircraft."""
-        costs = (Column(name, "ms", "+z.2f", key=f"{name}_ms") for name in self.aircraft)
-        favour = (Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms"))
-        columns = (Column("number", key="key"), Column("step", key="step"), *costs, *favour)
+        columns = (
+            *(Column("number", key="key"), Column("step", key="step")),
+            *(Column(name, "ms", "+z.2f", key=f"{name}_ms") for name in self.aircraft),
+            *(Column("favours", key="favours"), Column("by", "ms", ".2f", key="by_ms")),
+        )
         rows: list[list[str | float]] = []
-        for one in self.favours:
-            favoured = self.aircraft[one.costs.index(min(one.costs))]
-            rows.append([one.key, one.step, *(1e3 * cost for cost in one.costs), favoured, 1e3 * one.difference])
+        for favour in self.favours:
+            favoured = self.aircraft[favour.costs.index(min(favour.costs))]
+            costs = (1e3 * cost for cost in favour.costs)
+            rows.append([favour.key, favour.step, *costs, favoured, 1e3 * favour.difference])
         notes = ["a step the other way costs the opposite, and favours another"]
         return Table("what a step of a gate costs, and whom it favours", columns, rows, notes)
 
@@ -193,12 +202,13 @@ class Fairness:
         columns = [Column("flight", key="flight"), Column("aircraft", key="aircraft")]
         for name in ("flown", "optimum", "gap", "standard", "normalised"):
             columns.append(Column(name, "s", ".3f", key=f"{name}_s"))
-        rows = [
-            [one.label, one.aircraft, one.race_time, one.there, one.race_time - one.there, one.standard, one.time]
-            for one in self.flights
-        ]
+        rows: list[list[str | float]] = []
+        for flight in self.flights:
+            gap = flight.race_time - flight.there
+            times = (flight.race_time, flight.there, gap, flight.standard, flight.time)
+            rows.append([flight.label, flight.aircraft, *times])
         notes = ["normalised: standard + gap; penalties are not in it"]
-        if any(one.race_time < one.there for one in self.flights):
+        if any(flight.race_time < flight.there for flight in self.flights):
             notes.append("a flight that is faster than its optimum breaks a limit of it, or its air was another")
         return Table("flights as of still standard air", columns, rows, notes)
 
@@ -215,7 +225,7 @@ class Fairness:
     def as_object(self) -> dict[str, object]:
         """Return it for JSON: null where nothing is known."""
         optima = [
-            {**row, "set": dict(air), "certified": [not one.message for one in optima]}
+            {**row, "set": dict(air), "certified": [not optimum.message for optimum in optima]}
             for row, air, optima in zip(self.air_table().objects(), self.airs, self.optima, strict=True)
         ]
         return {
@@ -229,8 +239,8 @@ class Fairness:
         }
 
 
-class _OptimumStore:
-    """Optima by their inputs, each found once.
+class _OptimumSolver:
+    """A solver that finds the optimum of the same inputs once.
 
     Args:
         until: the last stage.
@@ -244,36 +254,37 @@ class _OptimumStore:
         self, until: Stage, folder: Path | None, threads: int, cold: bool, tell: Callable[[str], None]
     ) -> None:
         self._until, self._folder, self._threads, self._cold, self._tell = until, folder, threads, cold, tell
-        self._known: dict[str, tuple[Optimum, RunState]] = {}
+        self._solved: dict[str, tuple[Optimum, RunState]] = {}  # by the text of the inputs
 
     def solve(self, inputs: Inputs, stem: str, air: str, start: RunState | None = None) -> tuple[Optimum, RunState]:
         """Return the optimum of inputs and its run; where none is found from the start, from the course alone."""
         key, name = resolved_text(inputs), job_name(Path(stem), None, (("air", air),))
-        if key not in self._known:
-            optimum, run = self._solve(inputs, name, start)
+        if key not in self._solved:
+            optimum, run = self._run(inputs, name, start)
             if start is not None and (self._cold or optimum.stage is None):
-                other = self._solve(inputs, f"{name},cold", None)
-                better = optimum.stage is None or other[0].time < optimum.time
-                optimum, run = other if better else (optimum, run)
+                cold_optimum, cold_run = self._run(inputs, f"{name},cold", None)
+                if optimum.stage is None or cold_optimum.time < optimum.time:
+                    optimum, run = cold_optimum, cold_run
             self._tell(f"{stem}, {air}: " + (f"{optimum.time:.3f} s" if optimum.stage else optimum.message))
-            self._known[key] = optimum, run
-        return self._known[key]
+            self._solved[key] = optimum, run
+        return self._solved[key]
 
-    def _solve(self, inputs: Inputs, name: str, start: RunState | None) -> tuple[Optimum, RunState]:
+    def _run(self, inputs: Inputs, name: str, start: RunState | None) -> tuple[Optimum, RunState]:
         path = None if self._folder is None else self._folder / f"{name}.h5"
         stored = adopt_checkpoint(new_run(inputs, path))
         if self._until in stored:
             plan = plan_resumed_run(stored, until=self._until)
         else:
-            usable = start is not None and any(one.holds for one in start.results)
+            usable = start is not None and any(result.holds for result in start.results)
             plan = plan_new_run(inputs, until=self._until, path=path, start=start if usable else None)
         run = plan.run
-        if not plan.steps or any(one.action != "keep" for one in plan.steps):
-            *_, run = [run, *execute(plan, threads=self._threads, progress=Silent())]
-        stages = [one for one in run.stages if one.stage is self._until and one.result.holds]
-        if not stages:
-            return Optimum(math.nan, run.message or "no flight was found", None), run
-        return Optimum(stages[0].race_time, run.message, stages[0]), run
+        if not plan.steps or any(step.action != "keep" for step in plan.steps):
+            for state in execute(plan, threads=self._threads, progress=Silent()):
+                run = state
+        for stage in run.stages:
+            if stage.stage is self._until and stage.result.holds:
+                return Optimum(stage.race_time, run.message, stage), run
+        return Optimum(math.nan, run.message or "no flight was found", None), run
 
 
 def fairness(
@@ -304,7 +315,7 @@ def fairness(
         until: the fidelity of the optima, e.g. `point-mass`; None for the last one there is.
         cold: whether every optimum is found from the course alone as well, and the faster one taken: slower, but no
             route is missed for the start.
-        output: a folder for runs, which a second call takes up by a second call; None for none.
+        output: a folder for runs, which a second call takes up; None for none.
         threads: threads that evaluate derivatives; None for all cores.
         tell: hears of every optimum, in words.
 
@@ -315,37 +326,42 @@ def fairness(
         StorageError: the folder cannot be written to.
     """
     stage = stage_by_name(until)
-    for key in (one.key for one in sweep):
-        if key != ELEVATION and not key.startswith("environment."):
-            raise UsageError(f"`{key}` is no key of the air, which are those of `environment`, and `{ELEVATION}`")
+    for values in sweep:
+        if values.key != ELEVATION and not values.key.startswith("environment."):
+            text = f"`{values.key}` is no key of the air, which are those of `environment`, and `{ELEVATION}`"
+            raise UsageError(text)
     rose = ((),) if winds is None else airs_of(winds)
     airs = (STANDARD_AIR, *((*wind, *swept) for swept, wind in product(combinations(sweep), rose)))
-    read = {
-        stem_of(Path(name)): load_inputs(track, aircraft=name, settings=settings, overrides=set) for name in aircraft
-    }
-    if len(read) < len(aircraft):
+    inputs_of: dict[str, Inputs] = {}
+    for name in aircraft:
+        inputs = load_inputs(track, aircraft=name, settings=settings, overrides=set)
+        inputs_of[stem_of(Path(name))] = inputs
+    if len(inputs_of) < len(aircraft):
         raise UsageError("two aircraft have one name; rename a file")
-    if not read:
-        own = load_inputs(track, settings=settings, overrides=set)
-        read = {stem_of(Path(own.aircraft.path)): own}
-    planned = {name: [_in_air(inputs, air) for air in airs] for name, inputs in read.items()}
-    recorded = [_FlightToNormalise.of(name) for name in flights]
+    if not inputs_of:
+        inputs = load_inputs(track, settings=settings, overrides=set)
+        inputs_of[stem_of(Path(inputs.aircraft.path))] = inputs
+    inputs_in_airs = {name: [_in_air(inputs, air) for air in airs] for name, inputs in inputs_of.items()}
+    recorded = [_open_flight(text) for text in flights]
     folder = None if output is None else Path(output)
     if folder is not None:
         make_folder(folder)
-    solver = _OptimumStore(stage, folder, threads or available_cores(), cold, tell)
+    solver, course = _OptimumSolver(stage, folder, threads or available_cores(), cold, tell), stem_of(Path(track))
     columns: list[list[Optimum]] = []
-    for name, inputs in planned.items():
-        solved, column = list[tuple[Combination, RunState]](), list[Optimum]()
-        for air, one in zip(airs, inputs, strict=True):
-            start = min(solved, key=lambda other: _apart(other[0], air), default=None)
-            optimum, run = solver.solve(one, f"{stem_of(Path(track))},{name}", air_text(air), start and start[1])
+    for name, inputs_by_air in inputs_in_airs.items():
+        column: list[Optimum] = []
+        starts: list[tuple[Combination, RunState]] = []
+        for air, inputs in zip(airs, inputs_by_air, strict=True):
+            start = min(starts, key=lambda start: _distance(start[0], air), default=None)
+            optimum, run = solver.solve(inputs, f"{course},{name}", air_text(air), start and start[1])
             column.append(optimum)
-            solved += [(air, run)] if optimum.stage is not None else []
+            if optimum.stage is not None:
+                starts.append((air, run))
         columns.append(column)
     optima = tuple(zip(*columns, strict=True))
-    found = _normalise(recorded, solver)
-    return Fairness(stem_of(Path(track)), stage, tuple(read), airs, optima, _favours(optima[0]), found)
+    normalised = tuple(_normalise(flight, solver) for flight in recorded)
+    fastest_first = tuple(sorted(normalised, key=lambda flight: (math.isnan(flight.time), flight.time)))
+    return Fairness(course, stage, tuple(inputs_of), airs, optima, _favours(optima[0]), fastest_first)
 
 
 def _in_air(inputs: Inputs, air: Combination) -> Inputs:
@@ -354,19 +370,19 @@ def _in_air(inputs: Inputs, air: Combination) -> Inputs:
     return inputs_from_documents(*documents, [*inputs.overrides, *(f"{key}={value}" for key, value in air)])
 
 
-def _apart(one: Combination, other: Combination) -> float:
-    """Return how unlike two airs are, kt; one other value is as much as a wind of 5 kt, a judgement."""
-    winds = [
-        cmath.rect(float(values.get(SPEED, 0.0)), math.radians(float(values.get(ORIGIN, 0.0))))
-        for values in map(dict[str, str], (one, other))
-    ]
-    values = [{pair for pair in air if not pair[0].startswith(WIND)} for air in (one, other)]
-    return abs(winds[0] - winds[1]) + 5.0 * len(values[0] ^ values[1])
+def _distance(first: Combination, second: Combination) -> float:
+    """Return how unlike two airs are, kt; another value of a key is as much as a wind of 5 kt, a judgement."""
+    winds: list[complex] = []
+    for air in (first, second):
+        values = dict(air)
+        winds.append(cmath.rect(float(values.get(SPEED, 0.0)), math.radians(float(values.get(ORIGIN, 0.0)))))
+    differences = [pair for pair in {*first} ^ {*second} if not pair[0].startswith(WIND)]
+    return abs(winds[0] - winds[1]) + 5.0 * len(differences)
 
 
 def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
     """Return what the numbers of the gates cost every aircraft; none where an optimum is missing or stands alone."""
-    views = [one.stage for one in standards if one.stage is not None]
+    views = [optimum.stage for optimum in standards if optimum.stage is not None]
     if len(views) < max(2, len(standards)):
         return ()
     try:
@@ -374,40 +390,35 @@ def _favours(standards: Sequence[Optimum]) -> tuple[Favour, ...]:
     except NotCertified:
         return ()
     favours: list[Favour] = []
-    for key, one in tables[0].items():
+    for key, sensitivity in tables[0].items():
         if key.startswith("gates.") and all(key in table for table in tables):
-            step = f"+{one.usual_step:.3g}" + ("" if one.unit == "1" else f" {one.unit}")
-            costs = tuple(table[key].per_unit * one.usual_step for table in tables)
+            step = f"+{sensitivity.usual_step:.3g}" + ("" if sensitivity.unit == "1" else f" {sensitivity.unit}")
+            costs = tuple(table[key].per_unit * sensitivity.usual_step for table in tables)
             favours.append(Favour(key, step, costs))
-    return tuple(sorted(favours, key=lambda one: one.difference, reverse=True))
+    return tuple(sorted(favours, key=lambda favour: favour.difference, reverse=True))
 
 
 @dataclass(frozen=True)
-class _FlightToNormalise:
-    """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs in both airs."""
+class _RecordedFlight:
+    """A flight to be normalised: its file's stem, its run unless it is a log, and its inputs."""
 
     flight: Flight
     stem: str
-    start: RunState | None
-    there: Inputs
-    standard: Inputs
-
-    @classmethod
-    def of(cls, text: str) -> "_FlightToNormalise":
-        """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
-        name = FlightName.of(text)
-        opened = open_file(name.path)
-        start = opened if isinstance(opened, RunState) else None
-        airs = (_in_air(opened.inputs, air) for air in ((), STANDARD_AIR))
-        return cls(source_of(opened, name.stage).flight(), stem_of(name.path), start, *airs)
+    run: RunState | None
+    inputs: Inputs
 
 
-def _normalise(flights: Sequence[_FlightToNormalise], solver: _OptimumStore) -> tuple[NormalisedFlight, ...]:
-    """Return flights and the optima of their aircraft, the fastest first."""
-    found: list[NormalisedFlight] = []
-    for one in flights:
-        flight = one.flight
-        there, run = solver.solve(one.there, one.stem, "as flown", one.start)
-        standard, _ = solver.solve(one.standard, one.stem, "still standard air", run)
-        found.append(NormalisedFlight(flight.label, flight.aircraft.name, flight.race_time, there.time, standard.time))
-    return tuple(sorted(found, key=lambda one: (math.isnan(one.time), one.time)))
+def _open_flight(text: str) -> _RecordedFlight:
+    """Open a flight, `RUN.h5`, `RUN.h5:STAGE` or `LOG.h5`."""
+    name = FlightName.of(text)
+    opened = open_file(name.path)
+    run = opened if isinstance(opened, RunState) else None
+    return _RecordedFlight(source_of(opened, name.stage).flight(), stem_of(name.path), run, _in_air(opened.inputs, ()))
+
+
+def _normalise(recorded: _RecordedFlight, solver: _OptimumSolver) -> NormalisedFlight:
+    """Return a flight with the optima of its aircraft in its own and in still standard air."""
+    flight, inputs, stem = recorded.flight, recorded.inputs, recorded.stem
+    there, run = solver.solve(inputs, stem, "as flown", recorded.run)
+    standard, _ = solver.solve(_in_air(inputs, STANDARD_AIR), stem, "still standard air", run)
+    return NormalisedFlight(flight.label, flight.aircraft.name, flight.race_time, there.time, standard.time)

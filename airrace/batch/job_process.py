@@ -33,14 +33,14 @@ class JsonProgress(Progress):
         self._replies = replies
 
     def stage_started(self, stage: Stage) -> None:
-        self.tell({"stage_started": stage.value})
+        self.write({"stage_started": stage.value})
 
     def activity(self, text: str, done: int, total: int) -> None: ...
 
     def iteration(self, iteration: Iteration) -> None: ...
 
     def stage_finished(self, result: StageResult) -> None:
-        self.tell(
+        self.write(
             {
                 "stage_finished": result.stage.value,
                 "status": result.status.value,
@@ -49,8 +49,9 @@ class JsonProgress(Progress):
             }
         )
 
-    def tell(self, line: Mapping[str, object]) -> None:
-        print(json.dumps(line, allow_nan=False), file=self._replies, flush=True)
+    def write(self, line: Mapping[str, object]) -> None:
+        self._replies.write(json.dumps(line, allow_nan=False) + "\n")
+        self._replies.flush()
 
 
 def main() -> None:
@@ -58,25 +59,25 @@ def main() -> None:
     interrupts.listen()
     process.omit_memory_tracebacks()
     process.set_parent_death_signal()
-    asked, answers = process.claim_stdio()
-    order = json.loads(asked.readline())
-    threading.Thread(target=_end_after, args=(asked,), daemon=True).start()
+    requests, answers = process.claim_stdio()
+    request = json.loads(requests.readline())
+    threading.Thread(target=_end_after, args=(requests,), daemon=True).start()
     start_early()
     from airrace.batch.jobs import Job  # a slow import, during which the solver process loads as well
 
-    job = Job.from_object(order["job"])
+    job = Job.from_object(request["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
         progress = JsonProgress(replies)
         answer = CommandResult(empty_result(job.course))
         try:
-            _fly(answer, job, Path(order["checkpoint"]), progress)
+            _fly(answer, job, Path(request["checkpoint"]), progress)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
             record_failure(answer, error)
             if isinstance(error, SolverCrash) and error.status == -getattr(signal, "SIGKILL", 9):
                 answer.error += " (out of memory?)"  # the solver has most of it, and the system picks it
         findings = [asdict(finding) for finding in answer.findings]
         ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
-        progress.tell({"ended": ended})
+        progress.write({"ended": ended})
     sys.exit(int(answer.code))
 
 
@@ -92,9 +93,9 @@ def _fly(answer: CommandResult, job: "Job", path: Path, progress: Progress) -> N
     execute_for_command(answer, plan_resumed_run(run, until=job.until), threads=1, progress=progress)
 
 
-def _end_after(asked: IO[bytes]) -> None:
+def _end_after(requests: IO[bytes]) -> None:
     """End this process, whatever it is at, when the one that started it has ended."""
-    asked.read()
+    requests.read()
     os._exit(int(ExitCode.INTERRUPTED))
 
 

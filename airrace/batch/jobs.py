@@ -144,7 +144,7 @@ def sweep_of(key: str, items: Sequence[str]) -> Sweep:
         ValueError: there is no value, a range leads nowhere, or a value comes twice.
     """
     values: list[str] = []
-    for item in [one.strip() for one in items] or [""]:
+    for item in [text.strip() for text in items] or [""]:
         if not item:
             raise ValueError("a value is missing between two commas" if len(items) > 1 else "no values are given")
         parts = item.split(":")

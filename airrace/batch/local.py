@@ -91,8 +91,8 @@ def run_job(
         stop_asked: whether it is to end, within `GRACE`.
         kill_asked: whether it is to end at once.
     """
-    order = json.dumps({"job": asdict(job), "checkpoint": str(checkpoint)}).encode() + b"\n"
-    began, limit = time.monotonic(), math.inf if timeout is None else timeout
+    request = json.dumps({"job": asdict(job), "checkpoint": str(checkpoint)}).encode() + b"\n"
+    began = time.monotonic()
     with contextlib.ExitStack() as stack:
         try:
             errors = stack.enter_context(tempfile.TemporaryFile())
@@ -103,16 +103,12 @@ def run_job(
         stack.callback(_close_input, process)
         stack.callback(_kill_family, process)
         lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        threading.Thread(target=_converse, args=(process, order, lines), daemon=True).start()
+        threading.Thread(target=_converse, args=(process, request, lines), daemon=True).start()
         answer = stopped = None
         kill_after = math.inf
         while True:
             wall = time.monotonic() - began
-            if stopped is None and stop_asked():
-                stopped = AttemptResult(ExitCode.INTERRUPTED, "interrupted", wall)
-            elif stopped is None and wall > limit:
-                stopped = AttemptResult(ExitCode.TIMEOUT, f"stopped after {limit:g} s (--timeout)", wall)
-            if stopped is not None and kill_after == math.inf:
+            if stopped is None and (stopped := _reason_to_stop(wall, timeout, stop_asked)):
                 kill_after = wall + GRACE
                 with contextlib.suppress(OSError):
                     process.send_signal(STOP)
@@ -134,20 +130,28 @@ def run_job(
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GRACE)  # it says no more, so it should end
         _kill_family(process)
-        wall = time.monotonic() - began
         if stopped is not None and (answer is None or answer.code == ExitCode.INTERRUPTED):
-            return replace(stopped, wall=wall, run=None if answer is None else answer.run)
-        if answer is not None:  # it counts even if the process had to stop meanwhile
-            return replace(answer, wall=wall)
-        return AttemptResult(ExitCode.SYSTEM, _describe_crash(process.returncode, errors), wall)
+            answer = replace(stopped, run=None if answer is None else answer.run)
+        if answer is None:
+            answer = AttemptResult(ExitCode.SYSTEM, _describe_crash(process.returncode, errors), 0.0)
+        return replace(answer, wall=time.monotonic() - began)  # an answer counts even if it had to stop meanwhile
 
 
-def _converse(process: "subprocess.Popen[bytes]", order: bytes, lines: "queue.SimpleQueue[bytes]") -> None:
-    """Hand the order over, and take in lines until there are no more; then an empty one."""
+def _reason_to_stop(wall: float, timeout: float | None, stop_asked: Callable[[], bool]) -> AttemptResult | None:
+    """Return how a job ends that has to stop now, after so many seconds; None if it may go on."""
+    if stop_asked():
+        return AttemptResult(ExitCode.INTERRUPTED, "interrupted", wall)
+    if timeout is not None and wall > timeout:
+        return AttemptResult(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout)", wall)
+    return None
+
+
+def _converse(process: "subprocess.Popen[bytes]", request: bytes, lines: "queue.SimpleQueue[bytes]") -> None:
+    """Hand the request over, and take in lines until there are no more; then an empty one."""
     assert process.stdin is not None  # `spawn_detached` was called with it
     assert process.stdout is not None
     with contextlib.suppress(OSError):  # it reads no more
-        process.stdin.write(order)
+        process.stdin.write(request)
         process.stdin.flush()
     with contextlib.suppress(OSError), process.stdout:
         for line in process.stdout:

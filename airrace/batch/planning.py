@@ -21,7 +21,7 @@ from airrace.batch.jobs import (
     refuse_clashes,
     sweep_of,
 )
-from airrace.batch.record import Choice, JobRecord, checkpoint_path, reason_to_fly, record_path
+from airrace.batch.record import JobRecord, Repeat, checkpoint_path, reason_to_fly, record_path
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import inputs_from_documents, read_documents
 from airrace.inputs.document import AIRCRAFT, TRACKS, Document, read_document
@@ -249,12 +249,12 @@ def result_of(record: JobRecord) -> JobResult:
     """Return what a record says."""
     run: Mapping[str, Any] = record.run or {}  # Any: the object of `airrace optimize --json`
     stages: Sequence[Mapping[str, Any]] = run.get("stages") or ({},)
-    routes = next((found for stage in stages if (found := stage.get("routes"))), None)
+    routes: RouteSummary | None = None
+    for stage in reversed(stages):
+        if tried := stage.get("routes"):
+            second = (tried[1]["route"], tried[1]["difference_s"]) if len(tried) > 1 else ()
+            routes = RouteSummary(tried[0]["route"], len(tried), *second)
     least: Sequence[Mapping[str, Any]] = stages[-1].get("least_distances") or ()
-    summary = None
-    if routes:
-        rival = (routes[1]["route"], routes[1]["difference_s"]) if len(routes) > 1 else ()
-        summary = RouteSummary(routes[0]["route"], len(routes), *rival)
     return JobResult(
         record.code,
         record.message,
@@ -262,10 +262,10 @@ def result_of(record: JobRecord) -> JobResult:
         record.wall,
         record.retries,
         record.findings,
-        summary,
+        routes,
         stages[-1].get("stage", ""),
         tuple(stages[-1].get("lap_times_s", ())),
-        tuple((f"{one['kind']} {one['name']}".rstrip(), one["distance_m"]) for one in least),
+        tuple((f"{place['kind']} {place['name']}".rstrip(), place["distance_m"]) for place in least),
     )
 
 
@@ -287,7 +287,7 @@ class PlannedJob:
         swept: the value of every sweep.
         job: None where the inputs are not even good enough to make one.
         reason: why it runs, a clause; empty where it is not.
-        known: how it stands without a run; None where it runs.
+        result: how it stands without a run; None where it runs.
     """
 
     name: str
@@ -297,14 +297,14 @@ class PlannedJob:
     swept: Combination
     job: Job | None
     reason: str = ""
-    known: JobResult | None = None
+    result: JobResult | None = None
 
     @property
     def action(self) -> str:
         """The action on the job: `fly`; `keep` what was finished before and stands; `refuse` invalid inputs."""
-        if self.known is None:
+        if self.result is None:
             return "fly"
-        return "refuse" if self.known.code == ExitCode.INVALID_INPUT else "keep"
+        return "refuse" if self.result.code == ExitCode.INVALID_INPUT else "keep"
 
     def as_object(self) -> dict[str, object]:
         """Return the step as plain values, for `--dry-run --json`."""
@@ -315,7 +315,7 @@ class PlannedJob:
             "aircraft": self.aircraft,
             "swept": dict(self.swept),
             "action": self.action,
-            "reason": self.reason or (self.known.message if self.known and self.action == "refuse" else ""),
+            "reason": self.reason or (self.result.message if self.result and self.action == "refuse" else ""),
         }
 
 
@@ -341,13 +341,13 @@ class BatchPlan:
             yield record_path(self.folder, step.name)
 
 
-def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choice: Choice = Choice.NONE) -> BatchPlan:
+def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, repeat: Repeat = Repeat.NONE) -> BatchPlan:
     """Return the plan of a batch: everything that is found out before any job runs.
 
     Args:
         until: the last stage where nobody names one.
         versions: the versions of airrace and of what its numbers depend on.
-        choice: which finished jobs are repeated.
+        repeat: which finished jobs are repeated.
 
     Raises:
         InputError: a settings file cannot be read, or a value is both set and swept.
@@ -368,13 +368,13 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
             for aircraft in template.aircraft or (None,):
                 families.append((template, _plan_family(course, aircraft, settings, template, last, versions)))
     refuse_clashes((step.name, _origin(step)) for _, steps in families for step in steps)
-    families = [(template, [_compare(step, folder, choice) for step in steps]) for template, steps in families]
+    families = [(template, [_compare(step, folder, repeat) for step in steps]) for template, steps in families]
     faults = find_faults(families)
     steps: list[PlannedJob] = []
     for _, family in families:
         for step in family:
             findings = faults.get(step.name)
-            steps.append(replace(step, reason="", known=invalid(findings)) if findings else step)
+            steps.append(replace(step, reason="", result=invalid(findings)) if findings else step)
     read = [file for step in steps for file in (step.track, step.aircraft) if file is not None]
     read += [str(file) for file in (*sources.files, *(group.template.settings for group in sources.groups)) if file]
     plan = BatchPlan(folder, tuple(steps), sources.findings, tuple(dict.fromkeys(read)))
@@ -411,8 +411,8 @@ def _plan_family(
             steps.append(PlannedJob(name, course.stem, track.path, craft.path, swept, job))
     except InputError as error:
         path = None if aircraft is None else str(aircraft)
-        name, known = job_name(course, aircraft, ()), invalid(tuple(error.findings))
-        return [PlannedJob(name, course.stem, str(course), path, (), None, known=known)]
+        name, result = job_name(course, aircraft, ()), invalid(tuple(error.findings))
+        return [PlannedJob(name, course.stem, str(course), path, (), None, result=result)]
     return steps
 
 
@@ -426,12 +426,12 @@ def _origin(step: PlannedJob) -> str:
     return text
 
 
-def _compare(step: PlannedJob, folder: Path, choice: Choice) -> PlannedJob:
+def _compare(step: PlannedJob, folder: Path, repeat: Repeat) -> PlannedJob:
     """Return a job with the reason to fly it, or with its result where it is finished."""
     if step.job is None:
         return step
-    reason, record = reason_to_fly(step.job, folder, choice)
-    return replace(step, reason=reason, known=result_of(record) if record and not reason else None)
+    reason, record = reason_to_fly(step.job, folder, repeat)
+    return replace(step, reason=reason, result=result_of(record) if record and not reason else None)
 
 
 def find_faults(families: Sequence[tuple[JobTemplate, Sequence[PlannedJob]]]) -> Mapping[str, Findings]:
@@ -441,7 +441,7 @@ def find_faults(families: Sequence[tuple[JobTemplate, Sequence[PlannedJob]]]) ->
     the whole family has it.
     """
     faults: dict[str, Findings] = {}
-    families_jobs = [[step.job for step in steps if step.job and not step.known] for _, steps in families]
+    families_jobs = [[step.job for step in steps if step.job and not step.result] for _, steps in families]
     samples: list[Sequence[Job]] = []
     for (template, _), jobs in zip(families, families_jobs, strict=True):
         by_values = {job.swept: job for job in jobs}

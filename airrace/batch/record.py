@@ -154,15 +154,15 @@ VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
 """The exit codes to which the same inputs would lead again: these ends are answers, not accidents."""
 
 
-class Choice(Enum):
-    """A choice of the finished jobs that are repeated."""
+class Repeat(Enum):
+    """The finished jobs that are repeated."""
 
     NONE = "none"
     FAILED = "failed"
     ALL = "all"
 
 
-def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecord | None]:
+def reason_to_fly(job: Job, folder: Path, repeat: Repeat) -> tuple[str, JobRecord | None]:
     """Return why a job has to run, as a clause, and its record.
 
     Returns:
@@ -173,7 +173,7 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
     except RecordError as error:
         return str(error), None
     checkpoint = checkpoint_path(folder, job.name)
-    if choice is Choice.ALL:
+    if repeat is Repeat.ALL:
         return "asked for", record
     if record is None:
         return ("its record is missing" if checkpoint.exists() else "new"), None
@@ -188,7 +188,7 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecor
         reason = "it was interrupted"
     elif record.code not in VERDICTS:
         reason = f"it failed: {record.message}"
-    elif record.code != ExitCode.DONE and choice is Choice.FAILED:
+    elif record.code != ExitCode.DONE and repeat is Repeat.FAILED:
         reason = f"asked for, since it failed: {record.message}"
     elif record.checkpoint is None:
         reason = "it left no checkpoint"
@@ -204,12 +204,12 @@ def ensure_folder(folder: Path) -> None:
         UsageError: it is no folder.
         StorageError: it takes no files.
     """
-    there = folder
-    while not os.path.lexists(there) and there != there.parent:
-        there = there.parent
-    if not there.is_dir():
+    nearest = folder
+    while not os.path.lexists(nearest) and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
         raise UsageError(f"{folder} is not a folder; name one with --output")
-    if not os.access(there, os.W_OK):
+    if not os.access(nearest, os.W_OK):
         raise StorageError(f"cannot write to the folder {folder}: permission denied")
 
 

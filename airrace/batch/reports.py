@@ -216,7 +216,10 @@ class WindSummary:
             word: {"name": row.name, "wind": wind_words(row), "race_time_s": row.race_time}
             for word, row in (("best", self.best), ("worst", self.worst))
         }
-        directions = [{"from_deg": one.from_deg, "mean_s": one.mean, "s_per_kt": one.per_knot} for one in self.bearings]
+        directions = [
+            {"from_deg": bearing.from_deg, "mean_s": bearing.mean, "s_per_kt": bearing.per_knot}
+            for bearing in self.bearings
+        ]
         return {
             "of": self.title,
             "flights": self.flights,
@@ -237,15 +240,15 @@ def wind_summaries(rows: Sequence[BatchResult]) -> list[WindSummary]:
     """Return a summary of every course that was solved in several winds; none if the wind was not swept."""
     groups: dict[tuple[str, ...], list[tuple[float, BatchResult]]] = {}
     for row in rows:
-        others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
-        if row.certified and row.race_time is not None and len(others) < len(row.step.swept):
-            key = (row.step.track, row.step.aircraft or "", row.step.course, *others)
+        rest = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
+        if row.certified and row.race_time is not None and len(rest) < len(row.step.swept):
+            key = (row.step.track, row.step.aircraft or "", row.step.course, *rest)
             groups.setdefault(key, []).append((row.race_time, row))
     summaries: list[WindSummary] = []
-    for (_, aircraft, course, *others), group in groups.items():
+    for (_, aircraft, course, *rest), group in groups.items():
         if len(group) > 1:
             flights = [row for _, row in sorted(group, key=operator.itemgetter(0))]
-            title = ", ".join([course, *([Path(aircraft).stem] if aircraft else []), *others])
+            title = ", ".join([course, *([Path(aircraft).stem] if aircraft else []), *rest])
             bearings = tuple(_bearings(group))
             summaries.append(WindSummary(title, len(group), flights[0], flights[-1], _slope(group), bearings))
     return summaries
@@ -279,20 +282,10 @@ def _number(text: str) -> float:
         return math.inf
 
 
-@dataclass(frozen=True)
-class ReportLimits:
-    """What other programs take of a report.
-
-    Attributes:
-        rows_max: the largest number of jobs that Markdown lists; GitHub takes 1 MiB.
-        annotations_max: the largest number of annotations; GitHub shows ten of a step.
-    """
-
-    rows_max: int = 500
-    annotations_max: int = 50
-
-
-REPORT = ReportLimits()
+ROWS_MAX = 500
+"""The largest number of jobs that Markdown lists; GitHub takes 1 MiB."""
+ANNOTATIONS_MAX = 50
+"""The largest number of annotations; GitHub shows ten of a step."""
 _ROUTES = (
     Column("job"),
     Column("route"),
@@ -346,20 +339,23 @@ def batch_table(rows: Sequence[BatchResult]) -> Table:
 def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary]) -> str:
     """Return the report: a heading, the table, the routes, what is wrong, and the winds."""
     parts = [f"### airrace: {len(rows)} job{'' if len(rows) == 1 else 's'}: {counts_words(rows)}"]
-    parts.append(batch_table(rows[: REPORT.rows_max]).markdown())
-    if len(rows) > REPORT.rows_max:
-        parts.append(f"and {len(rows) - REPORT.rows_max} more")
-    routes = [(row.name, one.route, one.tried, one.next, one.behind) for row in rows if (one := row.result.routes)]
+    parts.append(batch_table(rows[:ROWS_MAX]).markdown())
+    if len(rows) > ROWS_MAX:
+        parts.append(f"and {len(rows) - ROWS_MAX} more")
+    routes: list[tuple[str | float | None, ...]] = []
+    for row in rows:
+        if summary := row.result.routes:
+            routes.append((row.name, summary.route, summary.tried, summary.next, summary.behind))
     if routes:
-        parts.append(Table("", _ROUTES, routes[: REPORT.rows_max]).markdown())
+        parts.append(Table("", _ROUTES, routes[:ROWS_MAX]).markdown())
     messages = [
         f"- {escape_markdown(row.name)}: {escape_markdown(line)}"
         for row in rows
         if row.message
         for line in map(str, row.result.findings or [row.message])
     ]
-    if len(messages) > REPORT.rows_max:
-        messages[REPORT.rows_max :] = [f"- and {len(messages) - REPORT.rows_max} more"]
+    if len(messages) > ROWS_MAX:
+        messages[ROWS_MAX:] = [f"- and {len(messages) - ROWS_MAX} more"]
     if messages:
         parts.append("\n".join(messages))
     for summary in summaries:
@@ -371,7 +367,7 @@ def markdown_report(rows: Sequence[BatchResult], summaries: Sequence[WindSummary
         lines += [] if summary.per_knot is None else [f"- {summary.per_knot:+.4f} s per knot"]
         parts.append("\n".join(lines))
         if summary.bearings:
-            bearings = [(one.from_deg, one.mean, one.per_knot) for one in summary.bearings]
+            bearings = [(bearing.from_deg, bearing.mean, bearing.per_knot) for bearing in summary.bearings]
             parts.append(Table("", _DIRECTIONS, bearings).markdown())
     return "\n\n".join(parts) + "\n"
 
@@ -449,24 +445,24 @@ def _add_trouble(case: Element, tag: str, kind: str, text: str) -> None:
 
 def fit(text: str) -> str:
     """Return a text that XML can hold; a character that it cannot hold is written as `\\x00`."""
-    return _UNFIT.sub(lambda found: f"\\x{ord(found[0]):02x}", text).replace("\r", "\\x0d")
+    return _UNFIT.sub(lambda match: f"\\x{ord(match[0]):02x}", text).replace("\r", "\\x0d")
 
 
 def annotations(rows: Sequence[BatchResult], findings: Sequence[Finding]) -> Iterator[str]:
     """Yield commands of a workflow, one per line: an error for every finding and every job that is not certified."""
-    found = dict.fromkeys(findings)
+    errors = dict.fromkeys(findings)
     for row in rows:
         if row.result.findings:
-            found.update(dict.fromkeys(row.result.findings))
+            errors.update(dict.fromkeys(row.result.findings))
         elif not row.certified:
-            found[Finding(row.step.track, 0, 0, f"{row.name}: {row.state}", row.message)] = None
-    for one in islice(found, REPORT.annotations_max):
-        file = "" if one.file.startswith("--") else one.file
-        places = {"file": file, "line": one.line, "col": one.column, "title": one.key or "airrace"}
+            errors[Finding(row.step.track, 0, 0, f"{row.name}: {row.state}", row.message)] = None
+    for error in islice(errors, ANNOTATIONS_MAX):
+        file = "" if error.file.startswith("--") else error.file
+        places = {"file": file, "line": error.line, "col": error.column, "title": error.key or "airrace"}
         properties = ",".join(f"{name}={_escape(str(value), ':,')}" for name, value in places.items() if value)
-        yield f"::error {properties}::{_escape(one.message)}"
-    if len(found) > REPORT.annotations_max:
-        yield f"::warning title=airrace::and {len(found) - REPORT.annotations_max} more errors"
+        yield f"::error {properties}::{_escape(error.message)}"
+    if len(errors) > ANNOTATIONS_MAX:
+        yield f"::warning title=airrace::and {len(errors) - ANNOTATIONS_MAX} more errors"
 
 
 def _escape(text: str, also: str = "") -> str:

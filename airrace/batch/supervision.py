@@ -146,7 +146,8 @@ def supervise(
     watcher.on_begin(plan)
     try:
         while (batch.waiting or batch.running) and not stop_asked():
-            while batch.waiting and len(batch.running) < pool.slots:
+            slots = pool.slots  # asked every time: a cluster notices by it what it has lost
+            while batch.waiting and len(batch.running) < slots:
                 batch.begin(batch.waiting.popleft())
             batch.collect()
         pool.stop_asked.set()
@@ -173,9 +174,9 @@ class _Supervision:
 
     def __init__(self, plan: BatchPlan, pool: JobPool, options: "BatchOptions", watcher: Watcher) -> None:
         self._folder, self._pool, self._options, self._watcher = plan.folder, pool, options, watcher
-        self.waiting = deque(_PendingJob(step, step.job) for step in plan.steps if step.known is None and step.job)
+        self.waiting = deque(_PendingJob(step, step.job) for step in plan.steps if step.result is None and step.job)
         self.running: dict[Future[AttemptResult], _PendingJob] = {}
-        self.results = {step.name: step.known for step in plan.steps if step.known is not None}
+        self.results = {step.name: step.result for step in plan.steps if step.result is not None}
 
     def begin(self, pending: _PendingJob) -> None:
         job, path = pending.job, checkpoint_path(self._folder, pending.job.name)
@@ -196,9 +197,8 @@ class _Supervision:
         self._report_progress()
         for future in done:
             pending, result = self.running.pop(future), future.result()
-            if (
-                result.code == ExitCode.SYSTEM and self._pool.stop_asked.is_set()
-            ):  # who stops a batch may signal its jobs
+            # Who stops a batch may signal its jobs as well: they have not failed.
+            if result.code == ExitCode.SYSTEM and self._pool.stop_asked.is_set():
                 result = replace(result, code=ExitCode.INTERRUPTED, message="interrupted")
             # A crash, a lost worker or a lack of memory may well not occur the next time.
             if result.code == ExitCode.SYSTEM and len(pending.reasons) < self._options.retries:

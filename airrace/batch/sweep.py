@@ -32,8 +32,10 @@ from airrace.track.course import Origin
 from airrace.views.tables import Column, Table, Value
 
 FILES = (".csv", ".parquet")
-CHUNK, POINTS_MAX = 20, 100_000
-"""The number of combinations that are solved from one another, and the largest number of all."""
+CHUNK = 20
+"""The number of combinations that are solved from one another; results depend on it, not on the threads."""
+POINTS_MAX = 100_000
+"""The largest number of combinations."""
 
 
 @dataclass(frozen=True)
@@ -74,35 +76,36 @@ class SweepResult:
     @property
     def solved(self) -> int:
         """How many combinations have an optimum."""
-        return sum(one.status is Status.SOLVED for one in self.points)
+        return sum(point.status is Status.SOLVED for point in self.points)
 
     def table(self) -> Table:
         """Return a row per combination: values, race time, its difference from the run's, status and message."""
-        numeric = [all(_is_number(one.values[place]) for one in self.points) for place in range(len(self.keys))]
+        numeric = [all(_is_number(point.values[place]) for point in self.points) for place in range(len(self.keys))]
         columns = (
-            *(
-                Column(key, form="g" if is_numeric else "", key=key)
-                for key, is_numeric in zip(self.keys, numeric, strict=True)
-            ),
+            *(Column(key, form="g" if number else "", key=key) for key, number in zip(self.keys, numeric, strict=True)),
             Column("race time", "s", ".3f", "race_time_s"),
             Column("change", "s", "+z.3f", "change_s"),
             Column("status", key="status"),
             Column("", key="message"),
         )
         rows: list[Sequence[Value]] = []
-        for one in self.points:
-            values = [
-                float(value) if is_numeric else value for value, is_numeric in zip(one.values, numeric, strict=True)
-            ]
-            rows.append((*values, one.race_time, one.race_time - self.reference, one.status.value, one.message))
+        for point in self.points:
+            cells = (float(value) if number else value for value, number in zip(point.values, numeric, strict=True))
+            change = point.race_time - self.reference
+            rows.append((*cells, point.race_time, change, point.status.value, point.message))
         notes = [f"{key} affects no flight: all of its values ask for the same one" for key in self.without_effect]
         return Table(f"{self.stage}, {self.reference:.3f} s as it is", columns, rows, notes)
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace sweep --json` prints."""
-        about: dict[str, object] = {"stage": self.stage, "keys": list(self.keys), "race_time_s": self.reference}
-        found = {"without_effect": list(self.without_effect), "solved": self.solved}
-        return about | found | {"points": self.table().objects()}
+        return {
+            "stage": self.stage,
+            "keys": list(self.keys),
+            "race_time_s": self.reference,
+            "without_effect": list(self.without_effect),
+            "solved": self.solved,
+            "points": self.table().objects(),
+        }
 
     def write(self, path: Path) -> None:
         """Write all combinations, `.csv` or `.parquet`, replacing the file as a whole.
@@ -153,8 +156,8 @@ def sweep(
     """Solve one stage of a run under all combinations of values, as `airrace sweep` does: no files, no new routes.
 
     Examples:
-        >>> found = airrace.sweep(run, {"rules.n_z_max": "9:9.5:0.5"})
-        >>> [f"{one.race_time - found.reference:.3f}" for one in found.points]
+        >>> result = airrace.sweep(run, {"rules.n_z_max": "9:9.5:0.5"})
+        >>> [f"{point.race_time - result.reference:.3f}" for point in result.points]
         ['0.074', '0.028']
 
     Args:
@@ -172,44 +175,45 @@ def sweep(
             to be others than the run's, or the run has no such optimum.
         SolverCrash: a solver process died.
     """
-    source, path = run if isinstance(run, RunState) else open_run(Path(run)), None if output is None else Path(output)
+    source = run if isinstance(run, RunState) else open_run(Path(run))
+    path = None if output is None else Path(output)
     if path is not None:
         ensure_sweep_file(path)
-    sweeps, fixed = parse_sweeps(sweep_texts(sweep)), value_texts(set)
-    number = math.prod(len(one.values) for one in sweeps)
+    sweeps, overrides = parse_sweeps(sweep_texts(sweep)), value_texts(set)
+    number = math.prod(len(values.values) for values in sweeps)
     if not sweeps or number > POINTS_MAX:
         raise UsageError("nothing is swept" if not sweeps else f"{number} combinations: at most {POINTS_MAX} are swept")
-    for some in cover(sweeps):
-        ensure_of_one_stage(source, Changes(overrides=_texts(fixed, some)).inputs(source))
+    for combination in cover(sweeps):
+        ensure_of_one_stage(source, Changes(overrides=_texts(overrides, combination)).inputs(source))
     every = list(combinations(sweeps))
     chunks = [every[first : first + CHUNK] for first in range(0, number, CHUNK)]
-    found = _solve_chunks(source, stage, fixed, chunks, threads or available_cores(), tell)
-    found = replace(found, without_effect=tuple(_without_effect(source, fixed, sweeps)))
+    result = _solve_chunks(source, stage, overrides, chunks, threads or available_cores(), tell)
+    result = replace(result, without_effect=tuple(_without_effect(source, overrides, sweeps)))
     if path is not None:
-        found.write(path)
-    return found
+        result.write(path)
+    return result
 
 
-def _without_effect(run: RunState, fixed: Sequence[str], sweeps: Sequence[Sweep]) -> Iterator[str]:
+def _without_effect(run: RunState, overrides: Sequence[str], sweeps: Sequence[Sweep]) -> Iterator[str]:
     """Yield the keys of which all values ask for the same flight, the other keys at their first values."""
 
     def flight(key: str, value: str) -> object:
-        combination = tuple((one.key, value if one.key == key else one.values[0]) for one in sweeps)
-        race = Changes(overrides=_texts(fixed, combination)).inputs(run).race
+        combination = tuple((sweep.key, value if sweep.key == key else sweep.values[0]) for sweep in sweeps)
+        race = Changes(overrides=_texts(overrides, combination)).inputs(run).race
         course = replace(race.course, name="", origin=Origin())  # the air has the elevation, too
         return course, replace(race.aircraft, name=""), race.air
 
     for sweep in sweeps:
-        first, *others = sweep.values
+        first, *rest = sweep.values
         with suppress(InputError):  # values that do not go together matter
-            if others and all(flight(sweep.key, value) == flight(sweep.key, first) for value in others):
+            if rest and all(flight(sweep.key, value) == flight(sweep.key, first) for value in rest):
                 yield sweep.key
 
 
 def _solve_chunks(
     run: RunState,
     stage: str | Stage | None,
-    fixed: Sequence[str],
+    overrides: Sequence[str],
     chunks: Sequence[Sequence[Combination]],
     threads: int,
     tell: Callable[[int, int], None] | None,
@@ -220,13 +224,13 @@ def _solve_chunks(
         pool = stack.enter_context(ThreadPoolExecutor(most, thread_name_prefix="sweep"))
         sessions = [stack.enter_context(Session(run, stage, threads=max(1, threads // most))) for _ in range(most)]
         free: queue.SimpleQueue[Session] = queue.SimpleQueue()
-        for one in sessions:
-            free.put(one)
+        for session in sessions:
+            free.put(session)
 
         def solve(chunk: Sequence[Combination]) -> list[SweepPoint]:
             session = free.get()
             try:
-                return _solve_chunk(session, fixed, chunk)
+                return _solve_chunk(session, overrides, chunk)
             finally:
                 free.put(session)
 
@@ -238,23 +242,23 @@ def _solve_chunks(
         return SweepResult(optimum.name, tuple(key for key, _ in chunks[0][0]), optimum.race_time, tuple(points))
 
 
-def _solve_chunk(session: Session, fixed: Sequence[str], chunk: Sequence[Combination]) -> list[SweepPoint]:
+def _solve_chunk(session: Session, overrides: Sequence[str], chunk: Sequence[Combination]) -> list[SweepPoint]:
     """Solve combinations in turn, each from the one before, and where that leads nowhere from the run's optimum."""
     points: list[SweepPoint] = []
     near: StageView | None = None
     for combination in chunk:
-        values, texts = tuple(value for _, value in combination), _texts(fixed, combination)
+        values, texts = tuple(value for _, value in combination), _texts(overrides, combination)
         try:
-            found = session.solve(texts, start=near)
-            if near is not None and not found.result.holds:
-                found = session.solve(texts)
+            view = session.solve(texts, start=near)
+            if near is not None and not view.result.holds:
+                view = session.solve(texts)
         except InputError as error:
             points.append(SweepPoint(values, math.nan, Status.INFEASIBLE, error.findings[0].message))
             continue
-        near = found if found.result.holds else near
-        points.append(SweepPoint(values, found.race_time, found.result.status, found.message))
+        near = view if view.result.holds else near
+        points.append(SweepPoint(values, view.race_time, view.result.status, view.message))
     return points
 
 
-def _texts(fixed: Sequence[str], combination: Combination) -> list[str]:
-    return [*fixed, *(f"{key}={value}" for key, value in combination)]
+def _texts(overrides: Sequence[str], combination: Combination) -> list[str]:
+    return [*overrides, *(f"{key}={value}" for key, value in combination)]

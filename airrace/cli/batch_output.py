@@ -104,7 +104,7 @@ def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> Non
             f"{one['name']}: {one['action']}" + (f" ({one['reason']})" if one["reason"] else "") for one in objects
         ]
         answer.texts.append("\n".join([*lines, plan_line(plan)]))
-    _fail_for_inputs(answer, plan, [step.known for step in plan.steps if step.known and step.action == "refuse"])
+    _fail_for_inputs(answer, plan, [step.result for step in plan.steps if step.result and step.action == "refuse"])
 
 
 def answer_with(
@@ -275,7 +275,7 @@ class BatchLines(Watcher):
         self._done = self._total = 0
 
     def on_begin(self, plan: BatchPlan) -> None:
-        self._total = sum(step.known is None for step in plan.steps)
+        self._total = sum(step.result is None for step in plan.steps)
         again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
         if len(again) > LIMITS.reasons_max:
             again[LIMITS.reasons_max :] = [f"and {len(again) - LIMITS.reasons_max} more again (--dry-run tells all)"]

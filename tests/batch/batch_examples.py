@@ -12,7 +12,7 @@ from airrace.batch import BatchOptions
 from airrace.batch.jobs import Job
 from airrace.batch.local import LocalPool
 from airrace.batch.planning import BatchPlan, JobResult, JobTemplate, PlannedJob, find_sources, make_plan, parse_sweeps
-from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
+from airrace.batch.record import FileMark, JobRecord, Repeat, checkpoint_path, write_record
 from airrace.batch.supervision import AttemptResult, JobPool, StageFinished, Watcher, supervise
 from airrace.inputs import Document
 
@@ -58,8 +58,8 @@ def job(name: str = "oval", **changed: object) -> Job:
     return Job(**values)  # type: ignore[arg-type]
 
 
-def step(one: Job, *, known: JobResult | None = None, reason: str = "new") -> PlannedJob:
-    return PlannedJob(one.name, one.course, one.track.path, one.aircraft.path, one.swept, one, reason, known)
+def step(one: Job, *, result: JobResult | None = None, reason: str = "new") -> PlannedJob:
+    return PlannedJob(one.name, one.course, one.track.path, one.aircraft.path, one.swept, one, reason, result)
 
 
 def plan_of(folder: Path, *jobs: Job) -> BatchPlan:
@@ -72,12 +72,12 @@ def planned(
     sweeps: Sequence[str] = (),
     versions: str = VERSIONS,
     until: str = "point-mass",
-    choice: Choice = Choice.NONE,
+    repeat: Repeat = Repeat.NONE,
     **template: object,
 ) -> BatchPlan:
     """The plan of a call of the command."""
     options = JobTemplate(sweeps=parse_sweeps(sweeps), **template)  # type: ignore[arg-type]
-    return make_plan(find_sources([*map(str, courses)], options), folder, until=until, versions=versions, choice=choice)
+    return make_plan(find_sources([*map(str, courses)], options), folder, until=until, versions=versions, repeat=repeat)
 
 
 def policy(**options: object) -> BatchOptions:

@@ -218,13 +218,16 @@ def test_a_worker_killed_in_mid_run_loses_no_job_and_doubles_none(tmp_path: Path
 def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path, log: Log) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         worker = cluster.worker()
+
+        def kill_in_mid_run() -> bool:
+            if log.lines:
+                worker.kill()
+            return False
+
         with pool_of(cluster, log) as pool:
-            await_slots(pool, 1)
-            future = pool.submit(job(overrides=("notes=hang",)), tmp_path / "oval.h5", None)
-            wait_until(lambda: log.lines)
-            worker.kill()
-            await_slots(pool, 0)
-            assert future.result().message == "its worker is gone"
+            plan = plan_with(tmp_path, "hang")
+            (result,) = supervise(plan, pool, policy(retries=0), Watched(), stop_asked=kill_in_mid_run)
+    assert (result.code, result.message) == (8, "its worker is gone")
     wait_until_gone(*log.processes())
 
 

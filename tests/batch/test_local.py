@@ -17,7 +17,7 @@ from airrace.batch import supervision
 from airrace.batch.jobs import Job
 from airrace.batch.local import JOB_COMMAND, LocalPool
 from airrace.batch.planning import BatchPlan, JobResult
-from airrace.batch.record import Choice, read_record
+from airrace.batch.record import Repeat, read_record
 from airrace.batch.supervision import AttemptResult, JobPool, supervise
 from airrace.errors import ClusterError, StorageError
 from airrace.process import spawn_detached
@@ -135,7 +135,7 @@ def test_whatever_one_job_does_the_others_are_flown(tmp_path: Path) -> None:
 def test_a_forced_job_begins_anew(tmp_path: Path) -> None:
     course = write_course(tmp_path)
     flown(planned(course, folder=tmp_path))
-    flown(planned(course, folder=tmp_path, choice=Choice.ALL), policy(force=True))
+    flown(planned(course, folder=tmp_path, repeat=Repeat.ALL), policy(force=True))
     assert starts(tmp_path, "oval") == ["new", "new"]
 
 
@@ -273,7 +273,7 @@ def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kep
 
 def test_what_is_kept_is_not_flown(tmp_path: Path) -> None:
     pool = Scripted({})
-    plan = BatchPlan(tmp_path, (step(job("old"), known=JobResult(0, race_time=9.0), reason=""), step(job("new"))))
+    plan = BatchPlan(tmp_path, (step(job("old"), result=JobResult(0, race_time=9.0), reason=""), step(job("new"))))
     results = flown(plan, pool=pool)
     assert pool.begun == ["new"]
     assert results[0].race_time == 9.0

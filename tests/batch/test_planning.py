@@ -23,8 +23,8 @@ from airrace.batch.jobs import (
 )
 from airrace.batch.planning import JobTemplate, find_sources, parse_sweeps
 from airrace.batch.record import (
-    Choice,
     JobRecord,
+    Repeat,
     checkpoint_path,
     read_record,
     reason_to_fly,
@@ -69,7 +69,7 @@ def test_a_broken_file_is_told_with_its_line_and_the_others_are_flown(tmp_path: 
     plan = planned(good, broken, torn, tmp_path / "nowhere.yaml", folder=tmp_path, sweeps=WIND)
     actions = {step.course: step.action for step in plan.steps}
     assert actions == {"good": "fly", "broken": "refuse", "torn": "refuse", "nowhere": "refuse"}
-    findings = {finding for step in plan.steps if step.known for finding in step.known.findings}
+    findings = {finding for step in plan.steps if step.result for finding in step.result.findings}
     assert any(one.file == str(broken) and one.line == 5 and "`n_z_max`" in one.message for one in findings)
     assert any(one.file == str(torn) and one.line for one in findings)
 
@@ -87,7 +87,7 @@ def test_a_swept_value_that_is_wrong_costs_only_its_own_jobs(
 ) -> None:
     plan = planned(write_course(tmp_path), folder=tmp_path, sweeps=sweeps)
     assert [step.action for step in plan.steps] == actions
-    findings = {finding for step in plan.steps if step.known for finding in step.known.findings}
+    findings = {finding for step in plan.steps if step.result for finding in step.result.findings}
     assert all(one.file == "--sweep" and key in (None, one.key) and word in one.message for one in findings)
     assert findings
 
@@ -124,8 +124,8 @@ def test_finished_jobs_are_kept_and_not_read_again(tmp_path: Path, monkeypatch: 
     plan = planned(course, folder=out, sweeps=WIND)
     assert [step.action for step in plan.steps] == ["keep"] * 11 + ["fly"]
     assert checked == [plan.steps[-1].name]
-    assert plan.steps[0].known is not None
-    assert plan.steps[0].known.race_time == 10.0
+    assert plan.steps[0].result is not None
+    assert plan.steps[0].result.race_time == 10.0
 
 
 BATCH = """schema: airrace/batch/1
@@ -176,7 +176,7 @@ def test_a_value_that_courses_do_not_take_is_told_where_the_batch_file_gives_it(
     old: str, new: str, line: int, key: str, batch: Path, tmp_path: Path
 ) -> None:
     batch.write_text(batch.read_text().replace(old, new))
-    findings = {one for step in planned(batch, folder=tmp_path).steps if step.known for one in step.known.findings}
+    findings = {one for step in planned(batch, folder=tmp_path).steps if step.result for one in step.result.findings}
     assert {(one.file, one.line, one.key) for one in findings} == {(str(batch), line, key)}
 
 
@@ -344,8 +344,8 @@ def test_two_jobs_that_would_write_one_file_are_both_named() -> None:
         refuse_clashes([("Oval", "a/Oval.yaml"), ("oval", "a/oval.yaml")])
 
 
-def reason(one: Job, folder: Path, choice: Choice = Choice.NONE) -> str:
-    return reason_to_fly(one, folder, choice)[0]
+def reason(one: Job, folder: Path, repeat: Repeat = Repeat.NONE) -> str:
+    return reason_to_fly(one, folder, repeat)[0]
 
 
 def test_a_job_survives_its_own_plain_form() -> None:
@@ -359,8 +359,8 @@ def test_a_finished_job_is_kept_also_if_it_found_no_certified_flight(code: int, 
     finished(tmp_path, job(), code, "infeasible")
     assert reason(job(), tmp_path) == ""
     assert reason(job(track=Document("elsewhere/oval.yaml", "a track")), tmp_path) == ""
-    assert reason(job(), tmp_path, Choice.FAILED) == ("" if code == 0 else "asked for, since it failed: infeasible")
-    assert reason(job(), tmp_path, Choice.ALL) == "asked for"
+    assert reason(job(), tmp_path, Repeat.FAILED) == ("" if code == 0 else "asked for, since it failed: infeasible")
+    assert reason(job(), tmp_path, Repeat.ALL) == "asked for"
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,7 @@ def test_annotations_of_the_command_line_name_no_file_and_only_so_many_are_made(
     assert line == "::error title=a.b::never arrives"
     findings = [Finding("a.yaml", number, 1, "", "bad") for number in range(1, 200)]
     lines = list(reports.annotations((), findings))
-    assert len(lines) == reports.REPORT.annotations_max + 1
+    assert len(lines) == reports.ANNOTATIONS_MAX + 1
     assert "149 more" in lines[-1]
 
 
