@@ -14,7 +14,11 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft import Aircraft
-    from airrace.api import Run, check, import_log, open, optimize, resume, schema, tracks
+    from airrace.api.aircraft import estimate_aircraft
+    from airrace.api.courses import check, schema, tracks
+    from airrace.api.flights import import_log
+    from airrace.api.run import Run
+    from airrace.api.runs import open, optimize, resume
     from airrace.batch import optimize_many
     from airrace.batch.fairness import fairness
     from airrace.batch.reports import BatchResult
@@ -28,7 +32,7 @@ if TYPE_CHECKING:
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
     from airrace.race import Race
-    from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
+    from airrace.runs.aircraft import ComparedAircraft
     from airrace.runs.courses import CourseCheck, init
     from airrace.runs.fit import FittedAircraft, fit
     from airrace.runs.log_view import LogView
@@ -125,10 +129,14 @@ _HOMES = {
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
-    "airrace.runs.aircraft": ("ComparedAircraft", "estimate_aircraft"),
+    "airrace.runs.aircraft": ("ComparedAircraft",),
     "airrace.runs.fit": ("FittedAircraft", "fit"),
     "airrace.runs.courses": ("CourseCheck", "init"),
-    "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
+    "airrace.api.aircraft": ("estimate_aircraft",),
+    "airrace.api.courses": ("check", "schema", "tracks"),
+    "airrace.api.flights": ("import_log",),
+    "airrace.api.run": ("Run",),
+    "airrace.api.runs": ("open", "optimize", "resume"),
     "airrace.runs.log_view": ("LogView",),
     "airrace.runs.session": ("Session",),
     "airrace.runs.stage_view": ("StageView",),

@@ -13,11 +13,12 @@ owes. `local.LocalExecutor` flies jobs on the computer it runs on, and needs a f
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from airrace.errors import InputError, UsageError
+from airrace.options import Option
 
 if TYPE_CHECKING:
     from airrace.batch.planning import BatchPlan, Sources
@@ -43,19 +44,45 @@ class BatchOptions:
     `set` and `sweep` are `key=value` and `key=values` texts.
     """
 
-    courses: Sequence[str]
-    aircraft: Sequence[Path] = ()
-    settings: Path | None = None
-    set: Sequence[str] = ()
-    sweep: Sequence[str] = ()
-    until: str | None = None
-    jobs: int | None = None
-    output: Path = Path("batch")
-    cluster: str | None = None
-    timeout: float | None = None
-    retries: int = 1
-    retry_failed: bool = False
-    force: bool = False
+    courses: Annotated[
+        Sequence[str],
+        Option(metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml."),
+    ] = field(kw_only=False)
+    aircraft: Annotated[
+        Sequence[Path], Option(metavar="FILE", help="Fly every course with this aircraft; as often as you like.")
+    ] = ()
+    settings: Annotated[Path | None, Option(metavar="FILE", help="Settings other than the defaults.")] = None
+    set: Annotated[
+        Sequence[str],
+        Option(metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
+    ] = ()
+    sweep: Annotated[
+        Sequence[str],
+        Option(
+            metavar="KEY=VALUES",
+            help="Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
+        ),
+    ] = ()
+    until: Annotated[
+        str | None,
+        Option(metavar="STAGE", completion="stages", help="Last stage to run; by default the last available one."),
+    ] = None
+    jobs: Annotated[
+        int | None,
+        Option(min=1, metavar="N", help="Jobs at a time; by default all cores, or threads of workers."),
+    ] = None
+    output: Annotated[
+        Path, Option(flags=("--output", "-o"), metavar="DIR", help="Where checkpoints and records lie.")
+    ] = Path("batch")
+    cluster: Annotated[
+        str | None, Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
+    ] = None
+    timeout: Annotated[float | None, Option(min=0.1, metavar="SECONDS", help="Stop a job that takes longer.")] = None
+    retries: Annotated[
+        int, Option(min=0, metavar="N", help="How often a job whose process crashed is tried again.")
+    ] = 1
+    retry_failed: Annotated[bool, Option(help="Fly jobs again that ended without a certified flight.")] = False
+    force: Annotated[bool, Option(flags=("--force", "-f"), help="Fly all jobs again, from their start.")] = False
 
     def sources(self) -> "Sources":
         """Return the courses that are meant.

@@ -25,7 +25,7 @@ from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.results.comparison import Comparison
-from airrace.runs.output import documents_of, ensure_unread
+from airrace.runs.output import documents_of, ensure_free
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
 from airrace.runs.run import (
     RunState,
@@ -311,7 +311,8 @@ def plan_new_run(
         logger.warning("%s: %s", inputs.track.path, inputs.remark)
     run = new_run(inputs, path)
     before = start.path if isinstance(start, RunState) else start
-    ensure_unread([] if path is None else [path], [*documents_of(inputs), before])
+    if path is not None:
+        ensure_free(path, force=True, sources=[*documents_of(inputs), before])
     if start is None:
         return ExecutionPlan(run, last)
     source = start if isinstance(start, RunState) else open_source_run(Path(start))
@@ -338,7 +339,8 @@ def plan_changed_run(
         raise UsageError(f"{before.label} has no finished stage to start from")
     last = before.results[-1].stage if until is None else stage_by_name(until)
     run = new_run(_with_its_own_reserve(changes, before), path)
-    ensure_unread([] if path is None else [path], [*documents_of(run.inputs), before.path])
+    if path is not None:
+        ensure_free(path, force=True, sources=[*documents_of(run.inputs), before.path])
     first = _ensure_startable(before, run, last)
     stages = procedure.STAGES[procedure.STAGES.index(first) : procedure.STAGES.index(last) + 1]
     reasons = [f"started from the one of {before.label}", *(f"{stage.value} runs before it" for stage in stages)]

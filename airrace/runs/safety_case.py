@@ -12,6 +12,7 @@ from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.stage_view import verdict
 from airrace.safety.closed_loop import Scatter
+from airrace.safety.gusts import Gusts
 from airrace.safety.monte_carlo import (
     CONTACT,
     LOAD,
@@ -24,7 +25,6 @@ from airrace.safety.monte_carlo import (
     fly_closed_loop,
 )
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import Gusts
 from airrace.views.tables import Column, Table, Value
 
 _DEGREES = 180.0 / math.pi

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.quantities import KNOT
+from airrace.safety.gusts import Gusts
 from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
-from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Gusts, Plant, advance
+from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Plant, advance
 from airrace.trajectory import Array
 
 

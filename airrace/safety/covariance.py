@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.safety.closed_loop import ClosedLoop, Scatter, course
+from airrace.safety.gusts import Gusts
 from airrace.safety.nominal import ERRORS, instants
-from airrace.safety.plant import CONTROLS, DISTURBANCES, GUST_STATES, STATIONARY_GUSTS, Gusts
+from airrace.safety.plant import CONTROLS, DISTURBANCES, GUST_STATES, STATIONARY_GUSTS
 from airrace.trajectory import Array
 
 SIZE = len(ERRORS)

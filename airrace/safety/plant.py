@@ -22,7 +22,6 @@ of the second I / 4, with the output (1, sqrt(3)). So they stay stationary where
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any
 
 import casadi as ca
@@ -36,8 +35,9 @@ from airrace.environment import AtmosphereParameters, Weather, WindField
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.quantities import FOOT, KNOT, T, Vector, quantity, vector
+from airrace.quantities import FOOT, T, Vector, quantity, vector
 from airrace.race import Race
+from airrace.safety.gusts import Gusts
 from airrace.system import System, column, named_symbols
 from airrace.trajectory import Array
 
@@ -147,20 +147,6 @@ GUST_STATES = 5
 """The number of states of the filters: one of u, two each of v and w."""
 STATIONARY_GUSTS = np.diag([1.0, 0.25, 0.25, 0.25, 0.25])
 """The stationary covariance of these states."""
-
-
-class Gusts(StrEnum):
-    """An intensity of turbulence."""
-
-    NONE = "none"
-    LIGHT = "light"
-    MODERATE = "moderate"
-    SEVERE = "severe"
-
-    @property
-    def wind_at_20_ft(self) -> float:
-        """The wind at 20 ft that belongs to it by MIL-F-8785C: 15, 30 and 45 kt; m/s."""
-        return KNOT * {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}[self.value]
 
 
 @dataclass(frozen=True, eq=False)

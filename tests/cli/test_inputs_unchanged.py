@@ -24,12 +24,10 @@ LOG = "import log.csv --course course.yaml --mapping mapping.yaml"
 KML = "kml run.h5 log.csv --origin 45,13"
 
 COMMANDS: dict[str, str] = {
-    f"optimize course.yaml {INPUTS} --start run.h5 --sign key --output OUT": (
-        "course.yaml other.yaml settings.yaml run.h5 key"
-    ),
+    f"optimize course.yaml {INPUTS} --start run.h5 --output OUT": ("course.yaml other.yaml settings.yaml run.h5"),
     "optimize course --output OUT": "course.yaml plane.yaml extension.py",
-    f"resume run.h5 --track course.yaml {INPUTS} --sign key --output OUT": (
-        "run.h5 course.yaml other.yaml settings.yaml key extension.py"
+    f"resume run.h5 --track course.yaml {INPUTS} --output OUT": (
+        "run.h5 course.yaml other.yaml settings.yaml extension.py"
     ),
     "resume run.h5 --track course.yaml --aircraft plane --output OUT": "plane.yaml",
     f"check course.yaml {INPUTS} --plot OUT.png": "course.yaml other.yaml settings.yaml extension.py",

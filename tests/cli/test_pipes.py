@@ -121,10 +121,6 @@ def test_a_checkpoint_that_is_renewed_needs_a_file(words: str) -> None:
     assert (refused.exit_code, "name one with --output" in refused.stderr) == (2, True)
 
 
-def test_what_is_piped_in_is_not_signed_in_its_place() -> None:
-    assert "name a file" in airrace("verify", "-", "--sign", "key").stderr
-
-
 def test_a_course_of_a_batch_has_a_name() -> None:
     refused = airrace("batch", "-", piped=TRACK)
     assert (refused.exit_code, "stdin: is no batch file" in refused.stderr) == (3, True)
@@ -178,3 +174,13 @@ def test_variables_of_other_use_are_no_options() -> None:
     root = typer.main.get_command(app)
     assert not {word for variable in used for word in variable.lower().split("_")} & set(getattr(root, "commands", {}))
     assert airrace("tracks", AIRRACE_VERSION="1").stdout.startswith("courses")
+
+
+@pytest.mark.parametrize("other", ["../{}/a.png", "link.png"])
+def test_two_drawings_are_not_written_into_one_file(tmp_path: Path, other: str) -> None:
+    drawing = tmp_path / "a.png"
+    (tmp_path / "link.png").symlink_to(drawing)
+    again = str(tmp_path / other.format(tmp_path.name))
+    refused = airrace("compare", "flown.h5", "flown.h5", "--plot", str(drawing), "--map", again)
+    assert (refused.exit_code, "are the same file" in refused.stderr) == (2, True)
+    assert not drawing.exists()

@@ -18,6 +18,7 @@ from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
 from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
 from airrace.safety.evaluation import Judge, grid_of, measure, together
+from airrace.safety.gusts import Gusts
 from airrace.safety.monte_carlo import (
     Count,
     closed_loop_of,
@@ -28,7 +29,7 @@ from airrace.safety.monte_carlo import (
 )
 from airrace.safety.nominal import ERRORS, displaced, errors
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import CONTROLS, GustFilter, Gusts, advance
+from airrace.safety.plant import CONTROLS, GustFilter, advance
 from airrace.track.course import Obstacle
 from airrace.track.gates import Gate
 from airrace.track.polygons import Point

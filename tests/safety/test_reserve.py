@@ -32,9 +32,9 @@ from airrace.runs.reserve_attempts import asked_text, reserve_state
 from airrace.runs.run import RunState, new_run, open_run
 from airrace.safety.closed_loop import Scatter, fly
 from airrace.safety.evaluation import Judge, measure
+from airrace.safety.gusts import Gusts
 from airrace.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.safety.pilot import PilotModel
-from airrace.safety.plant import Gusts
 from airrace.safety.reserve import STALL, Limit, allocate, limits_of
 from airrace.sensitivity.lagrangian import sensitivities_to
 from airrace.track.gates import Gate
