@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from airrace.track.course import Course
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Option:
     """What is said of an argument or option, besides its name, type and default.
 
@@ -54,74 +54,56 @@ Values = Mapping[str, str | int | float | bool] | Sequence[str]
 
 # The flight.
 Track = Annotated[
-    TrackGiven,
-    Option(metavar="TRACK", completion="tracks", help="The course: a file, or a name that `airrace tracks` lists."),
+    TrackGiven, Option("The course: a file, or a name that `airrace tracks` lists.", "TRACK", completion="tracks")
 ]
 OtherTrack = Annotated[
     TrackGiven | None,
-    Option(
-        metavar="TRACK",
-        completion="tracks",
-        help="Fly this track instead of the stored one: a file or a name.",
-    ),
+    Option("Fly this track instead of the stored one: a file or a name.", "TRACK", completion="tracks"),
 ]
 Aircraft = Annotated[
     AircraftGiven | None,
     Option(
-        metavar="FILE",
+        "Fly this aircraft instead of the one the track names: a file, or a name that `airrace tracks` lists.",
+        "FILE",
         completion="configs",
-        help="Fly this aircraft instead of the one the track names: a file, or a name that `airrace tracks` lists.",
     ),
 ]
-Settings = Annotated[SettingsGiven | None, Option(metavar="FILE", help="Settings other than the defaults.")]
-Set = Annotated[
-    Values, Option(metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like.")
-]
+Settings = Annotated[SettingsGiven | None, Option("Settings other than the defaults.", "FILE")]
+Set = Annotated[Values, Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE")]
 Guess = Annotated[
-    str | GuessKind | None,
-    Option(help="Where the point mass starts from; the settings say homotopy by default."),
+    str | GuessKind | None, Option("Where the point mass starts from; the settings say homotopy by default.")
 ]
 Search = Annotated[
-    str | SearchEffort | None,
-    Option(help="How much is tried to find the fastest route; the settings say quick by default."),
+    str | SearchEffort | None, Option("How much is tried to find the fastest route; the settings say quick by default.")
 ]
 Alternatives = Annotated[
     int | None,
     Option(
+        "Take the K best routes through all stages; by default the best, and another that is hardly slower.",
+        "K",
         min=1,
         max=20,
-        metavar="K",
-        help="Take the K best routes through all stages; by default the best, and another that is hardly slower.",
     ),
 ]
 MeshChecked = Annotated[
     str | MeshCheck | None,
     Option(
-        help="Which stages are certified, their race time confirmed on a second mesh; the settings say last by "
+        "Which stages are certified, their race time confirmed on a second mesh; the settings say last by "
         "default. Those before it are then solved as closely as the next one needs."
     ),
 ]
 Reserve = Annotated[
     float | None,
-    Option(
-        metavar="P",
-        help="Keep margins so that a race in disturbances breaks no limit with this probability, e.g. 0.9.",
-    ),
+    Option("Keep margins so that a race in disturbances breaks no limit with this probability, e.g. 0.9.", "P"),
 ]
 
 # Stages.
 _STAGE = str | StageName | None
-Until = Annotated[
-    _STAGE,
-    Option(metavar="STAGE", completion="stages", help="Last stage to run; by default the last available one."),
-]
-FromStage = Annotated[
-    _STAGE, Option(metavar="STAGE", completion="stages", help="Compute this stage and all after it again.")
-]
-Stage = Annotated[_STAGE, Option(metavar="STAGE", completion="stages", help="Which stage; by default the last one.")]
+Until = Annotated[_STAGE, Option("Last stage to run; by default the last available one.", "STAGE", completion="stages")]
+FromStage = Annotated[_STAGE, Option("Compute this stage and all after it again.", "STAGE", completion="stages")]
+Stage = Annotated[_STAGE, Option("Which stage; by default the last one.", "STAGE", completion="stages")]
 StageOfFlights = Annotated[
-    _STAGE,
-    Option(metavar="STAGE", completion="stages", help="The stage of runs that name none; the last by default."),
+    _STAGE, Option("The stage of runs that name none; the last by default.", "STAGE", completion="stages")
 ]
 
 
@@ -131,32 +113,23 @@ def stage_text(stage: str | StageName | None) -> str | None:
 
 
 # Files of runs and flights.
-RUN_FILE = Option(metavar="RUN.h5", help="The checkpoint of a run.")
-NoVerify = Annotated[
-    bool, Option(flags=("--no-verify",), help="Measure no stage again, which takes a second or more; it says so.")
-]
+RUN_FILE = Option("The checkpoint of a run.", "RUN.h5")
+NoVerify = Annotated[bool, Option("Measure no stage again, which takes a second or more; it says so.")]
 Columns = Annotated[
     Sequence[str],
-    Option(
-        flags=("--column",),
-        metavar="NAME=HEADER",
-        help="One column, e.g. 'altitude=GPS alt [ft]'; as often as you like.",
-    ),
+    Option("One column, e.g. 'altitude=GPS alt [ft]'; as often as you like.", "NAME=HEADER", flags=("--column",)),
 ]
-Origin = Annotated[
-    str | None, Option(metavar="LAT,LON,ELEV", help="Where the course lies: degrees, metres above the sea.")
-]
+Origin = Annotated[str | None, Option("Where the course lies: degrees, metres above the sea.", "LAT,LON,ELEV")]
 
 # The run, and what is written.
-Force = Annotated[bool, Option(flags=("--force", "-f"), help="Overwrite an existing file.")]
-DryRun = Annotated[bool, Option(flags=("--dry-run", "-n"), help="Only say what would run, and why.")]
-Threads = Annotated[int | None, Option(min=1, metavar="N", help="Threads; by default all cores.")]
+Force = Annotated[bool, Option("Overwrite an existing file.", flags=("--force", "-f"))]
+DryRun = Annotated[bool, Option("Only say what would run, and why.", flags=("--dry-run", "-n"))]
+Threads = Annotated[int | None, Option("Threads; by default all cores.", "N", min=1)]
 Timeout = Annotated[
-    float | None,
-    Option(metavar="SECONDS", help="Stop after this time, with what is finished; `resume` goes on from there."),
+    float | None, Option("Stop after this time, with what is finished; `resume` goes on from there.", "SECONDS")
 ]
 
 
 def output(metavar: str, help: str) -> Option:
     """Return the option that says where a command writes."""
-    return Option(flags=("--output", "-o"), metavar=metavar, help=help, written=True)
+    return Option(help, metavar, flags=("--output", "-o"), written=True)

@@ -11,17 +11,14 @@ if TYPE_CHECKING:
 
 
 def _figure(help: str, *flags: str) -> Option:
-    return Option(metavar="FIGURE", flags=flags, help=help)
+    return Option(help, "FIGURE", flags=flags)
 
 
 def estimate_aircraft(
-    name: Annotated[
-        str, Option(metavar="NAME", completion="configs", help="Name of the new aircraft, or of one that exists.")
-    ],
+    name: Annotated[str, Option("Name of the new aircraft, or of one that exists.", "NAME", completion="configs")],
     *,
     from_: Annotated[
-        str | Path | None,
-        Option(metavar="FILE", completion="configs", help="Take what is not given from this aircraft."),
+        str | Path | None, Option("Take what is not given from this aircraft.", "FILE", completion="configs")
     ] = None,
     mass: Annotated[str | None, _figure("Mass that flies, with pilot and fuel, e.g. 730kg or 1610lb.")] = None,
     span: Annotated[str | None, _figure("Wing span, e.g. 7.5m or 24.6ft.")] = None,

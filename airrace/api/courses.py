@@ -21,11 +21,7 @@ def check(
     set: options.Set = (),
     plot: Annotated[
         str | Path | None,
-        Option(
-            metavar="FILE.png",
-            written=True,
-            help="Draw the course into this file (needs matplotlib); also .svg or .pdf.",
-        ),
+        Option("Draw the course into this file (needs matplotlib); also .svg or .pdf.", "FILE.png", written=True),
     ] = None,
     force: options.Force = False,
 ) -> "CourseCheck":
@@ -63,18 +59,13 @@ def check(
 
 
 def begin_course(
-    name: Annotated[str | Path, Option(metavar="NAME", written=True, help="Name of the new course.")],
+    name: Annotated[str | Path, Option("Name of the new course.", "NAME", written=True)],
     *,
     like: Annotated[
-        str | Path | None,
-        Option(metavar="TRACK", completion="tracks", help="Copy this course, a file or a name that comes along."),
+        str | Path | None, Option("Copy this course, a file or a name that comes along.", "TRACK", completion="tracks")
     ] = None,
     from_: Annotated[
-        str | Path | None,
-        Option(
-            metavar="FILE",
-            help="Sketch the course from placemarks: KML, KMZ, GPX or GeoJSON, in race order.",
-        ),
+        str | Path | None, Option("Sketch the course from placemarks: KML, KMZ, GPX or GeoJSON, in race order.", "FILE")
     ] = None,
     force: options.Force = False,
 ) -> "CourseFile":
@@ -102,7 +93,7 @@ def tracks() -> "tuple[ShippedTrack, ...]":
 
 
 def schema(
-    language: Annotated[str, Option(metavar="LANGUAGE", choices=LANGUAGES, help=f"One of: {', '.join(LANGUAGES)}.")],
+    language: Annotated[str, Option(f"One of: {', '.join(LANGUAGES)}.", "LANGUAGE", choices=LANGUAGES)],
 ) -> dict[str, object]:
     """Print the JSON Schema of an input file.
 

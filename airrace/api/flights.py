@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     from airrace.runs.log_view import LogView
     from airrace.runs.stage_data import Brief
 
-AnyFlight = Annotated[
-    str, Option(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.")
-]
+AnyFlight = Annotated[str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.", "FLIGHT")]
 FlightNames = Annotated[
-    str, Option(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass.")
+    str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass.", "FLIGHT...")
 ]
 Units = Annotated[
-    str,
-    Option(choices=tuple(UNITS), help="Units for people: knots or km/h, metres or feet; never of --json, --csv."),
+    str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
 ]
 Drawing = str | Path | None
 
@@ -40,34 +37,28 @@ class WrittenFlights:
 
 
 def import_log(
-    log: Annotated[str | Path, Option(metavar="LOG", help="The log: CSV, GPX, IGC or ACMI.")],
+    log: Annotated[str | Path, Option("The log: CSV, GPX, IGC or ACMI.", "LOG")],
     track: Annotated[
         options.TrackGiven,
         Option(
+            "The course of the race: a file, or a name that `airrace tracks` lists.",
+            "TRACK",
             flags=("--course",),
-            metavar="TRACK",
             completion="tracks",
-            help="The course of the race: a file, or a name that `airrace tracks` lists.",
         ),
     ],
     *,
     output: Annotated[
         str | Path | None, options.output("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
     ] = None,
-    mapping: Annotated[
-        str | Path | None, Option(metavar="FILE.yaml", help="What the columns of a CSV file mean.")
-    ] = None,
+    mapping: Annotated[str | Path | None, Option("What the columns of a CSV file mean.", "FILE.yaml")] = None,
     columns: options.Columns = (),
     time_zone: Annotated[
-        str | None, Option(metavar="ZONE", help="Of times that name none: +02:00 or Europe/Zagreb; else UTC.")
+        str | None, Option("Of times that name none: +02:00 or Europe/Zagreb; else UTC.", "ZONE")
     ] = None,
-    noise: Annotated[
-        float | None, Option(metavar="M", help="Standard deviation of the positions; estimated by default.")
-    ] = None,
-    run: Annotated[
-        int | None, Option(min=1, metavar="N", help="Which run through the course, where there are several.")
-    ] = None,
-    name: Annotated[str | None, Option(metavar="NAME", help="Which aircraft of an ACMI recording.")] = None,
+    noise: Annotated[float | None, Option("Standard deviation of the positions; estimated by default.", "M")] = None,
+    run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
+    name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
     aircraft: options.Aircraft = None,
     set: options.Set = (),
     force: options.Force = False,
@@ -129,20 +120,11 @@ def compare(
     stage: options.StageOfFlights = None,
     plot: Annotated[
         Drawing,
-        Option(
-            metavar="FILE.png",
-            written=True,
-            help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf.",
-        ),
+        Option("Draw the comparison into this file (needs matplotlib); or .svg, .pdf.", "FILE.png", written=True),
     ] = None,
     loss_map: Annotated[
         Drawing,
-        Option(
-            flags=("--map",),
-            metavar="FILE.png",
-            written=True,
-            help="Draw a map in the colours of the time lost, likewise.",
-        ),
+        Option("Draw a map in the colours of the time lost, likewise.", "FILE.png", flags=("--map",), written=True),
     ] = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
@@ -178,7 +160,7 @@ def compare(
 
 
 def plot(
-    flight: Annotated[str, Option(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE.")],
+    flight: Annotated[str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE.", "FLIGHT")],
     *,
     output: Annotated[
         Drawing,
@@ -186,7 +168,7 @@ def plot(
             "FILE.png", "The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.png, beside the run."
         ),
     ] = None,
-    kneeboard: Annotated[bool, Option(help="One page to hold in the hand: map, table of the gates, and cues.")] = False,
+    kneeboard: Annotated[bool, Option("One page to hold in the hand: map, table of the gates, and cues.")] = False,
     units: Units = "kt-m",
     stage: options.StageOfFlights = None,
     force: options.Force = False,
@@ -218,18 +200,15 @@ def report(
     run: Annotated[str | Path, options.RUN_FILE],
     *flights: Annotated[
         str,
-        Option(
-            metavar="FLIGHT",
-            help="Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flight log, as many as you like.",
-        ),
+        Option("Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flight log, as many as you like.", "FLIGHT"),
     ],
     output: Annotated[
         str | Path | None, options.output("FILE.html", "The page; by default beside the run, as RUN.html.")
     ] = None,
     stage: options.Stage = None,
-    sensitivities: Annotated[bool, Option(help="Show the sensitivities to all numbers; takes some seconds.")] = False,
+    sensitivities: Annotated[bool, Option("Show the sensitivities to all numbers; takes some seconds.")] = False,
     envelope: Annotated[
-        int, Option(metavar="N", help="Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.")
+        int, Option("Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.", "N")
     ] = 0,
     verify: options.NoVerify = True,
     force: options.Force = False,
@@ -257,22 +236,17 @@ def report(
 def film(
     *flights: FlightNames,
     output: Annotated[
-        str | Path | None,
-        options.output("FILE.mp4", "The film; or .gif; by default beside the first run, as RUN.mp4."),
+        str | Path | None, options.output("FILE.mp4", "The film; or .gif; by default beside the first run, as RUN.mp4.")
     ] = None,
     view: Annotated[
-        FilmView, Option(help="Cameras at the gates and in the air, or one view of the report throughout.")
+        FilmView, Option("Cameras at the gates and in the air, or one view of the report throughout.")
     ] = FilmView.TV,
-    format: Annotated[
-        str, Option(metavar="16:9|9:16|1:1", help="1280x720, 720x1280, 960x960; of a GIF the half.")
-    ] = "16:9",
-    size: Annotated[
-        str | None, Option(metavar="WIDTHxHEIGHT", help="Pixels, instead of a format; e.g. 1920x1080.")
-    ] = None,
-    fps: Annotated[float | None, Option(metavar="N", help="Pictures per second; by default 30, of a GIF 15.")] = None,
-    from_: Annotated[float | None, Option(metavar="S", help="Where the film begins, on the clock of the race.")] = None,
-    to: Annotated[float | None, Option(metavar="S", help="Where it ends; else at the finish.")] = None,
-    seconds: Annotated[float | None, Option(metavar="S", help="How long it is, instead of its end.")] = None,
+    format: Annotated[str, Option("1280x720, 720x1280, 960x960; of a GIF the half.", "16:9|9:16|1:1")] = "16:9",
+    size: Annotated[str | None, Option("Pixels, instead of a format; e.g. 1920x1080.", "WIDTHxHEIGHT")] = None,
+    fps: Annotated[float | None, Option("Pictures per second; by default 30, of a GIF 15.", "N")] = None,
+    from_: Annotated[float | None, Option("Where the film begins, on the clock of the race.", "S")] = None,
+    to: Annotated[float | None, Option("Where it ends; else at the finish.", "S")] = None,
+    seconds: Annotated[float | None, Option("How long it is, instead of its end.", "S")] = None,
     stage: options.StageOfFlights = None,
     verify: options.NoVerify = True,
     force: options.Force = False,
@@ -340,21 +314,14 @@ def export(
         str | Path | None, options.output("FILE", "The file; by default beside the first run, as RUN.FORMAT.")
     ] = None,
     stage: options.StageOfFlights = None,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Samples per second; by default what suits the format.")
-    ] = None,
+    rate: Annotated[float | None, Option("Samples per second; by default what suits the format.", "HZ")] = None,
     origin: options.Origin = None,
     start: Annotated[
-        str | None,
-        Option(metavar="TIME", help="When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000."),
+        str | None, Option("When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000.", "TIME")
     ] = None,
     model: Annotated[
         str | None,
-        Option(
-            flags=("--aircraft-model",),
-            metavar="FILE.acf",
-            help="The aircraft that X-Plane shows; by default a Cessna 172.",
-        ),
+        Option("The aircraft that X-Plane shows; by default a Cessna 172.", "FILE.acf", flags=("--aircraft-model",)),
     ] = None,
     force: options.Force = False,
 ) -> Path:
@@ -392,13 +359,11 @@ def export_csv(
     flight: AnyFlight,
     *,
     stage: options.StageOfFlights = None,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
-    ] = None,
+    rate: Annotated[float | None, Option("Rows per second; by default one row per node of the mesh.", "HZ")] = None,
     output: Annotated[
         str | Path, options.output("FILE", "Write here instead of to stdout, and the gate splits beside it.")
     ] = STANDARD,
-    splits: Annotated[bool, Option(help="Write the gate splits instead of the flight.")] = False,
+    splits: Annotated[bool, Option("Write the gate splits instead of the flight.")] = False,
     force: options.Force = False,
 ) -> Sequence[Path]:
     """Write comma-separated values: the flight as one table, the gate splits as another.

@@ -106,11 +106,7 @@ class Run(RunState):
         return self.stage(stage).sensitivities(by)
 
     def safety(
-        self,
-        stage: str | Stage | None = None,
-        *,
-        output: str | Path | None = None,
-        **options: Unpack[SafetyOptions],
+        self, stage: str | Stage | None = None, *, output: str | Path | None = None, **options: Unpack[SafetyOptions]
     ) -> "SafetyCase":
         """Fly a stage's optimum many times with a pilot in the loop; see `StageView.safety` for the options.
 

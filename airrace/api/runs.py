@@ -36,8 +36,7 @@ def optimize(
     ] = None,
     force: options.Force = False,
     start: Annotated[
-        RunGiven | None,
-        Option(metavar="OTHER.h5", help="Start from this run's optimum of the highest stage that it holds."),
+        RunGiven | None, Option("Start from this run's optimum of the highest stage that it holds.", "OTHER.h5")
     ] = None,
     set: options.Set = (),
     reserve: options.Reserve = None,
@@ -226,9 +225,7 @@ def verify(
     *,
     other_versions: Annotated[
         bool,
-        Option(
-            help="Also verify a run that other versions of airrace and its libraries have made, and leave open which."
-        ),
+        Option("Also verify a run that other versions of airrace and its libraries have made, and leave open which."),
     ] = False,
 ) -> Verified:
     """Verify all that a run tells.
@@ -261,7 +258,7 @@ def sensitivity(
     run: Annotated[RunGiven, options.RUN_FILE],
     *,
     stage: options.Stage = None,
-    by: Annotated[str | ParameterGroup | None, Option(help="Only the numbers of these.")] = None,
+    by: Annotated[str | ParameterGroup | None, Option("Only the numbers of these.")] = None,
 ) -> "Sensitivities":
     """Tell how the race time depends on every number.
 

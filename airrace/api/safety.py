@@ -35,54 +35,40 @@ class SafetyOptions(TypedDict, total=False):
 
 
 def _percent(name: str, what: str) -> Option:
-    return Option(flags=(name,), metavar="PERCENT", help=f"Standard deviation of the {what}.")
+    return Option(f"Standard deviation of the {what}.", "PERCENT", flags=(name,))
 
 
 def safety(
     *runs: Annotated[
         Union[str, Path, "Run"],
         Option(
-            metavar="RUN.h5|TRACK...",
-            help="Checkpoints of runs, such as those of several aircraft; or courses, which are solved first.",
+            "Checkpoints of runs, such as those of several aircraft; or courses, which are solved first.",
+            "RUN.h5|TRACK...",
         ),
     ],
     aircraft: Annotated[
         Sequence[options.AircraftGiven],
-        Option(metavar="FILE", completion="configs", help="Fly every TRACK with this aircraft; as often as you like."),
+        Option("Fly every TRACK with this aircraft; as often as you like.", "FILE", completion="configs"),
     ] = (),
     stage: options.Stage = None,
-    flights: Annotated[int, Option(metavar="N", help="How many flights.")] = 1000,
-    gusts: Annotated[str | Gusts, Option(help="Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
+    flights: Annotated[int, Option("How many flights.", "N")] = 1000,
+    gusts: Annotated[str | Gusts, Option("Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
     wind_error_kt: Annotated[
-        float,
-        Option(
-            flags=("--wind-error",),
-            metavar="KT",
-            help="Standard deviation of the wind to the north and to the east.",
-        ),
+        float, Option("Standard deviation of the wind to the north and to the east.", "KT", flags=("--wind-error",))
     ] = 2.5,
     mass_error_percent: Annotated[float, _percent("--mass-error", "mass")] = 2.0,
     power_error_percent: Annotated[float, _percent("--power-error", "power")] = 2.0,
     density_error_percent: Annotated[float, _percent("--density-error", "air's density")] = 1.0,
     roll_timing_s: Annotated[
-        float,
-        Option(
-            flags=("--roll-timing",),
-            metavar="S",
-            help="Standard deviation of the time by which rolls are late or early.",
-        ),
+        float, Option("Standard deviation of the time by which rolls are late or early.", "S", flags=("--roll-timing",))
     ] = 0.02,
     delay_s: Annotated[
-        float,
-        Option(flags=("--delay",), metavar="S", help="From what the pilot sees to the stick that moves."),
+        float, Option("From what the pilot sees to the stick that moves.", "S", flags=("--delay",))
     ] = 0.1,
-    seed: Annotated[int, Option(metavar="N", help="Of all flights; the same seed, the same flights.")] = 0,
+    seed: Annotated[int, Option("Of all flights; the same seed, the same flights.", "N")] = 0,
     winds: Annotated[
         str | None,
-        Option(
-            metavar="ROSE",
-            help="Fly the course in each of these winds first, e.g. 0,5,10kt@8: from eight directions.",
-        ),
+        Option("Fly the course in each of these winds first, e.g. 0,5,10kt@8: from eight directions.", "ROSE"),
     ] = None,
     threads: options.Threads = None,
     output: Annotated[
@@ -94,8 +80,7 @@ def safety(
         ),
     ] = None,
     sign_for: Annotated[
-        Sequence[str],
-        Option(metavar="NAME", help="Leave a place in the document for this one to sign; as often as you like."),
+        Sequence[str], Option("Leave a place in the document for this one to sign; as often as you like.", "NAME")
     ] = (),
     force: options.Force = False,
     progress: bool = False,
@@ -184,10 +169,10 @@ def footprint(
     *,
     stage: options.StageOfFlights = None,
     drag_area: Annotated[
-        float | None, Option(metavar="M2", help="C_D A of the falling aircraft; by default C_D0 times its wing area.")
+        float | None, Option("C_D A of the falling aircraft; by default C_D0 times its wing area.", "M2")
     ] = None,
     glide_ratio: Annotated[
-        float | None, Option(metavar="E", help="Way over height without power; by default that of its polar.")
+        float | None, Option("Way over height without power; by default that of its polar.", "E")
     ] = None,
     output: Annotated[
         str | Path | None,

@@ -46,43 +46,41 @@ class BatchOptions:
 
     courses: Annotated[
         Sequence[str],
-        Option(metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml."),
+        Option("Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml.", "COURSES..."),
     ] = field(kw_only=False)
     aircraft: Annotated[
-        Sequence[Path], Option(metavar="FILE", help="Fly every course with this aircraft; as often as you like.")
+        Sequence[Path], Option("Fly every course with this aircraft; as often as you like.", "FILE")
     ] = ()
-    settings: Annotated[Path | None, Option(metavar="FILE", help="Settings other than the defaults.")] = None
+    settings: Annotated[Path | None, Option("Settings other than the defaults.", "FILE")] = None
     set: Annotated[
         Sequence[str],
-        Option(metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
+        Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE"),
     ] = ()
     sweep: Annotated[
         Sequence[str],
         Option(
-            metavar="KEY=VALUES",
-            help="Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
+            "Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
+            "KEY=VALUES",
         ),
     ] = ()
     until: Annotated[
         str | None,
-        Option(metavar="STAGE", completion="stages", help="Last stage to run; by default the last available one."),
+        Option("Last stage to run; by default the last available one.", "STAGE", completion="stages"),
     ] = None
     jobs: Annotated[
         int | None,
-        Option(min=1, metavar="N", help="Jobs at a time; by default all cores, or threads of workers."),
+        Option("Jobs at a time; by default all cores, or threads of workers.", "N", min=1),
     ] = None
-    output: Annotated[
-        Path, Option(flags=("--output", "-o"), metavar="DIR", help="Where checkpoints and records lie.")
-    ] = Path("batch")
-    cluster: Annotated[
-        str | None, Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
-    ] = None
-    timeout: Annotated[float | None, Option(min=0.1, metavar="SECONDS", help="Stop a job that takes longer.")] = None
-    retries: Annotated[
-        int, Option(min=0, metavar="N", help="How often a job whose process crashed is tried again.")
-    ] = 1
-    retry_failed: Annotated[bool, Option(help="Fly jobs again that ended without a certified flight.")] = False
-    force: Annotated[bool, Option(flags=("--force", "-f"), help="Fly all jobs again, from their start.")] = False
+    output: Annotated[Path, Option("Where checkpoints and records lie.", "DIR", flags=("--output", "-o"))] = Path(
+        "batch"
+    )
+    cluster: Annotated[str | None, Option("Fly on a dask.distributed cluster (tcp://scheduler:8786).", "ADDRESS")] = (
+        None
+    )
+    timeout: Annotated[float | None, Option("Stop a job that takes longer.", "SECONDS", min=0.1)] = None
+    retries: Annotated[int, Option("How often a job whose process crashed is tried again.", "N", min=0)] = 1
+    retry_failed: Annotated[bool, Option("Fly jobs again that ended without a certified flight.")] = False
+    force: Annotated[bool, Option("Fly all jobs again, from their start.", flags=("--force", "-f"))] = False
 
     def sources(self) -> "Sources":
         """Return the courses that are meant.

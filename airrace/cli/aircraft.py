@@ -29,21 +29,14 @@ def aircraft(answer: Answer, call: "partial[ComparedAircraft]") -> None:
 
 
 def _fit(
-    logs: Annotated[Sequence[Path], Option(metavar="LOG...", help="Logs of one aircraft: CSV, GPX, IGC or ACMI.")],
+    logs: Annotated[Sequence[Path], Option("Logs of one aircraft: CSV, GPX, IGC or ACMI.", "LOG...")],
     *,
     course: Annotated[
-        Path,
-        Option(
-            metavar="TRACK",
-            completion="tracks",
-            help="The course that they pass, with the wind as far as it is known.",
-        ),
+        Path, Option("The course that they pass, with the wind as far as it is known.", "TRACK", completion="tracks")
     ],
-    aircraft: Annotated[
-        Path, Option(metavar="FILE", completion="configs", help="Start from this aircraft: a file or a name.")
-    ],
+    aircraft: Annotated[Path, Option("Start from this aircraft: a file or a name.", "FILE", completion="configs")],
     output: Annotated[Path, options.output("FILE.yaml", "Write the fitted aircraft here.")],
-    mapping: Annotated[Path | None, Option(metavar="FILE.yaml", help="What the columns of CSV files mean.")] = None,
+    mapping: Annotated[Path | None, Option("What the columns of CSV files mean.", "FILE.yaml")] = None,
     columns: options.Columns = (),
     set: options.Set = (),
     force: options.Force = False,

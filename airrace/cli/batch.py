@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from airrace.batch.sweep import SweepResult
 
 
-def _report(flag: str, help: str) -> Option:
-    return Option(flags=(flag,), metavar="FILE", help=help, written=True)
-
-
 BATCH_HELP = """Fly many courses.
 
 Every combination of course, aircraft and swept values is a job with a checkpoint of its own. A second call flies
@@ -40,15 +36,15 @@ def batch(
     call: "partial[BatchOptions]",
     *,
     dry_run: options.DryRun = False,
-    csv_file: Annotated[Path | None, _report("--csv", "Write the table as CSV.")] = None,
-    junit_file: Annotated[Path | None, _report("--junit", "Write a JUnit report.")] = None,
-    markdown_file: Annotated[Path | None, _report("--markdown", "Write the table as Markdown.")] = None,
+    csv: Annotated[Path | None, Option("Write the table as CSV.", "FILE", written=True)] = None,
+    junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
+    markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
     from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
 
     answer.fields = {"certified": False, "jobs": []}
     started = time.perf_counter()
-    jobs, reports = call(), Reports(csv_file, junit_file, markdown_file)
+    jobs, reports = call(), Reports(csv, junit, markdown)
     if dry_run:
         describe_plan(answer, jobs.checked_plan(reports.ensure_writable), quiet=answer.quiet)
         return
@@ -99,12 +95,12 @@ def _sweep(
     sweep: Annotated[
         Sequence[str],
         Option(
-            metavar="KEY=VALUES",
-            help="Values of a key as --set takes it: a list 0,5,10, a range first:last:step, or a list of both; "
+            "Values of a key as --set takes it: a list 0,5,10, a range first:last:step, or a list of both; "
             "several multiply.",
+            "KEY=VALUES",
         ),
     ],
-    stage: Annotated[str, Option(metavar="STAGE", completion="stages", help="Which stage.")] = "point-mass",
+    stage: Annotated[str, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
     set: options.Set = (),
     output: Annotated[
         Path | None, options.output("FILE", "Write all combinations, .csv or .parquet (extra: parquet).")
@@ -151,49 +147,34 @@ def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
 
 def _fairness(
     track: Annotated[
-        Path,
-        Option(metavar="TRACK", completion="tracks", help="The course: a file, or a name that `airrace tracks` lists."),
+        Path, Option("The course: a file, or a name that `airrace tracks` lists.", "TRACK", completion="tracks")
     ],
     *,
     aircraft: Annotated[
         Sequence[Path],
-        Option(
-            metavar="FILE",
-            completion="configs",
-            help="An aircraft: a file or a name, e.g. pc9; as often as you like.",
-        ),
+        Option("An aircraft: a file or a name, e.g. pc9; as often as you like.", "FILE", completion="configs"),
     ] = (),
     winds: Annotated[
-        str | None,
-        Option(metavar="ROSE", help="Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's."),
+        str | None, Option("Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's.", "ROSE")
     ] = None,
     sweep: Annotated[
-        Sequence[str], Option(metavar="KEY=VALUES", help="Values of another key of the air; as often as you like.")
+        Sequence[str], Option("Values of another key of the air; as often as you like.", "KEY=VALUES")
     ] = (),
     flights: Annotated[
         Sequence[str],
-        Option(
-            flags=("--flight",),
-            metavar="FLIGHT",
-            help="A run or a flight log to normalise; as often as you like.",
-        ),
+        Option("A run or a flight log to normalise; as often as you like.", "FLIGHT", flags=("--flight",)),
     ] = (),
-    settings: Annotated[Path | None, Option(metavar="FILE", help="Settings other than the defaults.")] = None,
+    settings: Annotated[Path | None, Option("Settings other than the defaults.", "FILE")] = None,
     set: Annotated[
-        Sequence[str],
-        Option(metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
+        Sequence[str], Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE")
     ] = (),
     until: options.Until = None,
-    cold: Annotated[
-        bool, Option(help="Find every optimum from the course alone as well, and take the faster one.")
-    ] = False,
+    cold: Annotated[bool, Option("Find every optimum from the course alone as well, and take the faster one.")] = False,
     output: Annotated[
         Path | None,
-        Option(
-            flags=("--output", "-o"), metavar="DIR", help="Keep the runs here; a second call takes up what is there."
-        ),
+        Option("Keep the runs here; a second call takes up what is there.", "DIR", flags=("--output", "-o")),
     ] = None,
-    csv: Annotated[Path | None, _report("--csv", "Write the optima as CSV.")] = None,
+    csv: Annotated[Path | None, Option("Write the optima as CSV.", "FILE", written=True)] = None,
     force: options.Force = False,
     threads: options.Threads = None,
     tell: Callable[[str], None] = lambda text: None,

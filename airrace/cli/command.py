@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from types import NoneType
-from typing import Annotated, Any, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import typer
 from typer.core import TyperCommand
@@ -19,9 +19,9 @@ from airrace.options import Option
 # Any, throughout this module: signatures and their types are read at run time, and contexts and parameters belong to
 # click, whose place depends on typer's version.
 
-AsJson = Annotated[bool, Option(flags=("--json",), help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, Option(flags=("--quiet", "-q"), help="Print nothing but what goes wrong.")]
-Verbose = Annotated[bool, Option(flags=("--verbose", "-v"), help="Tell on stderr what is read, written and begun.")]
+AsJson = Annotated[bool, Option("Print one JSON object on stdout.", flags=("--json",))]
+Quiet = Annotated[bool, Option("Print nothing but what goes wrong.", flags=("--quiet", "-q"))]
+Verbose = Annotated[bool, Option("Tell on stderr what is read, written and begun.", flags=("--verbose", "-v"))]
 _COMMON = {"as_json": AsJson, "quiet": Quiet, "verbose": Verbose}
 _SECTION = re.compile(r"^(Args|Examples|Raises|Returns):$", re.MULTILINE)
 
@@ -137,7 +137,8 @@ def _typer_parameter(parameter: inspect.Parameter, *, is_first: bool) -> inspect
     if is_argument:
         info = typer.Argument(**common)
     else:
-        info = typer.Option(*option.flags or [f"--{parameter.name.rstrip('_').replace('_', '-')}"], **common)
+        name = parameter.name.rstrip("_").replace("_", "-")
+        info = typer.Option(*option.flags or [f"--no-{name}" if default is True else f"--{name}"], **common)
     annotation: Any = list[type_] if several else type_
     if default is None:
         annotation = annotation | None
@@ -152,33 +153,22 @@ def _command_type(parameter: inspect.Parameter, option: Option) -> tuple[Any, bo
 
     Of several types that Python takes it is the narrowest: a path rather than a text, a choice rather than both.
     """
-    members = _members(get_args(parameter.annotation)[0])
     several = parameter.kind is parameter.VAR_POSITIONAL
-    for member in list(members):
-        if get_origin(member) is not None:  # a sequence, or a mapping beside it, which the command line has no word for
+    annotations, classes = [get_args(parameter.annotation)[0]], list[Any]()
+    while annotations:
+        annotation = annotations.pop()
+        origin = get_origin(annotation)
+        if origin in (Union, UnionType):
+            annotations += get_args(annotation)
+        elif origin is Sequence:
             several = True
-            members += [] if issubclass(get_origin(member), Mapping) else _members(get_args(member)[0])
+            annotations += get_args(annotation)
+        elif isinstance(annotation, type):
+            classes.append(annotation)
     if option.choices:
         return Enum(parameter.name, {text: text for text in option.choices}), several
-    classes = [member for member in members if isinstance(member, type) and get_origin(member) is None]
-    enums = [member for member in classes if issubclass(member, Enum)]
-    for candidate in (*enums, bool, Path, int, float, str):
-        if candidate in classes and (candidate is not int or float not in classes):
-            return candidate, several
-    raise TypeError(f"no type of the parameter {parameter.name} can be read from the command line")
-
-
-def _members(annotation: Any) -> list[Any]:
-    """Return the types of a union without None; of another type that alone."""
-    members = get_args(annotation) if NoneType in get_args(annotation) or _is_union(annotation) else (annotation,)
-    return [member for member in members if member is not NoneType]
-
-
-def _is_union(annotation: Any) -> bool:
-    from types import UnionType
-    from typing import Union
-
-    return get_origin(annotation) in (Union, UnionType)
+    enums = [type_ for type_ in classes if issubclass(type_, Enum)]
+    return next(type_ for type_ in (*enums, bool, Path, float, int, str) if type_ in classes), several
 
 
 def _value(parameter: inspect.Parameter, value: Any) -> Any:

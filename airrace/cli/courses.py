@@ -111,11 +111,11 @@ def doctor(answer: Answer, call: "partial[tuple[Component, ...]]") -> None:
 
 
 def _design(
-    track: Annotated[Path, Option(metavar="TRACK.yaml", help="The track file to be edited.")],
+    track: Annotated[Path, Option("The track file to be edited.", "TRACK.yaml")],
     *,
     aircraft: options.Aircraft = None,
-    port: Annotated[int, Option(min=0, max=65535, metavar="N", help="Port; by default a free one.")] = 0,
-    browser: Annotated[bool, Option(flags=("--no-browser",), help="Only print the address.")] = True,
+    port: Annotated[int, Option("Port; by default a free one.", "N", min=0, max=65535)] = 0,
+    browser: Annotated[bool, Option("Only print the address.")] = True,
 ) -> Path | None:
     """Lay out a course in the browser: drag gates and see the race time change (extra: design).
 

@@ -53,16 +53,16 @@ def brief(
     call: "partial[Brief]",
     *,
     units: flights.Units = "kt-m",
-    as_csv: Annotated[bool, Option(flags=("--csv",), help="Print comma-separated values, one row per action.")] = False,
+    csv: Annotated[bool, Option("Print comma-separated values, one row per action.")] = False,
 ) -> None:
     from airrace.errors import UsageError
     from airrace.views.tables import units_named
 
-    if answer.as_json and as_csv:
+    if answer.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
     found = call()
     answer.fields.update(found.as_object())
-    if as_csv:
+    if csv:
         answer.add(found.to_csv())
     elif answer.shows:
         answer.add(found.table(units_named(units), unicode=takes_unicode()), columns=PAGE)
@@ -73,7 +73,7 @@ def compare(
     answer: Answer,
     call: "partial[list[Comparison]]",
     *,
-    every: Annotated[bool, Option(flags=("--all",), help="List the legs that are ties as well.")] = False,
+    all_: Annotated[bool, Option("List the legs that are ties as well.")] = False,
 ) -> None:
     from airrace.cli.run_tables import comparison_texts
     from airrace.runs.json_objects import comparison_object
@@ -84,7 +84,7 @@ def compare(
     answer.fail_if_refuted({flight.label: flight.source.confirmation for flight in compared})
     answer.fields.update(comparison_object(reference, comparisons))
     if answer.shows:
-        answer.add(*comparison_texts(comparisons, every=every))
+        answer.add(*comparison_texts(comparisons, every=all_))
 
 
 @command(flights.plot)

@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from airrace.runs.execute import Execution
     from airrace.runs.stage_data import Sensitivities
 
-ShowStages = Annotated[bool, Option(flags=("--stages",), help="Also list the stages with their race times and costs.")]
-ShowRoutes = Annotated[bool, Option(flags=("--routes",), help="Also list the routes that were tried.")]
-ShowCertificate = Annotated[
-    bool, Option(flags=("--certificate",), help="Also list every item of the certificate, and what is claimed.")
-]
-ShowAll = Annotated[bool, Option(flags=("--all",), help="Show all there is, of every stage.")]
+ShowStages = Annotated[bool, Option("Also list the stages with their race times and costs.")]
+ShowRoutes = Annotated[bool, Option("Also list the routes that were tried.")]
+ShowCertificate = Annotated[bool, Option("Also list every item of the certificate, and what is claimed.")]
+ShowAll = Annotated[bool, Option("Show all there is, of every stage.")]
 
 
 @command(runs.optimize)
@@ -37,12 +35,12 @@ def optimize(
     stages: ShowStages = False,
     routes: ShowRoutes = False,
     certificate: ShowCertificate = False,
-    every: ShowAll = False,
+    all_: ShowAll = False,
 ) -> None:
     name = stem_of(call.keywords["track"])
     answer.fields = empty_result(name)
     call.keywords["output"] = call.keywords["output"] or Path(f"{name}.h5")
-    _fly(answer, call, stages=stages, routes=routes, certificate=certificate, every=every)
+    _fly(answer, call, stages=stages, routes=routes, certificate=certificate, every=all_)
 
 
 @command(runs.resume)
@@ -53,7 +51,7 @@ def resume(
     stages: ShowStages = False,
     routes: ShowRoutes = False,
     certificate: ShowCertificate = False,
-    every: ShowAll = False,
+    all_: ShowAll = False,
 ) -> None:
     from airrace.errors import UsageError
 
@@ -65,7 +63,7 @@ def resume(
         raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --output NEW.h5")
     if not changes and (options["output"] is not None or options["force"]):
         raise UsageError("--output and --force belong to a changed run: say with --set, --track, ... what changes")
-    _fly(answer, call, stages=stages, routes=routes, certificate=certificate, every=every)
+    _fly(answer, call, stages=stages, routes=routes, certificate=certificate, every=all_)
 
 
 class _Watcher:
@@ -135,10 +133,7 @@ def _add_steps(answer: Answer, execution: "Execution") -> None:
 def _stored(
     run_file: Annotated[Path, options.RUN_FILE],
     *,
-    stage: Annotated[
-        str | None,
-        Option(metavar="STAGE", completion="stages", help="Show this stage alone; by default all."),
-    ] = None,
+    stage: Annotated[str | None, Option("Show this stage alone; by default all.", "STAGE", completion="stages")] = None,
     verify: options.NoVerify = True,
 ) -> "Checkpoint | LogCheckpoint":
     """Show race time, verdict, gates and limits of a run.
@@ -157,13 +152,12 @@ def show(
     call: "partial[Checkpoint | LogCheckpoint]",
     *,
     legs: Annotated[
-        bool,
-        Option(flags=("--legs",), help="Also tell every leg of the stage, by default the last, and least distances."),
+        bool, Option("Also tell every leg of the stage, by default the last, and least distances.")
     ] = False,
     stages: ShowStages = False,
     routes: ShowRoutes = False,
     certificate: ShowCertificate = False,
-    every: ShowAll = False,
+    all_: ShowAll = False,
 ) -> None:
     from airrace.checkpoint import LogCheckpoint
     from airrace.cli.run_screen import Parts, run_texts, stored_stages
@@ -187,7 +181,7 @@ def show(
     shown = stored_stages(stored, path, stage, verify=verify)
     answer.fields.update(shown.as_object())
     if answer.shows:
-        parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=every)
+        parts = Parts(stages=stages, routes=routes, certificate=certificate, legs=legs, every=all_)
         answer.add(*run_texts(shown, parts))
     answer.fail_if_refuted({stage.value: confirmation for stage, confirmation in shown.confirmations.items()})
 
@@ -232,15 +226,13 @@ def sensitivity(
     answer: Answer,
     call: "partial[Sensitivities]",
     *,
-    as_csv: Annotated[
-        bool, Option(flags=("--csv",), help="Print comma-separated values, free numbers included.")
-    ] = False,
+    csv: Annotated[bool, Option("Print comma-separated values, free numbers included.")] = False,
 ) -> None:
     from airrace.cli.flight_tables import sensitivities_csv, sensitivities_text
     from airrace.errors import UsageError
     from airrace.runs.run import open_run
 
-    if answer.as_json and as_csv:
+    if answer.as_json and csv:
         raise UsageError("--json and --csv exclude each other")
     run = open_run(call.keywords["run"])
     view = run.stage(call.keywords["stage"])
@@ -251,6 +243,6 @@ def sensitivity(
     if answer.shows:
         answer.add(
             sensitivities_csv(sensitivities)
-            if as_csv
+            if csv
             else sensitivities_text(view.result, sensitivities, terminal_columns())
         )

@@ -16,6 +16,7 @@ from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import DocumentReader, read_named
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.inputs.overrides import value_text
+from airrace.options import AircraftGiven, SettingsGiven, TrackGiven, Values
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import checks_mesh
 from airrace.procedure.formulation import ensure_same_passings, passings_of
@@ -39,15 +40,6 @@ from airrace.runs.stage_view import StageView
 from airrace.track.course import Course
 
 logger = logging.getLogger(__name__)
-
-TrackGiven = str | Path | Course | Race
-"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
-AircraftGiven = str | Path | Aircraft
-"""An aircraft by name, its file, or an object."""
-SettingsGiven = str | Path
-"""A settings file, by its path."""
-Values = Mapping[str, str | int | float | bool] | Sequence[str]
-"""Single values by their keys, or texts `key=value`."""
 
 
 def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
