@@ -244,7 +244,7 @@ def verify(
     from airrace.runs.verification import confirm_log, verify_run
 
     if not isinstance(run, RunState):
-        checkpoint, _ = read_stored(Path(run))
+        checkpoint = read_stored(Path(run))
         if isinstance(checkpoint, LogCheckpoint):
             log = open_log(checkpoint)
             confirmation = confirm_log(log, versions=not other_versions)

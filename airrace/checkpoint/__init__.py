@@ -12,10 +12,7 @@ from airrace.checkpoint.checkpoint import (
 )
 from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredHistory, StoredPassing, StoredReceiver
 from airrace.checkpoint.store import (
-    Sign,
-    Signature,
     read_checkpoint,
-    read_sealed,
     read_stored,
     write_checkpoint,
     write_log,
@@ -26,8 +23,6 @@ __all__ = [
     "LogCheckpoint",
     "RawLog",
     "ReserveAttempt",
-    "Sign",
-    "Signature",
     "StoredAttempt",
     "StoredDocument",
     "StoredHistory",
@@ -37,7 +32,6 @@ __all__ = [
     "StoredStage",
     "inputs_hash",
     "read_checkpoint",
-    "read_sealed",
     "read_stored",
     "stale_stages",
     "write_checkpoint",

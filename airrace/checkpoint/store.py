@@ -6,13 +6,8 @@ smallest size HDF5 skips while it looks for its signature; any HDF5 program stil
     bytes    0-15  magic
             16-19  version of this block, unsigned
             20-27  length of the image in bytes, unsigned
-            28-59  sha256 of the image, followed by bytes 60-155 where it is signed
-            60-91  public key of the signature; zero where there is none
-            92-155 signature of `signed_text(image)`; zero where there is none
-           156-511 zero
-
-Anyone can compute a checksum. Who has signed an image, with a key that nobody else has, is proven by the signature;
-this module only carries it.
+            28-59  sha256 of the image
+            60-511 zero
 """
 
 import hashlib
@@ -21,7 +16,6 @@ import os
 import stat
 import struct
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,42 +34,17 @@ BLOCK_SIZE = 512
 MAGIC = b"\x8bairrace\r\n\x1a\nrun\n"
 VERSION = 1
 """The version of the user block."""
-KEY_SIZE, SIGNATURE_SIZE = 32, 64
-"""The sizes of a public key and of a signature of Ed25519 [RFC 8032], bytes."""
 _HEADER = struct.Struct("<16sIQ32s")
-_SIGNED = struct.Struct(f"{KEY_SIZE}s{SIGNATURE_SIZE}s")
 
 
-@dataclass(frozen=True)
-class Signature:
-    """A signature: the public key of whoever claims to have signed, what was signed, and the signature itself."""
-
-    key: bytes
-    text: bytes
-    signature: bytes
+def seal(image: bytes) -> bytes:
+    """Return the image behind its user block."""
+    header = _HEADER.pack(MAGIC, VERSION, len(image), hashlib.sha256(image).digest())
+    return header.ljust(BLOCK_SIZE, b"\0") + image
 
 
-Sign = Callable[[bytes], Signature]
-"""A way to sign a text."""
-
-
-def signed_text(image: bytes) -> bytes:
-    """Return what is signed of an image: its sha256, after words that no other signature begins with."""
-    return b"airrace checkpoint\0" + hashlib.sha256(image).digest()
-
-
-def seal(image: bytes, sign: Sign | None = None) -> bytes:
-    """Return the image behind its user block, signed if somebody signs."""
-    signed = b""
-    if sign is not None:
-        signature = sign(signed_text(image))
-        signed = _SIGNED.pack(signature.key, signature.signature)
-    header = _HEADER.pack(MAGIC, VERSION, len(image), hashlib.sha256(image + signed).digest())
-    return (header + signed).ljust(BLOCK_SIZE, b"\0") + image
-
-
-def unseal(content: bytes) -> tuple[bytes, Signature | None]:
-    """Return the image of a sealed file, and the signature that it carries, which is not examined.
+def unseal(content: bytes) -> bytes:
+    """Return the image of a sealed file.
 
     Raises:
         CheckpointError: the content is no checkpoint, of another version, truncated, too long, or altered.
@@ -90,14 +59,9 @@ def unseal(content: bytes) -> tuple[bytes, Signature | None]:
         raise CheckpointError(f"the checkpoint's format is {version}; this airrace reads format {VERSION}")
     if length != len(image):
         raise CheckpointError(f"the checkpoint is damaged: {len(image)} bytes where {length} were written")
-    signed, rest = block[_HEADER.size : _HEADER.size + _SIGNED.size], block[_HEADER.size + _SIGNED.size :]
-    signed = signed if any(signed) else b""
-    if any(rest) or checksum != hashlib.sha256(image + signed).digest():
+    if any(block[_HEADER.size :]) or checksum != hashlib.sha256(image).digest():
         raise CheckpointError("the checkpoint is damaged: its checksum does not match its content")
-    if not signed:
-        return image, None
-    key, signature = _SIGNED.unpack(signed)
-    return image, Signature(key, signed_text(image), signature)
+    return image
 
 
 logger = logging.getLogger(__name__)
@@ -107,9 +71,7 @@ SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(
-    path: Path, checkpoint: Checkpoint, sign: Sign | None = None, unchanged: Collection[Stage] = ()
-) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint, unchanged: Collection[Stage] = ()) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
@@ -117,7 +79,6 @@ def write_checkpoint(
     Args:
         path: the file.
         checkpoint: its contents.
-        sign: signs them; None for a file without a signature.
         unchanged: stages that are as they were last written or read; they are not read back.
 
     Raises:
@@ -125,21 +86,16 @@ def write_checkpoint(
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    _write(path, encode(checkpoint), decode, sign, [f"/stages/{one.value}" for one in unchanged])
+    _write(path, encode(checkpoint), decode, [f"/stages/{one.value}" for one in unchanged])
 
 
 def write_log(path: Path, recorded: LogCheckpoint) -> None:
     """Replace the file at `path` by a flight log, at once and as a whole; errors as of `write_checkpoint`."""
-    _write(path, encode_log(recorded), decode_log, None)
+    _write(path, encode_log(recorded), decode_log)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Return the checkpoint at `path`, verified; errors as of `read_sealed`."""
-    return read_sealed(path)[0]
-
-
-def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
-    """Return the checkpoint at `path`, and the signature that the file carries, which is not examined.
+    """Return the checkpoint at `path`.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
@@ -147,8 +103,8 @@ def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
     return _read(path, decode)
 
 
-def read_stored(path: Path) -> tuple[Checkpoint | LogCheckpoint, Signature | None]:
-    """Return the run or the flight log at `path`, and its signature; see `read_sealed`."""
+def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
+    """Return the run or the flight log at `path`; errors as of `read_checkpoint`."""
     return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))
 
 
@@ -156,21 +112,20 @@ def _write(
     path: Path,
     root: Group,
     understood: Callable[[Group], object],
-    sign: Sign | None,
     without: Collection[str] = (),
 ) -> None:
     image = image_of(root)
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
     understood(tree_of(image, without))
-    replace_file(path, seal(image, sign))
+    replace_file(path, seal(image))
 
 
-def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | None]:
+def _read(path: Path, understood: Callable[[Group], T]) -> T:
     try:
-        image, signature = unseal(_content(path))
+        image = unseal(_content(path))
         logger.info("%s is read", name_of(path))
-        return understood(tree_of(image)), signature
+        return understood(tree_of(image))
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:

@@ -22,7 +22,6 @@ from airrace.system import system_of
 
 USES = {
     "plot": "plot, check --plot, compare --plot",
-    "sign": "--sign, --trust",
     "film": "film",
     "fit": "import of FIT files",
     "design": "design",

@@ -143,7 +143,7 @@ def _stored(
     from airrace.checkpoint import read_stored
 
     del stage, verify  # what is shown of it
-    return read_stored(run_file)[0]
+    return read_stored(run_file)
 
 
 @command(_stored)

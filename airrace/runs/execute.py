@@ -193,7 +193,7 @@ class Execution:
         run = self.run
         assert run.inputs.reserve is not None
         case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
-        self.run = replace(case.run, path=run.path, sign=run.sign)
+        self.run = replace(case.run, path=run.path)
         _store(self.run)
         self.reserve = replace(case, run=self.run)
 
@@ -301,7 +301,7 @@ def unreached(reserve: ReserveEntry | None) -> str:
 
 def _store(run: RunState, unchanged: Collection[Stage] = ()) -> None:
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
+        write_checkpoint(run.path, run.checkpoint, unchanged)
 
 
 def _next_step(execution: Execution) -> str:

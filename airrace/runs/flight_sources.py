@@ -80,7 +80,7 @@ def open_flight(text: str, *, stage: str | None = None) -> Flight:
 
 def open_file(path: Path) -> RunState | LogView:
     """Return the run or the flight log in a file; errors as of `open_flights`."""
-    stored, _ = read_stored(path)
+    stored = read_stored(path)
     return open_log(stored) if isinstance(stored, LogCheckpoint) else ensure_readable(run_of_checkpoint(stored, path))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Self
 
 from airrace.aircraft import Aircraft
-from airrace.checkpoint import Sign, inputs_hash, read_checkpoint, stale_stages
+from airrace.checkpoint import inputs_hash, read_checkpoint, stale_stages
 from airrace.environment import Air
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
@@ -165,10 +165,6 @@ class ExecutionPlan:
     reused: tuple[StageResult, ...] = ()
     steps: tuple[PlannedStage, ...] = ()
     start: RunState | None = None
-
-    def signed(self, sign: Sign | None) -> Self:
-        """Return this plan with a way to sign the file of its run."""
-        return replace(self, run=replace(self.run, sign=sign))
 
     def compare(self, results: Sequence[StageResult]) -> Comparison | None:
         """Compare the flight with that of the run that it started from; None where it has none, or none in common."""

@@ -12,7 +12,6 @@ from typing import Self
 from airrace.checkpoint import (
     Checkpoint,
     ReserveAttempt,
-    Sign,
     StoredAttempt,
     StoredDocument,
     StoredInputs,
@@ -54,14 +53,12 @@ class RunState:
         inputs: course, aircraft, air and settings, with the documents that they come from.
         checkpoint: what a file holds of the run.
         path: its file, which is renewed after every stage; None for a run that is held in memory alone.
-        sign: signs whatever file it is written into; None for files without a signature.
         confirmations: of the stages that are shown, the outcome of measuring them again.
     """
 
     inputs: Inputs
     checkpoint: Checkpoint
     path: Path | None = None
-    sign: Sign | None = None
     confirmations: Mapping[Stage, Confirmation] = field(default_factory=dict[Stage, Confirmation])
 
     @property
@@ -205,10 +202,6 @@ class RunState:
         """Return this run with another file, which is not written yet."""
         return replace(self, path=path)
 
-    def signing(self, sign: Sign | None) -> Self:
-        """Return this run with another way to sign its files."""
-        return replace(self, sign=sign)
-
     def save(self, path: str | Path) -> Path:
         """Write the run into a file, which every command of `airrace` takes.
 
@@ -220,7 +213,7 @@ class RunState:
         Raises:
             StorageError: the system refused; a file that exists is left as it is.
         """
-        write_checkpoint(Path(path), self.checkpoint, self.sign)
+        write_checkpoint(Path(path), self.checkpoint)
         return Path(path)
 
     def flight(self, stage: str | Stage | None = None, label: str | None = None) -> Flight:

@@ -34,7 +34,6 @@ from airrace.runs.output import write_text
 from airrace.runs.run import RunState, current_versions
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
-from airrace.runs.signing import signed_by
 from airrace.runs.stage_view import StageView
 from airrace.safety.closed_loop import SETTINGS
 from airrace.safety.evaluation import ALLOWED
@@ -91,8 +90,7 @@ def safety_document(
         sign_for: who is to sign.
 
     Raises:
-        UsageError: matplotlib is not installed, or the run is signed and `cryptography` is not.
-        CheckpointError: the run's signature does not belong to it.
+        UsageError: matplotlib is not installed.
     """
     flight = view.flight(case.label)
     footprint = footprint_of(flight.race, [Track.of(flight)])
@@ -268,11 +266,9 @@ def _inputs(run: RunState, digest: str) -> Iterator[str]:
     files.append(("resolved configuration", inputs_hash(stored.resolved)))
     columns = (Column("what"), Column("SHA-256"))
     yield table_block(Table("Files", columns, files, ["of a text: as UTF-8, without a byte order mark"]))
-    signed = "" if not digest or run.path is None else signed_by(run.path)
     versions = {"solved by": run.checkpoint.versions, "simulated by": current_versions()}
     yield facts_block(
         [
-            ("signed", f"by the key {signed}, whose signature belongs to the file" if signed else "no"),
             ("set by hand", ", ".join(run.inputs.overrides) or "nothing"),
             *((what, ", ".join(f"{name} {one}" for name, one in known.items())) for what, known in versions.items()),
         ]

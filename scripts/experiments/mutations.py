@@ -148,7 +148,7 @@ def checkpoint(rng: random.Random, folder: Path, verified_every: int) -> tuple[s
     path = folder / "run.h5"
     resealed = rng.random() < 0.5
     if resealed:
-        path.write_bytes(unseal(whole)[0])
+        path.write_bytes(unseal(whole))
         spoilt_numbers(rng, path)
         path.write_bytes(seal(path.read_bytes()))
     else:

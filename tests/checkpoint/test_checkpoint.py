@@ -342,7 +342,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
 def test_forged_routes_and_alternatives_are_refused(tmp_path: Path, name: str) -> None:
     path, image = tmp_path / "run.h5", tmp_path / "image.h5"
     write_checkpoint(path, checkpoint_with(contested()))
-    image.write_bytes(unseal(path.read_bytes())[0])
+    image.write_bytes(unseal(path.read_bytes()))
     edit, words = FORGERIES[name]
     with h5py.File(image, "r+") as file:
         edit(file)

@@ -82,7 +82,7 @@ def test_a_file_beyond_the_size_limit_is_not_read(tmp_path: Path) -> None:
 
 def forged(sealed: bytes, path: Path, edit: Callable[[h5py.File], None]) -> bytes:
     """The checkpoint, edited by someone who can compute checksums."""
-    path.write_bytes(unseal(sealed)[0])
+    path.write_bytes(unseal(sealed))
     with h5py.File(path, "r+") as file:
         edit(file)
     return seal(path.read_bytes())

@@ -10,8 +10,6 @@ from typing import Any
 import fake_optimizer
 import pytest
 import typer.main
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
@@ -66,7 +64,7 @@ COMMANDS: dict[str, str] = {
 PAIRS = [(command, name) for command, names in COMMANDS.items() for name in names.split()]
 WRITES = {"output", "plot", "like"}
 """Parameters that only commands with an output have."""
-READ = {"FILE", "TRACK", "KEY", "OTHER.h5", "FILE.yaml"}
+READ = {"FILE", "TRACK", "OTHER.h5", "FILE.yaml"}
 """What options call the files that they read; those that name reports of a batch are called so, too."""
 
 
@@ -86,8 +84,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "mapping.yaml").write_text("schema: airrace/log/1\n")
     (folder / "places.kml").write_text("<kml/>")
     (folder / "extension.py").write_text("")
-    key = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption())
-    (folder / "key").write_bytes(key)
     with pytest.MonkeyPatch.context() as patch:
         fake_optimizer.install(patch)
         patch.chdir(folder)

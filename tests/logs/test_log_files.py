@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(folder: Path) -> LogCheckpoint:
-    found, _ = read_stored(folder / "log.h5")
+    found = read_stored(folder / "log.h5")
     assert isinstance(found, LogCheckpoint)
     return found
 
@@ -135,7 +135,6 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("verify", "log.h5", "--trust", "key.pub"), 2, "a flight log is not signed"),
         (("resume", "log.h5"), 7, "this is a flight log, not a run"),
         (("sensitivity", "log.h5"), 7, "this is a flight log, not a run"),
         (("show", "log.h5", "--stage", "six-dof"), 2, "a flight log has no stages"),
