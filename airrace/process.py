@@ -39,7 +39,7 @@ With its own value of 700 it does so nearly two hundred times while the librarie
 MEMORY_MIN = 256 * 2**20
 """The smallest address space with which anything is begun, bytes; to check a course takes 200 MiB."""
 SYSTEM_ERROR = 8
-"""The exit code of a process that lacks memory, as `ExitCode.SYSTEM` has it, which takes too long to import."""
+"""The exit code of a process to which the system refuses something, such as memory."""
 NOT_ON_THIS_SYSTEM = (AttributeError, OSError, TypeError)
 """Errors of a function that another C library lacks, or of a system (Windows) that has no one library."""
 

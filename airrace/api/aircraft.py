@@ -50,24 +50,10 @@ def estimate_aircraft(
         InputError: there is no such aircraft.
         StorageError: the folder does not exist or takes no files.
     """
-    figures = {
-        "mass": mass,
-        "span": span,
-        "area": area,
-        "power": power,
-        "speed_max": speed_max,
-        "stall": stall,
-        "roll_rate": roll_rate,
-        "roll_speed": roll_speed,
-        "climb": climb,
-        "n_z": n_z,
-        "n_z_min": n_z_min,
-        "speed_limit": speed_limit,
-        "turn": turn,
-        "manual_mass": manual_mass,
-        "manual_power": manual_power,
-    }
+    figures = dict(locals())
     from airrace.runs.aircraft import compare_with_manual
 
+    for name_of_option in ("name", "from_", "output", "force"):
+        del figures[name_of_option]
     given = {key: text for key, text in figures.items() if text is not None}
     return compare_with_manual(name, given, template=from_, output=output, force=force)

@@ -1,4 +1,9 @@
-"""Flights: imported, briefed, compared, drawn, reported, filmed and exported. `RUN.h5:STAGE` names one, a log, too."""
+"""Flights: imported, briefed, compared, drawn, reported, filmed and exported. `RUN.h5:STAGE` names one, a log, too.
+
+A file that is no whole, undamaged checkpoint is a CheckpointError, one of inputs that this version no longer accepts an
+InputError. An argument out of range, a stage without a flight, a file that exists and a program or library that is
+missing are a UsageError, what the system refuses to write is a StorageError.
+"""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -103,12 +108,7 @@ def import_log(
 
 
 def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None) -> "Brief":
-    """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long.
-
-    Raises:
-        CheckpointError: the file is no whole, undamaged checkpoint.
-        UsageError: there is no such stage, or it found no flight.
-    """
+    """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
     from airrace.runs.flight_sources import open_flight
     from airrace.runs.stage_data import Brief
 
@@ -129,13 +129,7 @@ def compare(
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> "list[Comparison]":
-    """Hold flights against the first one: where time is lost, leg by leg, and how the flights differ there.
-
-    Raises:
-        CheckpointError: a file is no whole, undamaged checkpoint.
-        UsageError: there are fewer than two flights, or they are of other passings, or a file exists.
-        StorageError: the system refused to write a file.
-    """
+    """Hold flights against the first one: where time is lost, leg by leg, and how the flights differ there."""
     from airrace.errors import UsageError
     from airrace.results.comparison import compare_flights
     from airrace.runs.flight_sources import open_flights
@@ -173,13 +167,7 @@ def plot(
     stage: options.StageOfFlights = None,
     force: options.Force = False,
 ) -> WrittenFlights:
-    """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib).
-
-    Raises:
-        CheckpointError: the file is no whole, undamaged checkpoint.
-        UsageError: there is no such stage, or it found no flight, or the file exists.
-        StorageError: the system refused to write the file.
-    """
+    """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
     from airrace.runs.flight_sources import open_flight
     from airrace.runs.output import ensure_free, output_path
     from airrace.views.drawing import ensure_drawable, save_figure
@@ -213,14 +201,7 @@ def report(
     verify: options.NoVerify = True,
     force: options.Force = False,
 ) -> WrittenFlights:
-    """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network.
-
-    Raises:
-        CheckpointError: a file is no whole, undamaged checkpoint.
-        NotCertified: sensitivities were asked for, and the stage is no certified optimum.
-        UsageError: there is no such stage, or it found no flight, or a flight is of other passings, or the file exists.
-        StorageError: the system refused to write the file.
-    """
+    """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
     from airrace.runs.flight_sources import report_of_flights
     from airrace.runs.output import ensure_free, output_path, write_text
 
@@ -256,11 +237,6 @@ def film(
 
     Args:
         watch: is called with the share of the pictures that are drawn.
-
-    Raises:
-        CheckpointError: a file is no whole, undamaged checkpoint.
-        UsageError: an argument is out of range, the file exists, or Chromium or ffmpeg is not found.
-        StorageError: one of them fails, or the system refused to write the file.
     """
     from airrace.checkpoint.atomic import replace_file
     from airrace.report.film import film_of, film_settings
@@ -288,11 +264,6 @@ def card(
     """Draw a card of a flight for a message or an article: line, name, aircraft, time, wind (needs Chromium).
 
     It is 1200 pixels wide and 630 high.
-
-    Raises:
-        CheckpointError: the file is no whole, undamaged checkpoint.
-        UsageError: there is no such stage, the file exists, or Chromium is not found.
-        StorageError: it fails, or the system refused to write the file.
     """
     from airrace.checkpoint.atomic import replace_file
     from airrace.report.film import card_of, ensure_card
@@ -372,11 +343,6 @@ def export_csv(
 
     Returns:
         The files.
-
-    Raises:
-        CheckpointError: the file is no whole, undamaged checkpoint.
-        UsageError: there is no such stage, or a file exists.
-        StorageError: the system refused to write a file.
     """
     from airrace.errors import UsageError
     from airrace.runs.flight_sources import open_file, source_of
