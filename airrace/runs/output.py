@@ -78,7 +78,7 @@ def ensure_free(
     if len(paths) - len(files) > 1:
         raise UsageError(ONE_ON_STDOUT)
     read = {identity(file) for source in [*sources, *extensions()] for file in _files(source)}
-    named = dict[Hashable, Path]()
+    written = set[Hashable]()
     folders = dict[Path, None]()
     for path in files:
         if Path(os.path.realpath(path)).is_symlink():
@@ -88,11 +88,11 @@ def ensure_free(
         file = identity(path)
         if file in read:
             raise UsageError(f"{path} is read by this command; write into another file")
-        if file in named:
-            raise UsageError(f"{named[file]} and {path} are the same file; name two")
+        if file in written:
+            raise UsageError(f"{path} is another file that this command writes; name another one")
         if path.exists() and not force:
             raise UsageError(f"{path} exists; {hint}overwrite it with --force")
-        named[file] = path
+        written.add(file)
         if made is None or made.exists() or identity(path.parent) != identity(made):
             folders[path.parent] = None
     for folder in folders:
