@@ -163,33 +163,24 @@ def calibrated_airspeed(V_A: Scalar, p: Scalar, rho: Scalar) -> Scalar:
     return (2.0 / (KAPPA - 1.0) * a_02 * ratio) ** 0.5
 
 
-@dataclasses.dataclass(frozen=True)
-class Rounding:
-    """The lowest values, and the widths within which corners are rounded off.
-
-    Attributes:
-        profile_floor: height below which the profiles of the static wind stop falling, m; far below any legal flight.
-        height_floor: height below which a thermal no longer weakens, m: the cube root has no derivative at the ground.
-        height: width of the transition to either floor, m.
-        radius_floor, radius: the smallest outer radius of a thermal [Allen], and the width of the transition to it, m.
-        strength: of `1 - 1.1 zeta` at zero, at the top of the mixing layer (1).
-        centre: radius within which the distance from a thermal's centre is rounded off, m.
-        bell: of the bell's `|k1 r/r2 + k3|` at zero (1).
-        fade: distance from the centre at which the updraft has faded to 1/e of the bell, in outer radii.
-    """
-
-    profile_floor: float = 2.0
-    height_floor: float = 1.0
-    height: float = 1.0
-    radius_floor: float = 10.0
-    radius: float = 1.0
-    strength: float = 0.02
-    centre: float = 1.0
-    bell: float = 1e-3
-    fade: float = 4.0
-
-
-ROUNDING = Rounding()
+PROFILE_FLOOR = 2.0
+"""The height below which profiles of the static wind stop falling, m: far below any legal flight."""
+THERMAL_FLOOR = 1.0
+"""The height below which a thermal no longer weakens, m: the cube root has no derivative at the ground."""
+FLOOR_BLEND = 1.0
+"""The width of the transition to either floor, m."""
+RADIUS_FLOOR = 10.0
+"""The smallest outer radius of a thermal, m [Allen]."""
+RADIUS_BLEND = 1.0
+"""The width of the transition to it, m."""
+STRENGTH_BLEND = 0.02
+"""The width within which `1 - 1.1 zeta` is rounded off at zero, at the top of the mixing layer (1)."""
+CENTRE_BLEND = 1.0
+"""The radius within which the distance from a thermal's centre is rounded off, m."""
+BELL_BLEND = 1e-3
+"""The width within which the bell's `|k1 r/r2 + k3|` is rounded off at zero (1)."""
+FADE = 4.0
+"""The distance from the centre at which the updraft has faded to 1/e of the bell, in outer radii."""
 R1_OVER_R2 = 0.36
 """The ratio of a thermal's core's radius to its outer radius; one of Allen's seven rows, for the reason given above."""
 K1, K2, K3, K4 = 1.4866, 4.8354, -0.0320, 0.0001
@@ -224,8 +215,8 @@ def static_wind(profile: Profile, h: Scalar, wind: StaticWindParameters[Scalar])
     if profile is Profile.CONSTANT:
         return wind.north, wind.east
     # for the logarithm a floor above the roughness length keeps it positive
-    floor = ROUNDING.profile_floor + (wind.roughness if profile is Profile.LOG else 0.0)
-    height, reference = (smooth_maximum(one, floor, ROUNDING.height) for one in (h, wind.reference_height))
+    floor = PROFILE_FLOOR + (wind.roughness if profile is Profile.LOG else 0.0)
+    height, reference = (smooth_maximum(one, floor, FLOOR_BLEND) for one in (h, wind.reference_height))
     if profile is Profile.POWER:
         factor = power(height / reference, wind.exponent)
     else:
@@ -237,19 +228,19 @@ def outer_radius(h: Scalar, mixing_height: Scalar) -> Scalar:
     """Return the outer radius `r2` (m) of a thermal at the height `h` (m) above ground."""
     zeta, root = _relative_height(h, mixing_height)
     radius = 0.102 * root * (1.0 - 0.25 * zeta) * mixing_height
-    return smooth_maximum(radius, ROUNDING.radius_floor, ROUNDING.radius)
+    return smooth_maximum(radius, RADIUS_FLOOR, RADIUS_BLEND)
 
 
 def mean_updraft(h: Scalar, w_star: Scalar, mixing_height: Scalar) -> Scalar:
     """Return `w_mean` (m/s, up) at the height `h` (m) above ground; nothing is left at the top of the mixing layer."""
     zeta, root = _relative_height(h, mixing_height)
-    return w_star * root * smooth_maximum(1.0 - 1.1 * zeta, 0.0, ROUNDING.strength)
+    return w_star * root * smooth_maximum(1.0 - 1.1 * zeta, 0.0, STRENGTH_BLEND)
 
 
 def updraft(x: Scalar, y: Scalar, h: Scalar, thermal: ThermalParameters[Scalar]) -> Scalar:
     """Return the vertical wind (m/s, positive up) of one thermal at `x` north, `y` east and `h` above ground (m)."""
     north, east = x - thermal.north, y - thermal.east
-    r = sqrt(north * north + east * east + ROUNDING.centre**2)
+    r = sqrt(north * north + east * east + CENTRE_BLEND**2)
     w_peak = PEAK_OVER_MEAN * mean_updraft(h, thermal.w_star, thermal.mixing_height)
     return w_peak * shape(r / outer_radius(h, thermal.mixing_height))
 
@@ -258,14 +249,14 @@ def shape(r_over_r2: Scalar) -> Scalar:
     """Return `w / w_peak` at a distance from the centre of a thermal given in outer radii."""
     distance = K1 * r_over_r2 + K3
     # |d|^k2 as a power of d^2 + tiny: the derivatives exist where d = 0
-    steepness = power(distance * distance + ROUNDING.bell**2, 0.5 * K2)
-    square = r_over_r2 * r_over_r2 / ROUNDING.fade**2
+    steepness = power(distance * distance + BELL_BLEND**2, 0.5 * K2)
+    square = r_over_r2 * r_over_r2 / FADE**2
     return (1.0 / (1.0 + steepness) + K4 * r_over_r2) * exp(-square * square * square)
 
 
 def _relative_height(h: Scalar, mixing_height: Scalar) -> tuple[Scalar, Scalar]:
     """Return `zeta` and its cube root, with the height bounded from below."""
-    zeta = smooth_maximum(h, ROUNDING.height_floor, ROUNDING.height) / mixing_height
+    zeta = smooth_maximum(h, THERMAL_FLOOR, FLOOR_BLEND) / mixing_height
     return zeta, power(zeta, 1.0 / 3.0)
 
 
@@ -282,7 +273,7 @@ class WindField:
     thermals: int
 
     @classmethod
-    def of(cls, air: Air) -> "WindField":
+    def from_air(cls, air: Air) -> "WindField":
         """Return the structure of the wind in `air`."""
         return cls(air.wind.profile if air.wind is not None else None, len(air.thermals))
 
@@ -313,8 +304,8 @@ class WindField:
         Raises:
             ValueError: the wind in `air` is of another structure.
         """
-        if WindField.of(air) != self:
-            raise ValueError(f"the air holds {WindField.of(air)}, not {self}")
+        if WindField.from_air(air) != self:
+            raise ValueError(f"the air holds {WindField.from_air(air)}, not {self}")
         parts = [] if air.wind is None else [(air.wind, StaticWindParameters)]
         parts += [(thermal, ThermalParameters) for thermal in air.thermals]
         return [getattr(part, name) for part, declared in parts for name in declared.names()]

@@ -13,6 +13,9 @@ from typing import Any
 Scalar = Any
 Matrix = list[list[Scalar]]
 
+QUATERNION = ("q0", "q1", "q2", "q3")
+"""The names of the states and histories that make up the attitude of Kbar."""
+
 
 def rotation(q: Sequence[Scalar]) -> Matrix:
     """Return `R_OKbar`, shape (3, 3), of a quaternion of any length.

@@ -1,13 +1,11 @@
-"""The settings of a process of airrace, its memory, and how it starts others and ends with them.
+"""The settings of a process of airrace, its memory, and its child processes.
 
-A process that only works for another one is started as `python -m airrace.process MODULE`. It reads what it is asked
-from its standard input and answers on its standard output: every system has these two, and their end tells each side
-that the other one is gone.
+A worker process is started as `python -m airrace.process MODULE`. It reads requests from its standard input and writes
+results to its standard output, which exist on every system; end of file on either tells that the other side has ended.
 
 Lack of memory is reported in one sentence, with one exit code. A limit of the address space (`ulimit -v`) is met
-wherever a library is loaded, in threads and in other processes as well, each of which would print a traceback. With
-hardly any address space OpenBLAS asks the system for memory again and again, without an end: then nothing is loaded
-at all.
+wherever a library is loaded, in threads and in workers as well, each of which would print a traceback. With hardly any
+address space OpenBLAS retries its allocations forever, so nothing is loaded at all then.
 """
 
 import contextlib
@@ -28,38 +26,29 @@ ONE_THREAD = dict.fromkeys(
 )
 """Environment variables that keep libraries for linear algebra to one thread.
 
-What is computed with them here is small. Threads of theirs would wait for work on the cores that the solvers need,
-and the last bits of results would depend on their number.
+The matrices are small; further threads would spin on the cores that the solvers need, and the last bits of results
+would depend on their number.
 """
 COLLECTION_THRESHOLD = 200_000
-"""The number of new objects after which Python looks for cycles among them that nobody refers to any more.
-
-With its own value of 700 it does so nearly two hundred times while the libraries are loaded, and finds next to nothing.
-"""
+"""New objects after which the garbage collector runs; with Python's 700 it runs nearly 200 times while libraries are
+loaded, and finds next to nothing."""
 MEMORY_MIN = 256 * 2**20
-"""The smallest address space with which anything is begun, bytes; to check a course takes 200 MiB."""
+"""The smallest address space, bytes; to check a course takes 200 MiB."""
 SYSTEM_ERROR = 8
 """The exit code of a process to which the system refuses something, such as memory."""
-NOT_ON_THIS_SYSTEM = (AttributeError, OSError, TypeError)
-"""Errors of a function that another C library lacks, or of a system (Windows) that has no one library."""
+UNSUPPORTED = (AttributeError, OSError, TypeError)
+"""Errors of a function that this system's C library lacks, and of a system without one (Windows)."""
 
 
 def configure() -> None:
-    """Keep linear algebra to one thread, in processes that are started from this one too, and look for garbage rarely.
-
-    What the user has set stays.
-    """
+    """Keep linear algebra to one thread, in child processes too, unless the user has set it; collect garbage rarely."""
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     gc.set_threshold(COLLECTION_THRESHOLD)
 
 
 def ensure_memory() -> None:
-    """Refuse to begin in an address space in which the libraries cannot be loaded.
-
-    Raises:
-        MemoryError: it is limited to less than `MEMORY_MIN`.
-    """
+    """Raise MemoryError if the address space is limited to less than `MEMORY_MIN`."""
     try:
         import resource
     except ModuleNotFoundError:  # a system without such limits
@@ -70,14 +59,14 @@ def ensure_memory() -> None:
 
 
 def keep_freed_memory() -> None:
-    """Let the allocator keep what is freed for what is to come, where it can.
+    """Let the allocator reuse freed memory, where it can.
 
-    glibc returns arrays of more than 128 kB to the system each time, and fetches them again page by page: of a run, a
-    fifth of the time that the system itself takes.
+    glibc returns arrays of more than 128 kB to the system each time, and fetches them again page by page: a fifth of
+    the system time of a run.
     """
     import ctypes
 
-    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+    with contextlib.suppress(*UNSUPPORTED):
         allocator = ctypes.CDLL(None)
         # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD (the largest allowed), bytes.
         for option, value in {-1: 256 * 2**20, -3: 32 * 2**20}.items():
@@ -85,20 +74,20 @@ def keep_freed_memory() -> None:
 
 
 def return_freed_memory() -> None:
-    """Give memory back to the system that this process has used and does not need now, where the allocator can."""
+    """Return unused memory to the system, where the allocator can."""
     import ctypes
 
-    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+    with contextlib.suppress(*UNSUPPORTED):
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def omit_memory_tracebacks() -> None:
-    """Keep threads that end for lack of memory from printing tracebacks; whoever needs their work finds that out."""
+    """Keep threads that end for lack of memory from printing tracebacks; their callers report it."""
     before = threading.excepthook
 
-    def hook(ended: threading.ExceptHookArgs) -> None:
-        if ended.exc_value is None or not is_lack_of_memory(ended.exc_value):
-            before(ended)
+    def hook(arguments: threading.ExceptHookArgs) -> None:
+        if arguments.exc_value is None or not is_lack_of_memory(arguments.exc_value):
+            before(arguments)
 
     threading.excepthook = hook
 
@@ -106,15 +95,15 @@ def omit_memory_tracebacks() -> None:
 def python_command(module: str, *arguments: str) -> tuple[str, ...]:
     """Return the command that runs a module in another process of this Python.
 
-    It never looks for modules in the current folder (`-P`): files there may come from anybody.
+    `-P`: no module is imported from the current folder, whose files may come from anybody.
     """
     return (sys.executable, "-P", "-m", module, *arguments)
 
 
-def start_apart(
+def spawn_detached(
     command: Sequence[str], stderr: IO[bytes] | None = None, environment: Mapping[str, str] | None = None
 ) -> "subprocess.Popen[bytes]":
-    """Start a process to talk with, which a terminal's Ctrl-C does not reach: whoever has started it stops it."""
+    """Start a process with pipes, out of reach of a terminal's Ctrl-C: its parent stops it."""
     import subprocess
 
     return subprocess.Popen(
@@ -128,41 +117,39 @@ def start_apart(
     )
 
 
-def take_streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Take standard input and output for what the starter asks and is answered.
+def claim_stdio() -> tuple[IO[bytes], IO[bytes]]:
+    """Claim standard input and output for the requests of the parent process and their results.
 
-    Whatever else this process reads is empty from now on, and whatever else it prints goes to stderr.
+    Everything else that reads standard input finds it empty from now on; everything else that is printed goes to
+    stderr.
     """
-    asked, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
-    os.close(nothing)
+    requests, results = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    os.close(null)
     os.dup2(2, 1)
-    return asked, answers
+    return requests, results
 
 
-def die_with_starter() -> None:
-    """Have the system end this process with the thread that started it, where it can (Linux).
+def set_parent_death_signal() -> None:
+    """Have the system kill this process when the thread that started it ends, where it can (Linux).
 
-    Elsewhere, and if that thread has ended already, the end of standard input says so.
+    Elsewhere, and if that thread has ended already, end of file on standard input tells.
     """
     import ctypes
     import signal
 
-    with contextlib.suppress(*NOT_ON_THIS_SYSTEM):
+    with contextlib.suppress(*UNSUPPORTED):
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
 def available_cores(membership: str = "/proc/self/cgroup", groups: str = "/sys/fs/cgroup") -> int:
-    """Return the number of cores that this process may use, which can be fewer than the computer has.
-
-    It may be bound to some of them, and a container may have a quota of their time (`docker run --cpus`).
-    """
-    count: Callable[[], int | None] = getattr(os, "process_cpu_count", _bound_cores)  # Python 3.13
+    """Return the number of cores that this process may use, by its affinity and by its container's quota."""
+    count: Callable[[], int | None] = getattr(os, "process_cpu_count", _affine_cores)  # Python 3.13
     return min([count() or 1, *_quotas(membership, groups)])
 
 
-def _bound_cores() -> int | None:
+def _affine_cores() -> int | None:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
@@ -181,7 +168,7 @@ def _quotas(membership: str, groups: str) -> Iterator[int]:
 
 
 def _text(*path: str) -> str:
-    """Return the content of a file of the system, stripped; nothing where there is no such file."""
+    """Return the stripped content of a file, empty where there is no such file."""
     try:
         with open(os.path.join(*path), encoding="utf-8") as file:
             return file.read().strip()
@@ -190,7 +177,7 @@ def _text(*path: str) -> str:
 
 
 def main() -> None:
-    """Run the module that is named by the first argument, with the others."""
+    """Run the module that the first argument names, with the other arguments."""
     import runpy
 
     omit_memory_tracebacks()

@@ -75,7 +75,8 @@ class Interval:
         return Interval(max(self.lower, other.lower), min(self.upper, other.upper))
 
     @property
-    def bounded(self) -> bool:
+    def constrained(self) -> bool:
+        """Whether at least one end is finite."""
         return math.isfinite(self.lower) or math.isfinite(self.upper)
 
     @property

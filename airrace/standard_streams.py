@@ -13,7 +13,7 @@ ONE_ON_STDOUT = "only one result can go to stdout: name a file for the others, a
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return at most so many bytes from the start of a file, or of what is piped in.
+    """Return at most `most` bytes from the start of a file, or of stdin.
 
     Raises:
         OSError: the system refused.
@@ -25,7 +25,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def write_stdout(content: bytes) -> None:
-    """Write to stdout; a reader that closes the pipe has seen enough.
+    """Write to stdout; a pipe that its reader has closed is no error.
 
     Raises:
         OSError: the system refused.
@@ -39,21 +39,21 @@ def write_stdout(content: bytes) -> None:
 
 
 def abandon_stdout() -> None:
-    """Give up what stdout has refused: let the interpreter's last flush go nowhere."""
+    """Redirect stdout to the null device, so that the interpreter's last flush does not fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def name_of(path: Path) -> str:
-    """Return what messages call a file that is read."""
+    """Return the name of an input file in messages."""
     return "stdin" if path == STANDARD else str(path)
 
 
 def stem_of(path: Path) -> str:
-    """Return the name under which a file that is read is known: without its folder and suffix."""
+    """Return the name of an input file without its folder and suffix."""
     return Path(name_of(path)).stem
 
 
 @lru_cache(maxsize=1)
 def _piped_in(stream: TextIO, most: int) -> bytes:
-    """Return what a stream holds, also to whoever asks again."""
+    """Return what a stream holds; kept, as it can be read only once."""
     return stream.buffer.read(most)

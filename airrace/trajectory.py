@@ -43,7 +43,7 @@ class Trajectory:
         """The time from the first to the last node, s."""
         return float(self.durations.sum())
 
-    def of(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Array:
         """Return the history of one state (on the nodes) or control (on the intervals) by its name.
 
         Raises:
@@ -62,4 +62,4 @@ class Trajectory:
     def named(self) -> Mapping[str, Array]:
         """Return the histories of all states and controls by name."""
         names = [one.name for one in (*self.states, *self.controls)]
-        return {name: self.of(name) for name in names}
+        return {name: self[name] for name in names}

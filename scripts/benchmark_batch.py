@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from airrace.batch.planning import Manner, find_sources, make_plan, parse_sweeps
+from airrace.batch.planning import JobTemplate, find_sources, make_plan, parse_sweeps
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, write_record
 from airrace.runs.run import library_versions
 
@@ -43,13 +43,15 @@ def plan(jobs: int, files: int) -> None:
             (courses / f"course_{number}.yaml").write_text(text)
         winds = max(1, jobs // files)
         sweeps = [f"environment.wind.speed_kt=0:{(winds - 1) * 0.01:.2f}:0.01"] if winds > 1 else []
-        manner = Manner(overrides=("environment.wind.from_deg=0",) if sweeps else (), sweeps=parse_sweeps(sweeps))
-        arguments = [f"{courses}/*.yaml", *(["--sweep", sweeps[0], "--set", manner.overrides[0]] if sweeps else [])]
+        template = JobTemplate(
+            overrides=("environment.wind.from_deg=0",) if sweeps else (), sweeps=parse_sweeps(sweeps)
+        )
+        arguments = [f"{courses}/*.yaml", *(["--sweep", sweeps[0], "--set", template.overrides[0]] if sweeps else [])]
         out = Path(folder) / "out"
         dry_run(arguments, out, "new jobs")
         out.mkdir()
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
-        made = make_plan(find_sources([f"{courses}/*.yaml"], manner), out, until=STAGES[-1], versions=versions)
+        made = make_plan(find_sources([f"{courses}/*.yaml"], template), out, until=STAGES[-1], versions=versions)
         stages = [{"stage": stage, "certificate": {"items": [ITEM] * 14}} for stage in STAGES]
         for step in made.steps:
             assert step.job is not None

@@ -2,7 +2,7 @@
 
     python scripts/crosscheck.py RUN.h5 [RUN.h5 ...]
 
-Needs the extra `crosscheck`.
+Needs JSBSim, which the extra `test` installs.
 
 First every shipped aircraft, and those of the runs, in 1,000 states: the specific force and the angular acceleration by
 JSBSim and by our equations. JSBSim flies over a flat planet and over its own turning Earth; its density is ours, handed
@@ -24,14 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from airrace.aircraft import Aircraft, inner_loop_parameters
-from airrace.checkpoint import read_checkpoint
-from airrace.environment import Air, atmosphere_parameters
-from airrace.errors import AirraceError, UsageError
-from airrace.inputs import load_inputs
-from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
-from airrace.jsbsim.simulation import (
+from jsbsim_aircraft.aircraft_xml import EARTH, FLAT, Planet
+from jsbsim_aircraft.simulation import (
     at_geopotential_height,
     differences,
     fly_course,
@@ -39,6 +33,12 @@ from airrace.jsbsim.simulation import (
     random_states,
     simulate,
 )
+
+from airrace.aircraft import Aircraft, inner_loop_parameters
+from airrace.checkpoint import read_checkpoint
+from airrace.environment import Air, atmosphere_parameters
+from airrace.errors import AirraceError, UsageError
+from airrace.inputs import load_inputs
 from airrace.procedure import stored_stages
 from airrace.runs.run import RunState, run_of_checkpoint
 
@@ -70,7 +70,7 @@ def in_states(aircraft: Aircraft) -> Iterable[Row]:
     numbers, atmosphere = inner_loop_parameters(aircraft), atmosphere_parameters(Air())
     states = random_states(STATES, SEED)
     lowered = [at_geopotential_height(state, atmosphere) for state in states]
-    fastest = max(float(np.abs(own_accelerations(one, numbers, atmosphere).angular).max()) for one in states)
+    fastest = max(float(np.abs(own_accelerations(state, numbers, atmosphere).angular).max()) for state in states)
     limit = ANGULAR_LIMIT * max(1.0, fastest / FASTEST)
     for planet in (FLAT, EARTH):
         for air, own_density, ours, limited in (

@@ -39,8 +39,9 @@ AT = """([path, turn]) => {
 }"""
 SETTLED = """() => {
   const { state } = window.designer.link;
-  const [lane] = state?.lanes ?? [{}];
-  return state && lane.answered === state.revision && lane.slope_time === lane.time && !window.designer.plan.hand;
+  const [session] = state?.sessions ?? [{}];
+  return state && session.answered === state.revision && session.slope_time === session.time
+    && !window.designer.plan.hand;
 }"""
 
 

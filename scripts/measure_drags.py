@@ -40,9 +40,9 @@ GATES = """() => window.designer.plan.pieces().filter((piece) => piece.path[0] =
   .map((piece) => piece.path.join("."))"""
 SETTLED = """(revision) => {
   const { state } = window.designer.link;
-  const [lane] = state?.lanes ?? [{}];
-  const asked = state && state.revision >= revision && lane.answered === state.revision;
-  const found = lane.holds ? lane.slope_time === lane.time : lane.busy === "";
+  const [session] = state?.sessions ?? [{}];
+  const asked = state && state.revision >= revision && session.answered === state.revision;
+  const found = session.holds ? session.slope_time === session.time : session.busy === "";
   return asked && found && !window.designer.plan.hand;
 }"""
 
@@ -59,7 +59,7 @@ def settle(page: Page, revision: int) -> float:
 def rest(page: Page) -> float:
     """The time that the page shows once other routes were looked for."""
     page.wait_for_timeout(1500)
-    page.wait_for_function("() => window.designer.link.state.lanes[0].busy === ''", timeout=600_000)
+    page.wait_for_function("() => window.designer.link.state.sessions[0].busy === ''", timeout=600_000)
     return time_of(page)
 
 

@@ -31,9 +31,11 @@ from airrace.checkpoint import store
 from airrace.control import simulation
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.service import SolverService
+from airrace.procedure import procedure
 from airrace.procedure.fidelity import stage_model
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
+from airrace.procedure.stage_models import StageModels
 
 DERIVATIVES, ALGEBRA, TOGETHER = "derivatives", "linear algebra", "putting together"
 REPLAY, SIMULATION, MODELS = "replay", "simulation", "models"
@@ -41,6 +43,8 @@ LOADING, FILES, OTHER = "loading", "input and output", "other"
 PARTS = (DERIVATIVES, ALGEBRA, TOGETHER, REPLAY, SIMULATION, MODELS, LOADING, FILES, OTHER)
 BETWEEN = "-"
 """The name under which the time between stages is kept."""
+STAGE_OF = {"solve_first_flight": Stage.HOMOTOPY, "solve_point_mass": Stage.POINT_MASS}
+"""The stages of functions of the procedure that solve a single one."""
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
     REPLAY: (replay.replay, replay.replay_phases, replay.estimate_defect, replay.estimate_error),
@@ -153,16 +157,23 @@ def watch(clocks: Clocks) -> None:
     for part, functions in FUNCTIONS.items():
         for function in functions:
             replace_everywhere(function, timed(clocks, part, function))
-    FidelityContinuation.flight = timed(clocks, MODELS, FidelityContinuation.flight)
-    FidelityContinuation.prepare = timed(clocks, MODELS, FidelityContinuation.prepare)
-    climb, solve = FidelityContinuation.solve_stage, SolverService.solve
+    StageModels.problem = timed(clocks, MODELS, StageModels.problem)
+    solve = SolverService.solve
 
-    def climbed(ladder: FidelityContinuation, stage: Stage, *arguments: Any) -> Any:
-        clocks.enter(stage.value)
-        try:
-            return climb(ladder, stage, *arguments)
-        finally:
-            clocks.enter(BETWEEN)
+    def of_stage(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def within(models: StageModels, session: SolverSession, *arguments: Any, **named: Any) -> Any:
+            stages = [one for one in arguments if isinstance(one, Stage)]
+            clocks.enter((stages or [STAGE_OF[function.__name__]])[0].value)
+            try:
+                return function(models, session, *arguments, **named)
+            finally:
+                clocks.enter(BETWEEN)
+
+        return within
+
+    for name in ("solve_first_flight", "solve_point_mass", "solve_stage_above"):
+        setattr(procedure, name, of_stage(getattr(procedure, name)))
 
     def waited(service: SolverService, *arguments: Any, **named: Any) -> Any:
         clocks.charge()
@@ -176,7 +187,7 @@ def watch(clocks: Clocks) -> None:
         clocks.solved(time.perf_counter() - begun, solution.seconds, solution.derivative_seconds)
         return solution
 
-    FidelityContinuation.solve_stage, SolverService.solve = climbed, waited
+    SolverService.solve = waited
 
 
 def main() -> None:

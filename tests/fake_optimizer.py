@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 REPLACED = {
-    "STAGES": "airrace.procedure.run",
-    "optimize": "airrace.procedure.run",
-    "recompute": "airrace.procedure.run",
+    "STAGES": "airrace.procedure.procedure",
+    "optimize": "airrace.procedure.procedure",
+    "recompute": "airrace.procedure.procedure",
     "continuous": "airrace.procedure.stored_stages",
     "derived_quantities": "airrace.procedure.stored_stages",
     "ensure_matches_model": "airrace.procedure.stored_stages",
@@ -224,7 +224,7 @@ class Sampler:
 
     def __call__(self, time_of: Array) -> Mapping[str, Array]:
         names = [one.name for one in self._trajectory.states]
-        return {name: np.interp(time_of, self._trajectory.time, self._trajectory.of(name)) for name in names}
+        return {name: np.interp(time_of, self._trajectory.time, self._trajectory[name]) for name in names}
 
 
 def main() -> None:

@@ -208,12 +208,12 @@ ONE, TWO = Thermal(0.0, 0.0, 2.5, 1400.0), Thermal(60.0, -40.0, 1.5, 900.0)
 
 
 def velocity(air: Air, x: float, y: float, z: float) -> np.ndarray:
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     return np.array(field.velocity(x, y, z, field.values(air)))
 
 
 def test_still_air_has_no_parameters_and_exactly_no_wind() -> None:
-    field = WindField.of(Air())
+    field = WindField.from_air(Air())
     x = ca.SX.sym("x")
     assert not field.present
     assert field.parameters == ()
@@ -226,7 +226,7 @@ def test_still_air_has_no_parameters_and_exactly_no_wind() -> None:
     "air", [Air(wind=STATIC), Air(thermals=(ONE,)), Air(wind=STATIC, thermals=(ONE, TWO))], ids=lambda air: str(air)
 )
 def test_every_parameter_has_a_value_and_a_name_of_its_own(air: Air) -> None:
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     names = [one.name for one in field.parameters]
     assert field.present
     assert len(field.values(air)) == len(names) == len(set(names))
@@ -245,24 +245,24 @@ def test_thermals_lift_and_static_wind_is_level() -> None:
 
 def test_airs_of_one_structure_share_field_and_expressions() -> None:
     breeze, gale = Air(wind=StaticWind(1.0, 2.0)), Air(wind=StaticWind(-2.0, 14.0))
-    assert WindField.of(breeze) == WindField.of(gale)
-    assert WindField.of(breeze).values(breeze) != WindField.of(gale).values(gale)
+    assert WindField.from_air(breeze) == WindField.from_air(gale)
+    assert WindField.from_air(breeze).values(breeze) != WindField.from_air(gale).values(gale)
 
 
 def test_label_names_the_structure() -> None:
-    assert WindField.of(Air()).label == ""
-    assert WindField.of(Air(wind=STATIC, thermals=(ONE, TWO))).label == "wind(power)+thermals(2)"
-    assert WindField.of(Air(thermals=(ONE,))).label == "thermals(1)"
+    assert WindField.from_air(Air()).label == ""
+    assert WindField.from_air(Air(wind=STATIC, thermals=(ONE, TWO))).label == "wind(power)+thermals(2)"
+    assert WindField.from_air(Air(thermals=(ONE,))).label == "thermals(1)"
 
 
 def test_numbers_of_another_structure_are_refused() -> None:
     with pytest.raises(ValueError, match="thermals=1"):
-        WindField.of(Air(wind=STATIC)).values(Air(thermals=(ONE,)))
+        WindField.from_air(Air(wind=STATIC)).values(Air(thermals=(ONE,)))
 
 
 def test_symbols_give_the_same_wind_as_numbers() -> None:
     air = Air(wind=STATIC, thermals=(ONE, TWO))
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     r, p = ca.SX.sym("r", 3), ca.SX.sym("p", len(field.parameters))
     function = ca.Function("W", [r, p], [ca.vertcat(*field.velocity(r[0], r[1], r[2], ca.vertsplit(p)))])
     place = (12.0, -7.0, -35.0)

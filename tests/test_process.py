@@ -11,7 +11,7 @@ from waiting import PATIENCE
 
 from airrace.process import COLLECTION_THRESHOLD, ONE_THREAD, available_cores
 
-SETTLED = "import gc, os; print(gc.get_threshold()[0], *(os.environ[name] for name in {names}))"
+SETTINGS = "import gc, os; print(gc.get_threshold()[0], *(os.environ[name] for name in {names}))"
 COUNTED = "import numpy, os; numpy.ones((300, 300)) @ numpy.ones((300, 300)); print(len(os.listdir('/proc/self/task')))"
 
 
@@ -26,8 +26,10 @@ def said(program: str, **variables: str) -> str:
     [(tuple(ONE_THREAD), {}, "1 1 1 1"), (("OPENBLAS_NUM_THREADS",), {"OPENBLAS_NUM_THREADS": "3"}, "3")],
     ids=["set", "left to the user"],
 )
-def test_what_nobody_has_set_is_settled(names: tuple[str, ...], variables: dict[str, str], expected: str) -> None:
-    program = f"from airrace import process; process.configure(); {SETTLED.format(names=names)}"
+def test_what_the_user_has_not_set_is_configured(
+    names: tuple[str, ...], variables: dict[str, str], expected: str
+) -> None:
+    program = f"from airrace import process; process.configure(); {SETTINGS.format(names=names)}"
     assert said(program, **variables) == f"{COLLECTION_THRESHOLD} {expected}"
 
 
@@ -63,7 +65,7 @@ def test_processes_settle_before_they_load_numpy(entry: str) -> None:
 def test_no_more_cores_are_counted_than_a_quota_pays_for(
     membership: str, files: dict[str, str], cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("airrace.process._bound_cores", lambda: 8)
+    monkeypatch.setattr("airrace.process._affine_cores", lambda: 8)
     monkeypatch.setattr(os, "process_cpu_count", lambda: 8, raising=False)
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -105,7 +107,7 @@ def tidying():
         signal.raise_signal(signal.{name})
         time.sleep(600.0)
     finally:
-        for _ in range(4):  # pressed again and again, and reminded in between
+        for _ in range(4):  # pressed again and again, and repeated in between
             signal.raise_signal(signal.{name})
             time.sleep(0.2)
         print("tidy", flush=True)
@@ -116,10 +118,10 @@ try:
     print("never asked")
 except BaseException as error:
     print(interrupts.caused(error), flush=True)
-    interrupts.hear()
+    interrupts.acknowledge()
 signal.raise_signal(signal.{name})
-time.sleep(2.0 * interrupts.REMINDER)
-print("heard once")
+time.sleep(2.0 * interrupts.REPEAT_INTERVAL)
+print("acknowledged")
 """
 
 
@@ -135,13 +137,13 @@ REPEATED = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="requests
         ("tidying", "SIGINT", ["tidy"]),
     ],
 )
-def test_a_request_is_heard_once_even_if_swallowed_turned_into_an_error_or_made_meanwhile(
+def test_a_request_is_raised_until_acknowledged_even_if_swallowed_turned_into_an_error_or_made_meanwhile(
     what: str, name: str, lines: list[str]
 ) -> None:
     program = PROGRAM.format(what=what, name=name)
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert ran.stderr == ""
-    assert ran.stdout.splitlines() == [*lines, "True", "heard once"]
+    assert ran.stdout.splitlines() == [*lines, "True", "acknowledged"]
 
 
 def test_nobody_listens_who_has_not_asked() -> None:

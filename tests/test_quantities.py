@@ -65,6 +65,7 @@ def test_intersection_holds_what_both_hold(a: Interval, b: Interval, value: floa
 def test_ranges_may_be_empty_or_unbounded() -> None:
     assert Interval(0.0, 1.0).intersect(Interval(2.0, 3.0)).empty
     assert not Interval.exactly(2.0).empty
-    assert Interval(upper=1.0).bounded
-    assert not Interval().bounded
+    assert Interval(upper=1.0).constrained
+    assert Interval(lower=0.0).constrained
+    assert not Interval().constrained
     assert Interval().lower == -math.inf

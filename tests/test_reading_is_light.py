@@ -12,7 +12,7 @@ READERS = {
 }
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (
-    "airrace.procedure.run",
+    "airrace.procedure.procedure",
     "airrace.procedure.stage_problem",
     "airrace.procedure.solver_session",
     "airrace.procedure.recomputation",
@@ -22,7 +22,7 @@ SOLVING = (
     "airrace.optimal_control.layout",
     "airrace.optimal_control.solvers.service",
     "airrace.optimal_control.solvers.solver",
-    "airrace.optimal_control.solvers.ipopt_functions",
+    "airrace.optimal_control.solvers.ipopt",
     "airrace.logs.log_flight",
     "airrace.sensitivity.lagrangian",
     "multiprocessing",

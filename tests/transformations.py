@@ -113,7 +113,7 @@ def _element(element: Element, change: Change) -> Element:
 def _ranges(element: Manoeuvre, change: Change) -> tuple[Interval, Interval]:
     """The ranges of north and east."""
     north, east = element.north, element.east
-    if not north.bounded and not east.bounded:
+    if not north.constrained and not east.constrained:
         return north, east
     if north.lower == north.upper and east.lower == east.upper:
         place = change.place(north.lower, east.lower)

@@ -9,7 +9,15 @@ from airrace import options
 from airrace.api.flights import AnyFlight
 from airrace.api.runs import optimize
 from airrace.options import Option
-from airrace.safety.gusts import Gusts
+from airrace.safety.disturbances import (
+    DENSITY_ERROR_PERCENT,
+    MASS_ERROR_PERCENT,
+    PILOT_DELAY,
+    POWER_ERROR_PERCENT,
+    ROLL_TIMING,
+    WIND_ERROR_KT,
+    Gusts,
+)
 
 if TYPE_CHECKING:
     from airrace.api.run import Run
@@ -55,16 +63,16 @@ def safety(
     gusts: Annotated[str | Gusts, Option("Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
     wind_error_kt: Annotated[
         float, Option("Standard deviation of the wind to the north and to the east.", "KT", flags=("--wind-error",))
-    ] = 2.5,
-    mass_error_percent: Annotated[float, _percent("--mass-error", "mass")] = 2.0,
-    power_error_percent: Annotated[float, _percent("--power-error", "power")] = 2.0,
-    density_error_percent: Annotated[float, _percent("--density-error", "air's density")] = 1.0,
+    ] = WIND_ERROR_KT,
+    mass_error_percent: Annotated[float, _percent("--mass-error", "mass")] = MASS_ERROR_PERCENT,
+    power_error_percent: Annotated[float, _percent("--power-error", "power")] = POWER_ERROR_PERCENT,
+    density_error_percent: Annotated[float, _percent("--density-error", "air's density")] = DENSITY_ERROR_PERCENT,
     roll_timing_s: Annotated[
         float, Option("Standard deviation of the time by which rolls are late or early.", "S", flags=("--roll-timing",))
-    ] = 0.02,
+    ] = ROLL_TIMING,
     delay_s: Annotated[
         float, Option("From what the pilot sees to the stick that moves.", "S", flags=("--delay",))
-    ] = 0.1,
+    ] = PILOT_DELAY,
     seed: Annotated[int, Option("Of all flights; the same seed, the same flights.", "N")] = 0,
     winds: Annotated[
         str | None,

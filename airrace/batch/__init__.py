@@ -1,18 +1,16 @@
 """Batches of many courses: which jobs there are, who runs them, what is done already, and what came of it.
 
-    sources -> jobs -> planning --- jobs ---> supervision <--- events --- an executor (local.py, cluster.py)
-                           ^                     |
-                           +----- records <------+------> reports
+    sources -> planning -> jobs -> supervision -> a pool (local.py, cluster.py)
+                  ^                    |
+                  +------ records <----+----> reports
 
 A `Job` is plain data and complete in itself: it can travel. `supervision.py` decides what runs, runs again or is
-reused, and writes the records; it knows nothing of processes. An `Executor` flies jobs, somewhere; it
-knows nothing of records.
-**Another executor** is one class with the methods of `supervision.Executor`, which says what it may rely on and what it
-owes. `local.LocalExecutor` flies jobs on the computer it runs on, and needs a folder to write to and nothing else.
+reused, and writes the records; it knows nothing of processes. A `JobPool` runs jobs, somewhere; it knows nothing of
+records.
 """
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,7 +21,7 @@ from airrace.options import Option
 if TYPE_CHECKING:
     from airrace.batch.planning import BatchPlan, Sources
     from airrace.batch.reports import BatchResult
-    from airrace.batch.supervision import Executor, JobResult, Watcher
+    from airrace.batch.supervision import JobPool
 
 Sweeps = Mapping[str, str | Sequence[str | float]] | Sequence[str]
 """The values of keys: `{"rules.n_z_max": [9, 10]}`, `{"rules.n_z_max": "9:12:1"}` or `["rules.n_z_max=9:12:1"]`."""
@@ -92,13 +90,15 @@ class BatchOptions:
         from airrace.runs.execute import ensure_time
 
         ensure_time(self.timeout)
-        from airrace.batch.planning import Manner, find_sources, parse_sweeps
+        from airrace.batch.planning import JobTemplate, find_sources, parse_sweeps
         from airrace.runs.plan import stage_by_name
 
-        manner = Manner(tuple(self.aircraft), self.settings, tuple(self.set), parse_sweeps(self.sweep), self.until)
-        sources = find_sources(self.courses, manner)
+        template = JobTemplate(
+            tuple(self.aircraft), self.settings, tuple(self.set), parse_sweeps(self.sweep), self.until
+        )
+        sources = find_sources(self.courses, template)
         for group in sources.groups:
-            stage_by_name(group.manner.until)
+            stage_by_name(group.template.until)
         return sources
 
     def plan(self, sources: "Sources") -> "BatchPlan":
@@ -112,29 +112,26 @@ class BatchOptions:
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
         return make_plan(sources, self.output, until=stage_by_name(None).value, versions=versions, choice=choice)
 
-    def executor(self) -> "Executor":
-        """Return who flies the jobs; a cluster is given as long to have a worker as a job has to end.
+    def pool(self) -> "JobPool":
+        """Return what runs the jobs; a cluster is given as long to have a worker as a job has to end.
 
         Raises:
             UsageError: dask.distributed is not installed.
         """
-        from airrace.batch.local import JOB_COMMAND, LocalExecutor
+        from airrace.batch.local import JOB_COMMAND, LocalPool
         from airrace.process import available_cores
         from airrace.runs.run import library_versions
 
         if self.cluster is None:
-            return LocalExecutor(JOB_COMMAND, self.jobs or available_cores())
+            return LocalPool(JOB_COMMAND, self.jobs or available_cores())
         try:
-            from airrace.batch.cluster import ClusterExecutor
+            from airrace.batch.cluster import ClusterPool
         except ModuleNotFoundError as error:
             raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
-        return ClusterExecutor(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, self.timeout)
+        return ClusterPool(self.cluster, JOB_COMMAND[1:], library_versions(), self.jobs, self.timeout)
 
-    def checked_plan(self, ensure: Callable[["BatchPlan"], None]) -> "BatchPlan":
-        """Return the plan, and refuse what `fly` would refuse before a job runs, but a cluster that does not answer.
-
-        Args:
-            ensure: refuses a plan by raising.
+    def checked_plan(self) -> "BatchPlan":
+        """Return the plan, and refuse what `prepared` would refuse, but a cluster that does not answer.
 
         Raises:
             InputError, UsageError, StorageError: no job could run.
@@ -142,37 +139,22 @@ class BatchOptions:
         from airrace.batch.record import ensure_folder
 
         sources = self.sources()
-        self.executor()
+        self.pool()
         ensure_folder(self.output)
-        plan = self.plan(sources)
-        ensure(plan)
-        return plan
+        return self.plan(sources)
 
-    def fly(
-        self,
-        watcher: Callable[[], contextlib.AbstractContextManager["Watcher"]],
-        stopping: Callable[[], contextlib.AbstractContextManager[Callable[[], bool]]],
-        ensure: Callable[["BatchPlan"], None],
-    ) -> "tuple[BatchPlan, Sequence[JobResult]]":
-        """Plan the batch and run its jobs, with the folder locked.
-
-        Args:
-            watcher: who watches, entered when the first job begins.
-            stopping: provides a function that tells whether to stop.
-            ensure: refuses a plan by raising.
+    @contextlib.contextmanager
+    def prepared(self) -> "Generator[tuple[BatchPlan, JobPool], None, None]":
+        """Provide the plan of the batch and what runs its jobs, with the folder locked.
 
         Raises:
             InputError, UsageError, ClusterError, StorageError: no job can run.
         """
         from airrace.batch.record import lock_folder
-        from airrace.batch.supervision import supervise
 
         sources = self.sources()
-        with self.executor() as executor, lock_folder(self.output):
-            plan = self.plan(sources)
-            ensure(plan)
-            with stopping() as stop_asked, watcher() as watched:
-                return plan, supervise(plan, executor, self, watched, stop_asked=stop_asked)
+        with self.pool() as pool, lock_folder(self.output):
+            yield self.plan(sources), pool
 
 
 def optimize_many(
@@ -200,7 +182,7 @@ def optimize_many(
     Examples:
         >>> winds = {"speed_kt": [10], "from_deg": [90, 270]}
         >>> results = airrace.optimize_many("half_cuban_eight", winds=winds, until="homotopy")
-        >>> sorted(one.swept["environment.wind.from_deg"] for one in results)
+        >>> sorted(result.swept["environment.wind.from_deg"] for result in results)
         ['270', '90']
         >>> airrace.open(results[0].checkpoint)["homotopy"].name
         'homotopy'
@@ -232,17 +214,13 @@ def optimize_many(
         StorageError: the system refused to write.
     """
     from airrace.batch.reports import ranking_of
-    from airrace.batch.supervision import Watcher
+    from airrace.batch.supervision import Watcher, supervise
     from airrace.runs.plan import value_texts
-
-    def refuse(plan: "BatchPlan") -> None:
-        if plan.findings:
-            raise InputError(list(plan.findings))
 
     wind = {f"environment.wind.{key}": values for key, values in (winds or {}).items()}
     options = BatchOptions(
-        courses=[str(one) for one in ([tracks] if isinstance(tracks, str | Path) else tracks)],
-        aircraft=[Path(one) for one in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
+        courses=[str(track) for track in ([tracks] if isinstance(tracks, str | Path) else tracks)],
+        aircraft=[Path(name) for name in ([aircraft] if isinstance(aircraft, str | Path) else aircraft)],
         settings=None if settings is None else Path(settings),
         set=value_texts(set),
         sweep=[*sweep_texts(wind), *sweep_texts(sweep)],
@@ -255,7 +233,7 @@ def optimize_many(
         retry_failed=retry_failed,
         force=force,
     )
-    plan, results = options.fly(
-        lambda: contextlib.nullcontext(Watcher()), lambda: contextlib.nullcontext(lambda: False), refuse
-    )
-    return ranking_of(plan, results)
+    with options.prepared() as (plan, pool):
+        if plan.findings:
+            raise InputError(list(plan.findings))
+        return ranking_of(plan, supervise(plan, pool, options, Watcher()))

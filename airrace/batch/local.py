@@ -1,4 +1,4 @@
-"""The executor of this computer: a process for each job, a few at a time.
+"""Jobs on this computer: a process for each, a few at a time.
 
 A job's process is `airrace.batch.job_process`. The first line of its standard input is a JSON object (`job`,
 `checkpoint`); it answers with lines of JSON on its standard output:
@@ -12,28 +12,23 @@ A terminal's Ctrl-C reaches only who is responsible for it, and when its standar
 
 import contextlib
 import json
+import math
 import os
 import queue
 import signal
+import subprocess
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import IO, Any, Self
+from pathlib import Path
+from typing import IO, Any, cast
 
-from airrace.batch.supervision import (
-    AttemptResult,
-    Ended,
-    Event,
-    FailureKind,
-    JobAttempt,
-    StageFinished,
-    StageStarted,
-    Started,
-)
+from airrace.batch.jobs import Job
+from airrace.batch.supervision import POLL, AttemptResult, JobPool
 from airrace.errors import Finding
-from airrace.process import ONE_THREAD, python_command, start_apart
+from airrace.process import ONE_THREAD, python_command, spawn_detached
 from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
@@ -44,8 +39,8 @@ STOP = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 """The signal that asks a process to end; Windows lets a program hear nothing else."""
 
 
-class LocalExecutor:
-    """An executor that flies jobs in processes of this computer.
+class LocalPool(JobPool):
+    """Jobs in processes of this computer.
 
     Args:
         command: what runs a job.
@@ -53,184 +48,161 @@ class LocalExecutor:
     """
 
     def __init__(self, command: Sequence[str], slots: int) -> None:
+        super().__init__()
         self._command = tuple(command)
-        self.slots = slots
-        self._running: dict[str, _JobProcess] = {}
-        self._inbox: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        self._slots = slots
 
-    def submit(self, order: JobAttempt) -> None:
-        name = order.job.name
-        try:
-            self._running[name] = _JobProcess(order, self._command, self._inbox.put)
-        except OSError as error:  # no memory for a process, or no room for a file
-            message = f"its process could not be started: {error.strerror or error}"
-            self._inbox.put(Ended(name, AttemptResult(ExitCode.SYSTEM, message, 0.0, fault=FailureKind.CRASHED)))
+    @property
+    def slots(self) -> int:
+        return self._slots
 
-    def events(self, patience: float) -> Sequence[Event]:
-        events: list[Event] = []
-        with contextlib.suppress(queue.Empty):
-            events.append(self._inbox.get(patience > 0.0, patience or None))
-            while True:
-                events.append(self._inbox.get_nowait())
-        for event in events:
-            if isinstance(event, Ended):
-                self._running.pop(event.name, None)
-        return events
+    def run(self, job: Job, checkpoint: Path, timeout: float | None) -> AttemptResult:
+        def report(line: Mapping[str, Any]) -> None:
+            self.progress.put((job.name, line))
 
-    def stop(self) -> None:
-        for process in self._running.values():
-            process.stop(FailureKind.STOPPED)
-        events: list[Event] = []
-        while self._running:
-            events += self.events(GRACE)
-        for event in events:
-            self._inbox.put(event)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *raised: object) -> None:
-        for process in self._running.values():
-            process.kill()
-        self._running = {}
+        report({"started": ""})
+        return run_job(
+            self._command,
+            job,
+            checkpoint,
+            timeout,
+            report=report,
+            stop_asked=self.stop_asked.is_set,
+            kill_asked=self.kill_asked.is_set,
+        )
 
 
-class _JobProcess:
-    """A running attempt: it reports events, the last of them its `Ended`.
+def run_job(
+    command: Sequence[str],
+    job: Job,
+    checkpoint: Path,
+    timeout: float | None,
+    *,
+    report: Callable[[Mapping[str, Any]], None],  # Any: JSON
+    stop_asked: Callable[[], bool],
+    kill_asked: Callable[[], bool],
+) -> AttemptResult:
+    """Run a job in a process of its own to its end; its process never outlives this call.
 
     Args:
-        order: the job; its checkpoint is read and written in place.
         command: what runs a job.
-        report: is called from another thread.
+        job, checkpoint, timeout: see `JobPool.run`.
+        report: takes in what the process says of its stages.
+        stop_asked: whether it is to end, within `GRACE`.
+        kill_asked: whether it is to end at once.
     """
-
-    def __init__(self, order: JobAttempt, command: Sequence[str], report: Callable[[Event], None]) -> None:
-        self._order = order
-        self._report = report
-        self._started = time.monotonic()
-        self._answer: AttemptResult | None = None
-        self._stopping: FailureKind = FailureKind.NONE
-        self._timers: list[threading.Timer] = []
-        self._output: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
+    order = json.dumps({"job": asdict(job), "checkpoint": str(checkpoint)}).encode() + b"\n"
+    began, limit = time.monotonic(), math.inf if timeout is None else timeout
+    with contextlib.ExitStack() as stack:
         try:
-            self._process = start_apart(command, self._output, {**os.environ, **ONE_THREAD})
-        except BaseException:
-            self._output.close()
-            raise
-        report(Started(order.job.name))
-        if order.timeout is not None:
-            self._after(order.timeout, lambda: self.stop(FailureKind.TIMED_OUT))
-        threading.Thread(target=self._converse, daemon=True).start()
-
-    def stop(self, why: FailureKind) -> None:
-        """Ask the process to end; it is killed if it takes longer than `GRACE`."""
-        if self._stopping is FailureKind.NONE:
-            self._stopping = why
-            self._after(GRACE, self.kill)
-            with contextlib.suppress(OSError):
-                self._process.send_signal(STOP)
-
-    def kill(self) -> None:
-        """Kill the process and all that it has started, now."""
-        import psutil  # which is hardly ever needed
-
-        family: list[psutil.Process] = []
-        if self._process.poll() is None:
-            with contextlib.suppress(psutil.Error):
-                family = psutil.Process(self._process.pid).children(recursive=True)
-        self._process.kill()
-        self._process.wait()
-        for process in family:
-            with contextlib.suppress(psutil.Error):
-                process.kill()
-
-    def _after(self, seconds: float, act: Callable[[], None]) -> None:
-        timer = threading.Timer(min(seconds, threading.TIMEOUT_MAX), act)
-        timer.daemon = True
-        self._timers.append(timer)
-        timer.start()
-
-    def _converse(self) -> None:
-        """Hand the order over, take in lines until there are no more, and report the end."""
-        name = self._order.job.name
-        order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
-        asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None  # `start_apart` was called with it
-        assert answers is not None
-        with contextlib.suppress(OSError):  # it reads no more
-            asked.write(json.dumps(order).encode("utf-8") + b"\n")
-            asked.flush()
-        with contextlib.suppress(OSError):
-            while line := answers.readline(64 * 2**20):  # a larger line, bytes, is no answer
-                match _json_of(line):
-                    case {"stage_started": str(stage)}:
-                        self._report(StageStarted(name, stage))
-                    case {
-                        "stage_finished": str(stage),
-                        "status": str(status),
-                        "race_time_s": race_time,
-                        "certified": bool(certified),
-                    }:
-                        self._report(StageFinished(name, stage, status, race_time, certified))
-                    case {"ended": {**answer}}:
-                        self._answer = _answer_of(answer)
-                    case _:
-                        pass
-        self._after(GRACE, self.kill)  # it says no more, so it should end
-        self._process.wait()
-        for timer in self._timers:
-            timer.cancel()
-        for stream in (asked, answers):  # not before: when its standard input ends, the process does
-            with contextlib.suppress(OSError):
-                stream.close()
-        ending = self._ending(time.monotonic() - self._started)
-        self._output.close()
-        self._report(Ended(name, ending))
-
-    def _ending(self, wall: float) -> AttemptResult:
-        """Return how the attempt ended. An answer counts even if the process had to stop meanwhile."""
-        answer = self._answer
-        if self._stopping is not FailureKind.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
-            code, message = ExitCode.INTERRUPTED, "interrupted"
-            if self._stopping is FailureKind.TIMED_OUT:
-                code, message = ExitCode.TIMEOUT, f"stopped after {self._order.timeout:g} s (--timeout)"
-            return AttemptResult(code, message, wall, run=answer and answer.run, fault=self._stopping)
-        if answer is not None:
+            errors = stack.enter_context(tempfile.TemporaryFile())
+            process = spawn_detached(command, errors, {**os.environ, **ONE_THREAD})
+        except OSError as error:  # no memory for a process, or no room for a file
+            message = f"its process could not be started: {error.strerror or error}"
+            return AttemptResult(ExitCode.SYSTEM, message, 0.0)
+        stack.callback(_close_input, process)
+        stack.callback(_kill_family, process)
+        lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        threading.Thread(target=_converse, args=(process, order, lines), daemon=True).start()
+        answer = stopped = None
+        kill_after = math.inf
+        while True:
+            wall = time.monotonic() - began
+            if stopped is None and stop_asked():
+                stopped = AttemptResult(ExitCode.INTERRUPTED, "interrupted", wall)
+            elif stopped is None and wall > limit:
+                stopped = AttemptResult(ExitCode.TIMEOUT, f"stopped after {limit:g} s (--timeout)", wall)
+            if stopped is not None and kill_after == math.inf:
+                kill_after = wall + GRACE
+                with contextlib.suppress(OSError):
+                    process.send_signal(STOP)
+            if wall > kill_after or kill_asked():
+                _kill_family(process)
+                if process.poll() is not None:
+                    break
+            try:
+                line = lines.get(timeout=POLL)
+            except queue.Empty:
+                continue
+            if not line:
+                break
+            fields = _parse(line)
+            if "ended" in fields:
+                answer = _answer_of(fields["ended"])
+            else:
+                report(fields)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)  # it says no more, so it should end
+        _kill_family(process)
+        wall = time.monotonic() - began
+        if stopped is not None and (answer is None or answer.code == ExitCode.INTERRUPTED):
+            return replace(stopped, wall=wall, run=None if answer is None else answer.run)
+        if answer is not None:  # it counts even if the process had to stop meanwhile
             return replace(answer, wall=wall)
-        status = self._process.returncode
-        how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
-        fault, message = FailureKind.KILLED, "its process was killed (out of memory?)"
-        if how != "SIGKILL":
-            said = self._last_words()
-            fault, message = FailureKind.CRASHED, f"its process crashed ({how}){said and ': ' + said}"
-        return AttemptResult(ExitCode.SYSTEM, message, wall, fault=fault)
+        return AttemptResult(ExitCode.SYSTEM, _describe_crash(process.returncode, errors), wall)
 
-    def _last_words(self) -> str:
-        # In the last 2000 bytes of a crashed process's output stand its last words.
-        self._output.seek(max(0, self._output.seek(0, os.SEEK_END) - 2000))
-        lines = self._output.read().decode(errors="replace").split("\n")
-        return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+def _converse(process: "subprocess.Popen[bytes]", order: bytes, lines: "queue.SimpleQueue[bytes]") -> None:
+    """Hand the order over, and take in lines until there are no more; then an empty one."""
+    assert process.stdin is not None  # `spawn_detached` was called with it
+    assert process.stdout is not None
+    with contextlib.suppress(OSError):  # it reads no more
+        process.stdin.write(order)
+        process.stdin.flush()
+    with contextlib.suppress(OSError), process.stdout:
+        for line in process.stdout:
+            lines.put(line)
+    lines.put(b"")
+
+
+def _kill_family(process: "subprocess.Popen[bytes]") -> None:
+    """Kill a process that runs, and all that it has started, now."""
+    if process.poll() is not None:
+        return
+    import psutil  # which is hardly ever needed
+
+    family: list[psutil.Process] = []
+    with contextlib.suppress(psutil.Error):
+        family = psutil.Process(process.pid).children(recursive=True)
+    process.kill()
+    process.wait()
+    for child in family:
+        with contextlib.suppress(psutil.Error):
+            child.kill()
+
+
+def _close_input(process: "subprocess.Popen[bytes]") -> None:
+    assert process.stdin is not None
+    with contextlib.suppress(OSError):
+        process.stdin.close()
 
 
 # Any: JSON, here and below.
-def _json_of(line: bytes) -> Any:
-    """Return a line of JSON as plain values, or None: a process that went astray must not take this one along."""
+def _parse(line: bytes) -> Mapping[str, Any]:
+    """Return a line of JSON, or nothing: a process that goes astray must not take this one along."""
     try:
-        return json.loads(line, parse_constant=_refuse_constant)
+        plain = json.loads(line)
     except (ValueError, RecursionError):
-        return None
+        return {}
+    return cast(Mapping[str, Any], plain) if isinstance(plain, dict) else {}
 
 
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is not JSON")
-
-
-def _answer_of(plain: Mapping[str, Any]) -> AttemptResult | None:
+def _answer_of(plain: Any) -> AttemptResult | None:
     """Return the answer in a report, or None if it is malformed, which counts as no answer."""
     try:
-        run, findings = plain["run"], tuple(Finding(**finding) for finding in plain["findings"])
-        float(run["race_time_s"] or 0.0)
-        run = {**run, "stages": list(run["stages"])}
-        return AttemptResult(int(plain["code"]), str(plain["error"]), 0.0, findings, run)
+        float(plain["run"]["race_time_s"] or 0.0)
+        findings = tuple(Finding(**finding) for finding in plain["findings"])
+        return AttemptResult(int(plain["code"]), str(plain["error"]), 0.0, findings, plain["run"])
     except (KeyError, TypeError, ValueError):
         return None
+
+
+def _describe_crash(status: int, errors: IO[bytes]) -> str:
+    """Return how a process without an answer has ended, with its last words where it left some."""
+    how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
+    if how == "SIGKILL":
+        return "its process was killed (out of memory?)"
+    # In the last 2000 bytes of a crashed process's output stand its last words.
+    errors.seek(max(0, errors.seek(0, os.SEEK_END) - 2000))
+    words = [line.strip() for line in errors.read().decode(errors="replace").split("\n") if line.strip()]
+    return f"its process crashed ({how})" + (f": {words[-1]}" if words else "")

@@ -34,75 +34,16 @@ from airrace.runs.command_result import ExitCode
 from airrace.runs.output import ensure_free
 from airrace.standard_streams import STANDARD, name_of
 
-
-@dataclass(frozen=True)
-class PlanningLimits:
-    """The sizes of what is planned.
-
-    Attributes:
-        folders_max: the largest number of folders that one pattern is looked for in; a tenth of a second's work
-            on most disks.
-        matches_max: the largest number of files that one pattern may mean; each of them is read before any job
-            runs.
-        jobs_max: the largest number of jobs of a batch.
-        checked_max: the largest number of jobs that are checked.
-    """
-
-    folders_max: int = 10_000
-    matches_max: int = 20_000
-    jobs_max: int = 100_000
-    checked_max: int = 300
-
-
-LIMITS = PlanningLimits()
-
-
-class TooWideError(Exception):
-    """An error of a pattern that would be looked for in too many places, in words."""
-
-
-def matching(pattern: str) -> list[str]:
-    """Return the files that match a pattern, sorted by name.
-
-    Raises:
-        TooWideError: too many folders or files would have to be looked at.
-    """
-    found = list(islice((name for name in _expand(pattern) if not os.path.isdir(name)), LIMITS.matches_max + 1))
-    if len(found) > LIMITS.matches_max:
-        raise TooWideError(f"matches more than {LIMITS.matches_max} files; name fewer of them")
-    return sorted(found)
-
-
-def _expand(pattern: str) -> Iterator[str]:
-    parts = Path(pattern).parts
-    if "**" not in parts:
-        yield from glob.iglob(pattern)
-        return
-    place = parts.index("**")
-    above, below = parts[:place], parts[place + 1 :]
-    names = below or ("*",)
-    for folder in _folders(os.path.join(*above) if above else ""):
-        yield from _expand(os.path.join(glob.escape(folder), *names))
-
-
-def _folders(pattern: str) -> Iterator[str]:
-    """Yield the folders that match and all within them, but for hidden ones and those that only links lead to."""
-    looked_at = 0
-    for top in glob.iglob(pattern) if pattern else [""]:
-        for folder, within, _ in os.walk(top or os.curdir, followlinks=False):
-            looked_at += 1
-            if looked_at > LIMITS.folders_max:
-                raise TooWideError(f"leads through more than {LIMITS.folders_max} folders; name one further down")
-            within[:] = sorted(name for name in within if not name.startswith("."))
-            yield folder if top else os.path.relpath(folder).removeprefix(os.curdir)
-
-
+JOBS_MAX = 100_000
+"""The largest number of jobs of a batch."""
+CHECKED_MAX = 300
+"""The largest number of jobs whose inputs are checked before any of them runs."""
 SWEEP_OPTION = "--sweep"
 
 
 @dataclass(frozen=True)
-class Manner:
-    """The settings with which courses are solved.
+class JobTemplate:
+    """The options with which courses are solved.
 
     Attributes:
         aircraft: files, each of which flies every course; empty for the tracks' own.
@@ -123,10 +64,10 @@ class Manner:
 
 @dataclass(frozen=True)
 class SourceGroup:
-    """A group of courses with the same settings."""
+    """A group of courses with the same options."""
 
     courses: tuple[Path, ...]
-    manner: Manner
+    template: JobTemplate
 
 
 @dataclass(frozen=True)
@@ -161,34 +102,48 @@ def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
     return tuple(sweeps.values())
 
 
-def find_sources(named: Sequence[str], manner: Manner) -> Sources:
+def find_sources(names: Sequence[str], template: JobTemplate) -> Sources:
     """Return the courses named by files and patterns, and those of batch files.
 
-    The manner of the command line comes first: it replaces the aircraft, the settings, the last stage and the sweeps of
-    the same key in batch files, and its overrides come after theirs.
+    The template of the command line comes first: it replaces the aircraft, the settings, the last stage and the sweeps
+    of the same key in batch files, and its overrides come after theirs.
     """
     findings: list[Finding] = []
     courses: list[Path] = []
     groups: list[SourceGroup] = []
     files: list[Path] = []
-    for path in _files(named, Path(), None, findings):
-        document = _batch_document(path)
-        if document is None and path == STANDARD:
-            findings.append(Finding(name_of(path), 0, 0, "", "is no batch file, and courses are named"))
-            continue
-        if document is None:
-            courses.append(path)
-            continue
-        files.append(path)
-        try:
-            entry, reporter = read_entry(BatchEntry, document)
-            groups.append(_group_of(entry, reporter, path.parent, manner))
-            findings += reporter.findings
-        except InputError as error:
-            findings += error.findings
+    for name in names:
+        paths, fault = _find_files(name, Path())
+        if fault:
+            findings.append(Finding(name, 0, 0, "", fault))
+        for path in paths:
+            document = _batch_document(path)
+            if document is not None:
+                files.append(path)
+                try:
+                    entry, reporter = read_entry(BatchEntry, document)
+                    groups.append(_group_of(entry, reporter, path.parent, template))
+                    findings += reporter.findings
+                except InputError as error:
+                    findings += error.findings
+            elif path == STANDARD:
+                findings.append(Finding(name_of(path), 0, 0, "", "is no batch file, and courses are named"))
+            else:  # a missing course becomes a job with invalid input
+                courses.append(path)
     if courses:
-        groups.insert(0, SourceGroup(tuple(courses), manner))
+        groups.insert(0, SourceGroup(tuple(courses), template))
     return Sources(tuple(groups), tuple(findings), tuple(files))
+
+
+def _find_files(name: str, folder: Path) -> tuple[list[Path], str]:
+    """Return the files that a name or a pattern in a folder stands for, sorted, and what is wrong with it."""
+    path = folder / name
+    if glob.has_magic(name) and not path.exists():
+        matches = [Path(match) for match in sorted(glob.glob(str(path), recursive=True)) if not os.path.isdir(match)]
+        return matches, "" if matches else "no file matches this pattern"
+    if path.is_dir():
+        return [], f"is a folder; name the files in it, e.g. {path}/*.yaml"
+    return [TRACKS.label(Path(name), folder) if TRACKS.finds(Path(name), folder) else path], ""
 
 
 def _batch_document(path: Path) -> Document | None:
@@ -197,19 +152,26 @@ def _batch_document(path: Path) -> Document | None:
     Whatever else is wrong with the file is reported when it is read as a course.
     """
     document = read_document(path, []) if path == STANDARD or os.path.isfile(path) else None
-    said = None if document is None else re.search(r"^schema:\s*[\"']?airrace/batch/", document.text, re.MULTILINE)
-    return document if said else None
+    if document and re.search(r"^schema:\s*[\"']?airrace/batch/", document.text, re.MULTILINE):
+        return document
+    return None
 
 
-def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> SourceGroup:
-    findings: list[Finding] = []
+def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, template: JobTemplate) -> SourceGroup:
+    """Return the courses of a batch file; what is wrong with them is reported where the file names them."""
     courses: list[Path] = []
-    for path in list(_files(entry.courses, folder, reporter, findings)):
-        if _batch_document(path) is None:
-            courses.append(path)
-        else:
-            reporter.value(("courses",), f"{path} is a batch and no course; name the courses that it names")
-    reporter.findings.extend(findings)
+    for index, name in enumerate(entry.courses):
+        paths, fault = _find_files(name, folder)
+        if fault:
+            reporter.value(("courses", index), f"{folder / name}: {fault}")
+        for path in paths:
+            if _batch_document(path) is not None:
+                message = f"{path} is a batch and no course; name the courses that it names"
+                reporter.value(("courses", index), message)
+            elif not TRACKS.finds(path) and not path.exists():
+                reporter.value(("courses", index), TRACKS.missing(Path(name), folder))
+            else:
+                courses.append(path)
     sweeps: dict[str, Sweep] = {}
     for key, values in entry.sweep.items():
         items = values.split(",") if isinstance(values, str) else [value_text(value) for value in values]
@@ -217,52 +179,21 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
             sweeps[key] = sweep_of(key, items)
         except ValueError as error:
             reporter.value(("sweep", key), str(error))
-    of_command_line = {sweep.key: sweep for sweep in manner.sweeps}
+    of_command_line = {sweep.key: sweep for sweep in template.sweeps}
     places: dict[str, Place] = {}
     for part in ("set", "sweep"):
         node = reporter.find((part,))
         if isinstance(node, MappingNode):
-            places |= {key: one.key_place for key, one in node.entries.items() if key not in of_command_line}
-    return SourceGroup(
-        tuple(courses),
-        Manner(
-            aircraft=manner.aircraft or tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ()),
-            settings=manner.settings or (None if entry.settings is None else folder / entry.settings),
-            overrides=(*(f"{key}={value_text(value)}" for key, value in entry.set.items()), *manner.overrides),
-            sweeps=tuple({**sweeps, **of_command_line}.values()),
-            until=manner.until or entry.until,
-            places=places,
-        ),
+            places |= {key: value.key_place for key, value in node.entries.items() if key not in of_command_line}
+    of_file = JobTemplate(
+        aircraft=template.aircraft or tuple(AIRCRAFT.label(Path(name), folder) for name in entry.aircraft or ()),
+        settings=template.settings or (None if entry.settings is None else folder / entry.settings),
+        overrides=(*(f"{key}={value_text(value)}" for key, value in entry.set.items()), *template.overrides),
+        sweeps=tuple({**sweeps, **of_command_line}.values()),
+        until=template.until or entry.until,
+        places=places,
     )
-
-
-def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findings: list[Finding]) -> Iterator[Path]:
-    """Yield the files of names and patterns, in their order; those of a pattern by name.
-
-    What is wrong with a name is reported where a batch file has it, else among the findings.
-    """
-    for index, name in enumerate(named):
-        path, file = folder / name, Path(name)
-        if not glob.has_magic(name) or path.exists():
-            if path.is_dir():
-                findings.append(Finding(str(path), 0, 0, "", f"is a folder; name the files in it, e.g. {path}/*.yaml"))
-            elif TRACKS.finds(file, folder):
-                yield TRACKS.meant(file, folder)
-            elif reporter is not None and not path.exists():
-                reporter.value(("courses", index), TRACKS.missing(file, folder))
-            else:  # a missing course becomes a job with invalid input
-                yield path
-            continue
-        try:
-            matches = matching(str(path))
-            of_batch, alone = ("", "") if matches else (f"no file matches {path}", "no file matches this pattern")
-        except TooWideError as error:
-            matches, of_batch, alone = [], f"{path} {error}", str(error)
-        yield from map(Path, matches)
-        if alone and reporter is not None:
-            reporter.value(("courses", index), of_batch)
-        elif alone:
-            findings.append(Finding(str(path), 0, 0, "", alone))
+    return SourceGroup(tuple(courses), of_file)
 
 
 Findings = tuple[Finding, ...]
@@ -422,95 +353,77 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
         InputError: a settings file cannot be read, or a value is both set and swept.
         UsageError: two jobs would write the same file or one that is read, or there are too many.
     """
-    total = sum(
-        len(group.courses) * max(1, len(group.manner.aircraft)) * prod(len(one.values) for one in group.manner.sweeps)
-        for group in sources.groups
-    )
-    if total > LIMITS.jobs_max:
-        raise UsageError(f"these are {total} jobs; at most {LIMITS.jobs_max} are allowed in a batch")
-    planner = _Planner(until, versions)
-    families = [family for group in sources.groups for family in planner.families(group)]
+    total = 0
+    for group in sources.groups:
+        template = group.template
+        runs = len(group.courses) * max(1, len(template.aircraft))
+        total += runs * prod(len(sweep.values) for sweep in template.sweeps)
+    if total > JOBS_MAX:
+        raise UsageError(f"these are {total} jobs; at most {JOBS_MAX} are allowed in a batch")
+    families: list[tuple[JobTemplate, list[PlannedJob]]] = []
+    for group in sources.groups:
+        template, last = group.template, group.template.until or until
+        settings = _read_settings(template)
+        for course in group.courses:
+            for aircraft in template.aircraft or (None,):
+                families.append((template, _plan_family(course, aircraft, settings, template, last, versions)))
     refuse_clashes((step.name, _origin(step)) for _, steps in families for step in steps)
-    families = [(manner, [_compare(step, folder, choice) for step in steps]) for manner, steps in families]
-    refused = refused_jobs(
-        [
-            (manner, jobs)
-            for manner, steps in families
-            if (jobs := [one.job for one in steps if one.job and not one.known])
-        ]
-    )
-    steps = tuple(
-        replace(step, reason="", known=invalid(findings)) if (findings := refused.get(step.name)) else step
-        for _, family in families
-        for step in family
-    )
+    families = [(template, [_compare(step, folder, choice) for step in steps]) for template, steps in families]
+    faults = find_faults(families)
+    steps: list[PlannedJob] = []
+    for _, family in families:
+        for step in family:
+            findings = faults.get(step.name)
+            steps.append(replace(step, reason="", known=invalid(findings)) if findings else step)
     read = [file for step in steps for file in (step.track, step.aircraft) if file is not None]
-    read += [str(file) for file in (*sources.files, *(one.manner.settings for one in sources.groups)) if file]
-    plan = BatchPlan(folder, steps, sources.findings, tuple(dict.fromkeys(read)))
+    read += [str(file) for file in (*sources.files, *(group.template.settings for group in sources.groups)) if file]
+    plan = BatchPlan(folder, tuple(steps), sources.findings, tuple(dict.fromkeys(read)))
     ensure_free(*plan.files(), force=True, sources=plan.read, made=folder)
     return plan
 
 
-class _Planner:
-    """A maker of jobs that keeps every text once."""
+def _read_settings(template: JobTemplate) -> Document | None:
+    """Return the settings file, and refuse values that are both set and swept."""
+    set_keys = {text.partition("=")[0].strip() for text in template.overrides}
+    message = "is swept, and set as well; do one of them"
+    findings = [Finding(SWEEP_OPTION, 0, 0, sweep.key, message) for sweep in template.sweeps if sweep.key in set_keys]
+    settings = None if template.settings is None else read_document(template.settings, findings)
+    if findings:
+        raise InputError(findings)
+    return settings
 
-    def __init__(self, until: str, versions: str) -> None:
-        self._until = until
-        self._versions = versions
-        self._documents: dict[Document, Document] = {}
 
-    def families(self, group: SourceGroup) -> Iterator[tuple[Manner, list[PlannedJob]]]:
-        """Yield the jobs of each course and aircraft, which differ by the values of the sweeps alone."""
-        manner = group.manner
-        set_keys = {text.partition("=")[0].strip() for text in manner.overrides}
-        both = [sweep.key for sweep in manner.sweeps if sweep.key in set_keys]
-        if both:
-            message = "is swept, and set as well; do one of them"
-            raise InputError([Finding(SWEEP_OPTION, 0, 0, key, message) for key in both])
-        settings = None
-        if manner.settings is not None:
-            findings: list[Finding] = []
-            settings = read_document(manner.settings, findings)
-            if settings is None:
-                raise InputError(findings)
-            settings = self._documents.setdefault(settings, settings)
-        for course in group.courses:
-            for aircraft in manner.aircraft or (None,):
-                try:
-                    jobs = list(self._jobs(course, aircraft, settings, manner))
-                except InputError as error:
-                    name, path = job_name(course, aircraft, ()), None if aircraft is None else str(aircraft)
-                    known = invalid(tuple(error.findings))
-                    steps = [PlannedJob(name, course.stem, str(course), path, (), None, known=known)]
-                else:
-                    steps = [
-                        PlannedJob(job.name, job.course, job.track.path, job.aircraft.path, job.swept, job)
-                        for job in jobs
-                    ]
-                yield manner, steps
-
-    def _jobs(self, course: Path, aircraft: Path | None, settings: Document | None, manner: Manner) -> Iterator[Job]:
-        """Yield one job for every combination of swept values.
-
-        Raises:
-            InputError: the track or the aircraft cannot be read.
-        """
-        read: dict[tuple[str, ...], tuple[Document, Document]] = {}
-        for swept in combinations(manner.sweeps):
-            overrides = (*manner.overrides, *(f"{key}={value}" for key, value in swept))
-            naming = tuple(one for one in overrides if one.partition("=")[0].strip() == "aircraft")
-            if naming not in read:
-                read[naming] = read_documents(course, aircraft=aircraft, overrides=naming)
-            track, craft = (self._documents.setdefault(one, one) for one in read[naming])
-            name, until = job_name(course, aircraft, swept), manner.until or self._until
-            yield Job(name, course.stem, track, craft, settings, overrides, swept, until, self._versions)
+def _plan_family(
+    course: Path, aircraft: Path | None, settings: Document | None, template: JobTemplate, until: str, versions: str
+) -> list[PlannedJob]:
+    """Return the jobs of a course and an aircraft, one for every combination of swept values."""
+    steps: list[PlannedJob] = []
+    documents: dict[tuple[str, ...], tuple[Document, Document]] = {}  # by what names the aircraft
+    try:
+        for swept in combinations(template.sweeps):
+            overrides = (*template.overrides, *(f"{key}={value}" for key, value in swept))
+            naming = tuple(text for text in overrides if text.partition("=")[0].strip() == "aircraft")
+            if naming not in documents:
+                documents[naming] = read_documents(course, aircraft=aircraft, overrides=naming)
+            track, craft = documents[naming]
+            name = job_name(course, aircraft, swept)
+            job = Job(name, course.stem, track, craft, settings, overrides, swept, until, versions)
+            steps.append(PlannedJob(name, course.stem, track.path, craft.path, swept, job))
+    except InputError as error:
+        path = None if aircraft is None else str(aircraft)
+        name, known = job_name(course, aircraft, ()), invalid(tuple(error.findings))
+        return [PlannedJob(name, course.stem, str(course), path, (), None, known=known)]
+    return steps
 
 
 def _origin(step: PlannedJob) -> str:
     """Return what a job is made of, in the user's words."""
-    aircraft = [] if step.aircraft is None else [f"(with {step.aircraft})"]
-    swept = [f"({', '.join(f'{key}={value}' for key, value in step.swept)})"] if step.swept else []
-    return " ".join([step.track, *aircraft, *swept])
+    text = step.track
+    if step.aircraft is not None:
+        text += f" (with {step.aircraft})"
+    if step.swept:
+        text += f" ({', '.join(f'{key}={value}' for key, value in step.swept)})"
+    return text
 
 
 def _compare(step: PlannedJob, folder: Path, choice: Choice) -> PlannedJob:
@@ -521,28 +434,29 @@ def _compare(step: PlannedJob, folder: Path, choice: Choice) -> PlannedJob:
     return replace(step, reason=reason, known=result_of(record) if record and not reason else None)
 
 
-def refused_jobs(families: Sequence[tuple[Manner, Sequence[Job]]]) -> Mapping[str, Findings]:
+def find_faults(families: Sequence[tuple[JobTemplate, Sequence[PlannedJob]]]) -> Mapping[str, Findings]:
     """Return the findings of the jobs whose inputs are not valid, by the job's name.
 
     Of each family those are checked, in turn, in which every swept value occurs; where all of them have the same fault,
     the whole family has it.
     """
-    chosen: list[Sequence[Job]] = []
-    for manner, jobs in families:
+    faults: dict[str, Findings] = {}
+    families_jobs = [[step.job for step in steps if step.job and not step.known] for _, steps in families]
+    samples: list[Sequence[Job]] = []
+    for (template, _), jobs in zip(families, families_jobs, strict=True):
         by_values = {job.swept: job for job in jobs}
-        chosen.append([by_values[values] for values in cover(manner.sweeps) if values in by_values] or jobs[:1])
-    found: dict[str, Findings] = {}
-    checked: list[set[Findings]] = [set() for _ in families]
-    in_turn = ((number, job) for jobs in zip_longest(*chosen) for number, job in enumerate(jobs) if job is not None)
-    for number, job in islice(in_turn, LIMITS.checked_max):
+        samples.append([by_values[values] for values in cover(template.sweeps) if values in by_values] or jobs[:1])
+    kinds: list[set[Findings]] = [set() for _ in families]
+    in_turn = ((number, job) for jobs in zip_longest(*samples) for number, job in enumerate(jobs) if job is not None)
+    for number, job in islice(in_turn, CHECKED_MAX):
         findings = findings_of(job, families[number][0].places)
-        checked[number].add(findings)
+        kinds[number].add(findings)
         if findings:
-            found[job.name] = findings
-    for (_, jobs), faults in zip(families, checked, strict=True):
-        if len(faults) == 1 and (findings := next(iter(faults))):
-            found.update(dict.fromkeys((job.name for job in jobs), findings))
-    return found
+            faults[job.name] = findings
+    for jobs, kind in zip(families_jobs, kinds, strict=True):
+        if len(kind) == 1 and (findings := next(iter(kind))):
+            faults.update(dict.fromkeys((job.name for job in jobs), findings))
+    return faults
 
 
 def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
@@ -553,8 +467,8 @@ def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
     try:
         inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     except InputError as error:
-        known = {**{key: Place(SWEEP_OPTION, 0, 0) for key, _ in job.swept}, **places}
-        return tuple(_at_its_place(finding, known) for finding in error.findings)
+        origins = {**{key: Place(SWEEP_OPTION, 0, 0) for key, _ in job.swept}, **places}
+        return tuple(_at_its_place(finding, origins) for finding in error.findings)
     return ()
 
 

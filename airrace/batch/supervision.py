@@ -1,50 +1,30 @@
-"""Supervision of a batch: it hands out jobs, hears how they end, tries again and keeps records."""
+"""Supervision of a batch: it hands out jobs, takes in how they end, tries again and keeps records."""
 
 import contextlib
+import queue
+import threading
+import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from airrace.batch.jobs import Job
 from airrace.batch.planning import BatchPlan, JobResult, PlannedJob, result_of
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_path, write_record
-from airrace.errors import Finding, StorageError
+from airrace.errors import ClusterError, Finding, StorageError
 from airrace.runs.command_result import ExitCode
 
 if TYPE_CHECKING:
     from airrace.batch import BatchOptions
 
-
-@dataclass(frozen=True)
-class JobAttempt:
-    """A job to run.
-
-    Attributes:
-        job: its inputs.
-        attempt: 1 for the first; only one attempt of a job is ever under way.
-        checkpoint: where its checkpoint belongs, on the computer of the supervision. If there is one already, it is the
-            job's own, and finished stages in it that still stand are not repeated.
-        timeout: longest wall time of this attempt, s; None for no limit.
-    """
-
-    job: Job
-    attempt: int
-    checkpoint: Path
-    timeout: float | None
-
-
-class FailureKind(Enum):
-    """A reason for which a job ended without an answer of its own."""
-
-    NONE = "none"
-    CRASHED = "crashed"
-    KILLED = "killed"
-    LOST = "lost"
-    TIMED_OUT = "timed out"
-    STOPPED = "stopped"
+POLL = 0.1
+"""The time between two looks whether a job has ended or has to, s."""
+THREADS_MAX = 10_000
+"""The largest number of jobs at a time, each of which a thread waits for."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +34,10 @@ class AttemptResult:
     Attributes:
         code: the exit code that `airrace optimize` would have ended with.
         message: what went wrong, one sentence; empty if nothing did.
+        wall: the wall time of the attempt, s.
         findings: what is wrong with its input files.
         run: the object that `airrace optimize --json` prints, with the stages that are finished; None where the job
             ended without an answer.
-        fault: why there is no answer; `FailureKind.NONE` where there is one.
-        wall: the wall time of the attempt, s.
     """
 
     code: int
@@ -66,92 +45,67 @@ class AttemptResult:
     wall: float
     findings: tuple[Finding, ...] = ()
     run: Mapping[str, Any] | None = None  # Any: JSON
-    fault: FailureKind = FailureKind.NONE
 
 
-@dataclass(frozen=True)
-class Started:
-    """An event: an attempt is under way; `where` names the host, empty for this one."""
+class JobPool(ABC):
+    """Jobs under way, here or elsewhere, a thread for each. A context manager that leaves nothing running behind.
 
-    name: str
-    where: str = ""
+    Attributes:
+        progress: the name of a job and what it reports, see `airrace.batch.local`; besides `{"started": HOST}`.
+        stop_asked: set when all jobs are to end soon.
+        kill_asked: set when all jobs are to end at once.
+    """
 
+    def __init__(self) -> None:
+        self.progress: queue.SimpleQueue[tuple[str, Mapping[str, Any]]] = queue.SimpleQueue()  # Any: JSON
+        self.stop_asked = threading.Event()
+        self.kill_asked = threading.Event()
+        self._threads = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="job")
 
-@dataclass(frozen=True)
-class StageStarted:
-    """An event: a stage of a job is under way."""
+    @property
+    @abstractmethod
+    def slots(self) -> int:
+        """The number of jobs that can be under way at a time; it may change, and be 0 for a while.
 
-    name: str
-    stage: str
+        Raises:
+            ClusterError: no job can run any more.
+        """
+
+    @abstractmethod
+    def run(self, job: Job, checkpoint: Path, timeout: float | None) -> AttemptResult:
+        """Run a job to its end, whatever becomes of it.
+
+        Finished stages in its checkpoint, which lies at the path here, are not repeated. By its end the checkpoint with
+        all finished stages is there as a whole file.
+
+        Args:
+            job: its inputs.
+            checkpoint: where its checkpoint belongs, on this computer.
+            timeout: longest wall time, s; None for no limit. A job that takes longer ends with code 6.
+        """
+
+    def submit(self, job: Job, checkpoint: Path, timeout: float | None) -> "Future[AttemptResult]":
+        """Begin with a job, and return at once."""
+        return self._threads.submit(self.run, job, checkpoint, timeout)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.stop_asked.set()
+        self.kill_asked.set()
+        self._threads.shutdown()
 
 
 @dataclass(frozen=True)
 class StageFinished:
-    """An event: a stage of a job is finished and in its checkpoint; `race_time` (s) is None if it found no flight."""
+    """The end of a stage of a job; `race_time` (s) is None if it found no flight."""
 
     name: str
     stage: str
     status: str
     race_time: float | None
     certified: bool
-
-
-@dataclass(frozen=True)
-class Ended:
-    """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
-
-    name: str
-    ending: AttemptResult
-
-
-Event = Started | StageStarted | StageFinished | Ended
-
-
-class Executor(Protocol):
-    """An object that flies jobs, here or elsewhere: a context manager that leaves nothing running behind.
-
-    What it may rely on: all calls come from one thread; `submit` is called for at most `slots` jobs at a time, and
-    never for a job that has not ended yet. What it owes:
-
-    - Whatever becomes of a job (it crashes, hangs, its host goes away), an `Ended` follows. Nothing of that raises.
-    - Before it tells `StageFinished` or `Ended` of a job, the checkpoint with the stages finished by then lies at
-      `order.checkpoint` as a whole file (`checkpoint.atomic.replace_file`), verified if it came from elsewhere. Stages
-      may come back one by one or all at the end; the former costs less when a host is lost.
-    - An attempt that takes longer than `order.timeout` is stopped and ends with `FailureKind.TIMED_OUT` and code 6.
-    - Every process it starts has one solver thread, and none outlives its job or this process.
-
-    An executor that cannot work at all (an unreachable scheduler) raises an `AirraceError` when it is entered.
-    """
-
-    @property
-    def slots(self) -> int:
-        """The number of jobs that can be under way at a time; it may change from call to call, and be 0 for a while."""
-        ...
-
-    def submit(self, order: JobAttempt) -> None:
-        """Begin with a job, and return at once."""
-        ...
-
-    def events(self, patience: float) -> Sequence[Event]:
-        """Return what has happened since the last call, in order.
-
-        It waits for the first event, `patience` seconds at most.
-        """
-        ...
-
-    def stop(self) -> None:
-        """Stop all jobs under way, within seconds; the next `events` tells how they ended (`STOPPED`, 130)."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *raised: object) -> None: ...
-
-
-PATIENCE = 0.25
-"""The time between two looks whether to stop, s."""
-ACCIDENTS = (FailureKind.CRASHED, FailureKind.KILLED, FailureKind.LOST)
-"""The faults that may well not occur the next time."""
 
 
 class Watcher:
@@ -170,23 +124,13 @@ class Watcher:
     def on_end(self, step: PlannedJob, result: JobResult) -> None: ...
 
 
-@dataclass
-class _Attempts:
-    """The attempts at a job so far in this call."""
-
-    step: PlannedJob
-    job: Job
-    number: int = 0
-    reasons: tuple[str, ...] = ()
-
-
 def supervise(
     plan: BatchPlan,
-    executor: Executor,
+    pool: JobPool,
     options: "BatchOptions",
     watcher: Watcher,
     *,
-    stop_asked: Callable[[], bool],
+    stop_asked: Callable[[], bool] = lambda: False,
 ) -> Sequence[JobResult]:
     """Run all jobs of a plan that are due.
 
@@ -198,76 +142,112 @@ def supervise(
     Returns:
         The result of every step, in the order of the plan.
     """
-    waiting = deque(_Attempts(step, step.job) for step in plan.steps if step.known is None and step.job)
-    running: dict[str, _Attempts] = {}
-    results = {step.name: step.known for step in plan.steps if step.known is not None}
-
-    def end(attempts: _Attempts, ending: AttemptResult) -> None:
-        results[attempts.job.name] = _store(plan.folder, attempts, ending)
-        watcher.on_end(attempts.step, results[attempts.job.name])
-
-    def begin(attempts: _Attempts) -> None:
-        job, path = attempts.job, checkpoint_path(plan.folder, attempts.job.name)
-        try:
-            if attempts.number == 0 and options.force:
-                path.unlink(missing_ok=True)
-            write_record(plan.folder, job.name, JobRecord(job.fingerprint, ended=False))
-        except (OSError, StorageError) as error:
-            end(attempts, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
-            return
-        attempts.number += 1
-        running[job.name] = attempts
-        executor.submit(JobAttempt(job, attempts.number, path, options.timeout))
-
-    def hear(patience: float, *, retries: int) -> None:
-        for event in executor.events(patience):
-            attempts = running.get(event.name)
-            if attempts is None:  # no such job is under way
-                continue
-            match event:
-                case Started(where=where):
-                    watcher.on_start(attempts.step, attempts.number, where)
-                case StageStarted(stage=stage):
-                    watcher.on_stage_start(attempts.step, stage)
-                case StageFinished():
-                    watcher.on_stage_end(attempts.step, event)
-                case Ended(ending=ending):
-                    del running[event.name]
-                    failed = ending.fault is FailureKind.NONE and ending.code == ExitCode.SYSTEM
-                    if (failed or ending.fault in ACCIDENTS) and attempts.number <= retries:
-                        attempts.reasons = (*attempts.reasons, ending.message)
-                        watcher.on_retry(attempts.step, ending.message)
-                        waiting.appendleft(attempts)
-                    else:
-                        end(attempts, ending)
-
+    batch = _Supervision(plan, pool, options, watcher)
     watcher.on_begin(plan)
-    while (waiting or running) and not stop_asked():
-        while waiting and len(running) < executor.slots:
-            begin(waiting.popleft())
-        hear(PATIENCE, retries=options.retries)
-    if running:
-        executor.stop()
-        hear(0.0, retries=0)
-    never = JobResult(ExitCode.INTERRUPTED, "interrupted before it was begun")
-    return [results.get(step.name, never) for step in plan.steps]
-
-
-def _store(folder: Path, attempts: _Attempts, ending: AttemptResult) -> JobResult:
-    """Write the record of a job that has ended, and return what it says."""
-    job, code, message = attempts.job, ending.code, ending.message
-    mark = FileMark.of(checkpoint_path(folder, job.name))
-    if code == ExitCode.DONE and mark is None:
-        code, message = ExitCode.SYSTEM, "its checkpoint is missing"
-    record = JobRecord(
-        job.fingerprint, True, code, message, ending.wall, attempts.reasons, ending.run, ending.findings, mark
-    )
     try:
-        write_record(folder, job.name, record)
-    except StorageError as error:
-        # A record that says less than the truth makes the job run again; one that says more must not stay.
-        with contextlib.suppress(OSError):
-            record_path(folder, job.name).unlink(missing_ok=True)
-        if code == ExitCode.DONE:
-            code, message = ExitCode.SYSTEM, str(error)
-    return replace(result_of(record), code=code, message=message)
+        while (batch.waiting or batch.running) and not stop_asked():
+            while batch.waiting and len(batch.running) < pool.slots:
+                batch.begin(batch.waiting.popleft())
+            batch.collect()
+        pool.stop_asked.set()
+        while batch.running:
+            batch.collect()
+    except ClusterError as error:
+        for pending in (*batch.running.values(), *batch.waiting):
+            batch.end(pending, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
+    never = JobResult(ExitCode.INTERRUPTED, "interrupted before it was begun")
+    return [batch.results.get(step.name, never) for step in plan.steps]
+
+
+@dataclass
+class _PendingJob:
+    """A job that has not ended, and why its attempts so far were not the last."""
+
+    step: PlannedJob
+    job: Job
+    reasons: list[str] = field(default_factory=list[str])
+
+
+class _Supervision:
+    """The jobs of a batch: those that wait, those under way, and the results so far."""
+
+    def __init__(self, plan: BatchPlan, pool: JobPool, options: "BatchOptions", watcher: Watcher) -> None:
+        self._folder, self._pool, self._options, self._watcher = plan.folder, pool, options, watcher
+        self.waiting = deque(_PendingJob(step, step.job) for step in plan.steps if step.known is None and step.job)
+        self.running: dict[Future[AttemptResult], _PendingJob] = {}
+        self.results = {step.name: step.known for step in plan.steps if step.known is not None}
+
+    def begin(self, pending: _PendingJob) -> None:
+        job, path = pending.job, checkpoint_path(self._folder, pending.job.name)
+        try:
+            if self._options.force and not pending.reasons:
+                path.unlink(missing_ok=True)
+            write_record(self._folder, job.name, JobRecord(job.fingerprint, ended=False))
+        except (OSError, StorageError) as error:
+            self.end(pending, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
+            return
+        self.running[self._pool.submit(job, path, self._options.timeout)] = pending
+
+    def collect(self) -> None:
+        """Wait a moment for jobs to end, and take in what those under way report."""
+        if not self.running:
+            time.sleep(POLL)
+        done, _ = wait(self.running, timeout=POLL, return_when=FIRST_COMPLETED)
+        self._report_progress()
+        for future in done:
+            pending, result = self.running.pop(future), future.result()
+            if (
+                result.code == ExitCode.SYSTEM and self._pool.stop_asked.is_set()
+            ):  # who stops a batch may signal its jobs
+                result = replace(result, code=ExitCode.INTERRUPTED, message="interrupted")
+            # A crash, a lost worker or a lack of memory may well not occur the next time.
+            if result.code == ExitCode.SYSTEM and len(pending.reasons) < self._options.retries:
+                pending.reasons.append(result.message)
+                self._watcher.on_retry(pending.step, result.message)
+                self.waiting.appendleft(pending)
+            else:
+                self.end(pending, result)
+
+    def _report_progress(self) -> None:
+        running = {pending.job.name: pending for pending in self.running.values()}
+        while not self._pool.progress.empty():
+            name, report = self._pool.progress.get()
+            pending = running.get(name)
+            if pending is None:  # it ended before its last report came
+                continue
+            match report:
+                case {"started": str(where)}:
+                    self._watcher.on_start(pending.step, len(pending.reasons) + 1, where)
+                case {"stage_started": str(stage)}:
+                    self._watcher.on_stage_start(pending.step, stage)
+                case {
+                    "stage_finished": str(stage),
+                    "status": str(status),
+                    "race_time_s": race_time,
+                    "certified": bool(certified),
+                }:
+                    finished = StageFinished(name, stage, status, race_time, certified)
+                    self._watcher.on_stage_end(pending.step, finished)
+                case _:
+                    pass
+
+    def end(self, pending: _PendingJob, result: AttemptResult) -> None:
+        """Write the record of a job that has ended, and keep what it says."""
+        job, code, message = pending.job, result.code, result.message
+        mark = FileMark.of(checkpoint_path(self._folder, job.name))
+        if code == ExitCode.DONE and mark is None:
+            code, message = ExitCode.SYSTEM, "its checkpoint is missing"
+        retries = tuple(pending.reasons)
+        record = JobRecord(
+            job.fingerprint, True, code, message, result.wall, retries, result.run, result.findings, mark
+        )
+        try:
+            write_record(self._folder, job.name, record)
+        except StorageError as error:
+            # A record that says less than the truth makes the job run again; one that says more must not stay.
+            with contextlib.suppress(OSError):
+                record_path(self._folder, job.name).unlink(missing_ok=True)
+            if code == ExitCode.DONE:
+                code, message = ExitCode.SYSTEM, str(error)
+        self.results[job.name] = replace(result_of(record), code=code, message=message)
+        self._watcher.on_end(pending.step, self.results[job.name])

@@ -18,6 +18,7 @@ from airrace.checkpoint.checkpoint import (
 )
 from airrace.checkpoint.hdf5 import Attribute, Group, GroupReader, Node, Series, StoredTable, table_of
 from airrace.errors import CheckpointError
+from airrace.frames import QUATERNION
 from airrace.optimal_control.certificate import Certificate, Curvature, Item, SecondOrder
 from airrace.procedure.result import (
     OUTCOMES,
@@ -512,7 +513,6 @@ LARGEST = 1e30
 
 No quantity of a flight comes near it, and products of a few such numbers still are finite.
 """
-QUATERNION = ("q0", "q1", "q2", "q3")
 LENGTH_ERROR = 0.1
 """The largest distance of the length of an attitude's quaternion from 1; a flight keeps it at 1 but for rounding."""
 

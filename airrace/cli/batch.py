@@ -40,15 +40,21 @@ def batch(
     junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
     markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
+    from airrace.batch.supervision import supervise
     from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
 
     answer.fields = {"certified": False, "jobs": []}
     started = time.perf_counter()
     jobs, reports = call(), Reports(csv, junit, markdown)
     if dry_run:
-        describe_plan(answer, jobs.checked_plan(reports.ensure_writable), quiet=answer.quiet)
+        plan = jobs.checked_plan()
+        reports.ensure_writable(plan)
+        describe_plan(answer, plan, quiet=answer.quiet)
         return
-    plan, results = jobs.fly(lambda: watching_batch(quiet=answer.quiet), stopping, reports.ensure_writable)
+    with jobs.prepared() as (plan, pool):
+        reports.ensure_writable(plan)
+        with stopping() as stop_asked, watching_batch(quiet=answer.quiet) as watcher:
+            results = supervise(plan, pool, jobs, watcher, stop_asked=stop_asked)
     answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=answer.quiet)
 
 

@@ -79,7 +79,7 @@ def _passages_table(race: Race) -> Table:
         angles = (None if one is None else math.degrees(one) for one in (row.heading, row.climb, row.bank, row.turn))
         heading, climb, bank, turn = angles
         height, bounds = row.height, row.passage.element.heights
-        if height is None and bounds.bounded:  # a free manoeuvre
+        if height is None and bounds.constrained:  # a free manoeuvre
             lower, upper = f"{bounds.lower:.0f}", f"{bounds.upper:.0f}"
             height = f"{lower}-{upper}"
             if not math.isfinite(bounds.lower):
@@ -117,14 +117,14 @@ def _limits(race: Race) -> Iterator[list[str]]:
     yield ["load factor", _range(rules.n_z_allowed.intersect(envelope.n_z), "g")]
     yield ["speed", _speeds(envelope.V)]
     kind = {StartSpeed.GROUND: "over ground"}.get(rules.start_speed, rules.start_speed.value.replace("_", " "))
-    yield ["speed at the start", f"{_speeds(start)}, {kind}" if start.bounded else "free"]
+    yield ["speed at the start", f"{_speeds(start)}, {kind}" if start.constrained else "free"]
     yield ["height", _range(rules.height, "m")]
     yield ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"]
     if math.isfinite(rules.beta_A):
         yield ["sideslip", f"up to {math.degrees(rules.beta_A):.3g} deg"]
-    if rules.C_L.bounded:
+    if rules.C_L.constrained:
         yield ["lift coefficient", _range(rules.C_L, "").rstrip()]
-    if rules.alpha_A.bounded:
+    if rules.alpha_A.constrained:
         degrees = Interval(math.degrees(rules.alpha_A.lower), math.degrees(rules.alpha_A.upper))
         yield ["angle of attack", _range(degrees, "deg")]
     yield from _pilot(rules.pilot)
@@ -191,7 +191,7 @@ def _speeds(interval: Interval) -> str:
 
 def _range(interval: Interval, unit: str) -> str:
     lower, upper = interval.lower, interval.upper
-    if not interval.bounded:
+    if not interval.constrained:
         return "free"
     if not math.isfinite(lower):
         return f"up to {upper:.4g} {unit}"

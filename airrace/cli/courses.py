@@ -136,7 +136,7 @@ def _design(
         print(f"{server.address}\nCtrl-C ends it.", flush=True)
         server.run(browser=browser)
     except KeyboardInterrupt:
-        interrupts.hear()  # the way in which it ends
+        interrupts.acknowledge()  # the way in which it ends
     finally:
         unsaved = designer.close()
     return unsaved

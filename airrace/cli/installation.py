@@ -29,7 +29,6 @@ USES = {
     "cluster": "batch --cluster",
     "pandas": "to_dataframe in Python",
     "xarray": "to_xarray in Python",
-    "crosscheck": "airrace.jsbsim in Python",
 }
 """The commands and functions that need an extra."""
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*(;.*extra == ['\"](?P<extra>\w+)['\"])?")

@@ -29,7 +29,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors
 from airrace.elementary import atan2, cos, maximum, minimum, sin, sqrt
 from airrace.environment import g0
-from airrace.frames import Scalar, normalise, product, rotation
+from airrace.frames import QUATERNION, Scalar, normalise, product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.system import at_points
@@ -131,14 +131,14 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     load = LoadFactors[Array].split(at_points(load_factors(system), state, control, p))
     own = {one.name: row for one, row in zip((*system.states, *system.controls), [*state, *control], strict=True)}
     rate_of = {one.name: row for one, row in zip(system.states, rates, strict=True)}
-    R: list[list[Array]] = rotation([own[name] for name in ("q0", "q1", "q2", "q3")])
+    R: list[list[Array]] = rotation([own[name] for name in QUATERNION])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)
     soft_n_z, soft_p = soften(s, load.n_z), soften(s, load.p_Kbar)
     nothing = np.zeros(len(s))
     counted = {name: own.get(name, nothing) for name in ("Phi", "gain", "Phi_reset", "gain_reset")}
     histories = ReferencePoint[Array](
-        **{name: own[name] for name in ("x", "y", "z", "q0", "q1", "q2", "q3", "delta_T")},
+        **{name: own[name] for name in ("x", "y", "z", *QUATERNION, "delta_T")},
         **counted,
         v_N=rate_of["x"],
         v_E=rate_of["y"],

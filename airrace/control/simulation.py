@@ -19,8 +19,8 @@ import numpy as np
 from airrace.control.dynamic_inversion import InnerController, InnerLoopInverse
 from airrace.control.path_following import Commands, PathGains, Reference, ReferencePoint, errors, path_following
 from airrace.dynamics.flight_model import FlightModel, RollCounter
-from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState, PoweredState
-from airrace.frames import normalise
+from airrace.dynamics.outer_loop import FlightPathState, PoweredState
+from airrace.frames import QUATERNION, normalise
 from airrace.quantities import Quantity
 from airrace.system import System, at_points, column, named_symbols
 from airrace.trajectory import Array
@@ -30,26 +30,14 @@ _vertcat: Callable[..., Any] = ca.vertcat
 _DM: Callable[..., Any] = ca.DM
 
 
-@dataclass(frozen=True)
-class SimulationSettings:
-    """The numbers of a simulation.
-
-    Attributes:
-        step: the step of the simulation, s. The fastest motion is that of deflections, which follow with 50/s.
-            From flights with half of the step the ladders of Rovinj, Abu Dhabi, Chiba and the half Cuban eight
-            took 426 thousand iterations times intervals, from these 423.
-        spacing: the spacing at which the reference is tabulated, s.
-        lost: the distance from the reference beyond which a simulation has departed and is ended, m.
-        counter_rate: the rate constant with which errors of roll counters are wound back, 1/s.
-    """
-
-    step: float = 0.02
-    spacing: float = 0.01
-    lost: float = 500.0
-    counter_rate: float = 1.0
-
-
-SETTINGS = SimulationSettings()
+STEP = 0.02
+"""The step of a simulation, s: the fastest motion is that of deflections, which follow with 50/s."""
+REFERENCE_SPACING = 0.01
+"""The spacing at which the reference is tabulated, s."""
+DEPARTED = 500.0
+"""The distance from the reference beyond which a simulation has departed and is ended, m."""
+COUNTER_RATE = 1.0
+"""The rate constant with which errors of roll counters are wound back, 1/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +86,7 @@ class TrackingSimulator:
 
 
 def tracking_simulator(
-    model: FlightModel, inverse: InnerLoopInverse, *, gains: PathGains | None = None, step: float = SETTINGS.step
+    model: FlightModel, inverse: InnerLoopInverse, *, gains: PathGains | None = None, step: float = STEP
 ) -> TrackingSimulator:
     """Put a model under its controllers.
 
@@ -173,7 +161,7 @@ def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
     """Return the reference at values of its clock (s), linear between its samples."""
     histories = zip(ReferencePoint.names(), reference.histories.join(), strict=True)
     here = {name: np.asarray(np.interp(nodes, reference.s, row), dtype=np.float64) for name, row in histories}
-    here |= zip(ATTITUDE, normalise([here[name] for name in ATTITUDE]), strict=True)
+    here |= zip(QUATERNION, normalise([here[name] for name in QUATERNION]), strict=True)
     return ReferencePoint[Array](**here)
 
 
@@ -227,10 +215,10 @@ def _simulate(simulator: TrackingSimulator, reference: Reference) -> _Simulated:
         before.append(np.hstack([now[:, None], states[:, :-1]]))
         seen.append(outputs)
         now = states[:, -1]
-        if outputs[n_u].max() > SETTINGS.lost:
+        if outputs[n_u].max() > DEPARTED:
             break
     rows, outputs = np.hstack(before), np.hstack(seen)
-    good = int(np.argmin(np.append(np.isfinite(rows).all(axis=0) & (outputs[n_u] < SETTINGS.lost), False)))
+    good = int(np.argmin(np.append(np.isfinite(rows).all(axis=0) & (outputs[n_u] < DEPARTED), False)))
     rows, outputs = rows[:, :good], outputs[:, :good]
     return _Simulated(
         step * np.arange(good, dtype=float), rows[n_x], rows[:n_x], outputs[:n_u], outputs[n_u], outputs[n_u + 1]
@@ -274,7 +262,7 @@ def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.F
 def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate: Any) -> ca.SX:
     """Return the controls that wind roll counters as the reference does and correct their errors; others are zero."""
     wound = {
-        f"{name}_reset": rate * getattr(here, f"{name}_reset") + SETTINGS.counter_rate * (getattr(here, name) - x[name])
+        f"{name}_reset": rate * getattr(here, f"{name}_reset") + COUNTER_RATE * (getattr(here, name) - x[name])
         for name in ("Phi", "gain")
         if name in x
     }
@@ -283,7 +271,7 @@ def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate:
 
 def _lookup(reference: Reference) -> ca.Function:
     """Return the function from the clock to `ReferencePoint`, linear on an even grid."""
-    points = int(np.ceil(reference.duration / SETTINGS.spacing)) + 1
+    points = int(np.ceil(reference.duration / REFERENCE_SPACING)) + 1
     grid = np.linspace(0.0, reference.duration, max(points, 2))
     table = np.stack([np.interp(grid, reference.s, row) for row in reference.histories.join()])
     interpolant: Callable[..., ca.Function] = ca.interpolant  # its stub knows one form only

@@ -53,13 +53,13 @@ def edit_document(document: Document, edits: Sequence[Edit]) -> Document:
     """
     text = document.text
     for edit in edits:
-        wanted: Any = read_yaml(document.path, text).plain()
+        content: Any = read_yaml(document.path, text).plain()
         try:
-            _change(wanted, edit)
+            _change(content, edit)
         except (KeyError, IndexError, TypeError, AttributeError) as error:
             raise UsageError(f"there is no {dotted(edit.path)}") from error
         text = _Text(text).apply(edit)
-        if read_yaml(document.path, text).plain() != wanted:
+        if read_yaml(document.path, text).plain() != content:
             raise UsageError(f"{dotted(edit.path)} has a form that cannot be edited in place; edit the file by hand")
     return Document(document.path, text)
 
@@ -68,16 +68,16 @@ def flow_text(value: Any) -> str:
     """Return a value as YAML on one line."""
     match value:
         case dict():
-            pairs = cast(dict[str, Any], value).items()
-            return "{" + ", ".join(f"{flow_text(key)}: {flow_text(one)}" for key, one in pairs) + "}"
+            entries = cast(dict[str, Any], value).items()
+            return "{" + ", ".join(f"{flow_text(key)}: {flow_text(entry)}" for key, entry in entries) + "}"
         case list():
             return "[" + ", ".join(map(flow_text, cast(list[Any], value))) + "]"
         case float():
             return f"{value:.12g}"
         case str() if re.fullmatch(r"\w[\w-]*", value) and is_plain_text(value):
             return value
-        case _:
-            return json.dumps(value)
+        case _:  # JSON escapes letters beyond 16 bits in two halves, which YAML does not take
+            return json.dumps(value, ensure_ascii=not str(value).isprintable())
 
 
 def _change(plain: Any, edit: Edit) -> None:
@@ -129,7 +129,7 @@ class _Text:
         return self._with_item(cast(yaml.CollectionNode, holder), index, item)
 
     def _with_value(self, node: yaml.Node, value: str) -> str:
-        begin, end = _begin(node), self._end(node)
+        begin, end = node.start_mark.index, self._end(node)
         rest = self.text[end:]
         if (comment := re.match(r"( +)#", rest)) and "\n" not in self.text[begin:end]:
             width = len(comment[1]) + end - begin - len(value)  # it stays in its column where there is room
@@ -189,7 +189,7 @@ def _children(node: yaml.Node) -> list[tuple[yaml.Node, yaml.Node]]:
     """Return the entries of a mapping, key and value, or the items of a list, which are their own keys."""
     if isinstance(node, yaml.MappingNode):
         return cast(list[tuple[yaml.Node, yaml.Node]], node.value)
-    return [(one, one) for one in cast(list[yaml.Node], node.value)] if isinstance(node, yaml.SequenceNode) else []
+    return [(item, item) for item in cast(list[yaml.Node], node.value)] if isinstance(node, yaml.SequenceNode) else []
 
 
 def _index(node: yaml.Node, part: str | int) -> int | None:

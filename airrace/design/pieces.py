@@ -1,4 +1,4 @@
-"""The pieces of a layout: what stands where in the track file, and the edits of it for what a hand does with them."""
+"""The pieces of a layout as the track file places them, and the edits that move, turn, add and remove them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +10,8 @@ import numpy as np
 from airrace.design.edits import Edit, Insert, Put, Remove
 from airrace.errors import UsageError
 from airrace.inputs import Inputs
-from airrace.inputs.nodes import KeyPath, dotted
+from airrace.inputs.course_order import CourseReference, references_of
+from airrace.inputs.nodes import KeyPath, MappingNode, dotted
 from airrace.inputs.places import GEODETIC, METRIC
 from airrace.inputs.yaml_reader import read_yaml
 from airrace.track.course import Origin, geodetic, metres
@@ -19,28 +20,13 @@ from airrace.track.polygons import Point
 Plain = Mapping[str, Any]  # JSON of a track that is known to be without fault
 
 
-@dataclass(frozen=True)
-class NewPieces:
-    """The numbers of pieces that are put down, until somebody gives them others; all but the last are assumptions.
-
-    Attributes:
-        mast: height of an obstacle, m.
-        crowd, crowd_distance: side of a square of people, and the distance from it, m.
-        line: distance between the two points of a safety line, m.
-        airspace: what it reaches beyond the gates, m.
-        decimals, degrees: digits to which positions are written, m and degrees: a centimetre either way.
-    """
-
-    mast: float = 30.0
-    crowd: float = 40.0
-    crowd_distance: float = 100.0
-    line: float = 300.0
-    airspace: float = 500.0
-    decimals: int = 2
-    degrees: int = 7
-
-
-NEW = NewPieces()
+# What a new piece has until its user changes it, m; assumptions.
+MAST_HEIGHT = 30.0
+CROWD_SIDE, CROWD_DISTANCE = 40.0, 100.0
+SAFETY_LINE_LENGTH = 300.0
+AIRSPACE_MARGIN = 500.0  # beyond the gates
+METRIC_DECIMALS, GEODETIC_DECIMALS = 2, 7
+"""The decimals of positions, m and degrees: a centimetre either way."""
 TURNS = ("heading_deg", "pass_side_deg")
 """The keys that say how a piece is turned."""
 KINDS = ("level", "knife-edge", "pylon", "obstacle", "crowd", "safety line", "airspace")
@@ -81,10 +67,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class EditableCourse:
-    """The pieces of a course, and what a hand does with them as edits of the track file."""
+    """The pieces of a course, and the edits of the track file that change them."""
 
     inputs: Inputs
     plain: Plain
+    references: tuple[CourseReference, ...]
     pieces: tuple[Piece, ...]
 
     def moved(self, places: Sequence[Spot], turns: Mapping[KeyPath, float]) -> list[Edit]:
@@ -108,48 +95,49 @@ class EditableCourse:
 
     def piece(self, path: KeyPath) -> Piece:
         """Return a piece by its path; `UsageError` if there is none."""
-        found = next((piece for piece in self.pieces if piece.path == path), None)
-        if found is None:
-            raise UsageError(f"there is no {dotted(path)}")
-        return found
+        for piece in self.pieces:
+            if piece.path == path:
+                return piece
+        raise UsageError(f"there is no {dotted(path)}")
 
     def removal(self, path: KeyPath) -> list[Edit]:
         """Return the edits that remove a piece, and its passings; `UsageError` for the start and the finish."""
         group, name = self.piece(path).path[0], path[-1]
         edits = list[Edit]()
-        for where, gate, lines in reversed(list(_references(self.plain))):
-            if group == "gates" and gate == name:
-                if where[1] in ("start", "finish"):
-                    raise UsageError(f"{name} is the {where[1]} of the course: name another one in the file first")
-                edits.append(Remove(where))
-            elif group == "safety_lines" and name in lines:
-                edits.append(Remove((*where, "safety_lines", lines.index(name))))
+        for reference in reversed(self.references):
+            at = reference.path
+            if group == "gates" and reference.gate == name:
+                if at[1] in ("start", "finish"):
+                    raise UsageError(f"{name} is the {at[1]} of the course: name another one in the file first")
+                edits.append(Remove(at))
+            elif group == "safety_lines":
+                indices = [index for index, line in reference.safety_lines if line == name]
+                edits += [Remove((*at, "safety_lines", index)) for index in indices[:1]]
         return [*edits, Remove(path)]
 
     def addition(self, kind: str, at: Point) -> list[Edit]:
         """Return the edits that put a new piece down; a gate is passed where that makes the least detour."""
-        gates = [(one.north, one.east) for piece in self.pieces if piece.path[0] == "gates" for one in piece.spots]
-        known = np.array(gates or [(at.north, at.east)])
+        spots = [spot for piece in self.pieces if piece.path[0] == "gates" for spot in piece.spots]
+        gates = np.array([(spot.north, spot.east) for spot in spots] or [(at.north, at.east)])
+        metric = "latitude_deg" not in str(self.plain["gates"])
 
         def place(north: float, east: float) -> dict[str, float]:
-            return self._position(
-                at.north + north, at.east + east, metric="latitude_deg" not in str(self.plain["gates"])
-            )
+            return self._position(at.north + north, at.east + east, metric=metric)
 
         match kind:
             case "obstacle":
-                return self._insertion("obstacles", "mast", {**place(0.0, 0.0), "height_m": NEW.mast})
+                return self._insertion("obstacles", "mast", {**place(0.0, 0.0), "height_m": MAST_HEIGHT})
             case "crowd":
-                half = 0.5 * NEW.crowd
+                half = 0.5 * CROWD_SIDE
                 corners = [place(a * half, b * half) for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
-                return self._insertion("crowd", "crowd", {"polygon": corners, "distance_m": NEW.crowd_distance})
+                return self._insertion("crowd", "crowd", {"polygon": corners, "distance_m": CROWD_DISTANCE})
             case "safety line":  # with the middle of the course to its left
-                north, east = known.mean(axis=0) - (at.north, at.east)
-                along = 0.5 * NEW.line / (math.hypot(north, east) or 1.0) * np.array([-east, north])
+                north, east = gates.mean(axis=0) - (at.north, at.east)
+                along = 0.5 * SAFETY_LINE_LENGTH / (math.hypot(north, east) or 1.0) * np.array([-east, north])
                 line = {"from": place(*-along), "to": place(*along), "keep": "left"}
                 return self._insertion("safety_lines", "line", line)
             case "airspace" if "airspace" not in self.plain:
-                (south, west), (north, east) = known.min(axis=0) - NEW.airspace, known.max(axis=0) + NEW.airspace
+                (south, west), (north, east) = gates.min(axis=0) - AIRSPACE_MARGIN, gates.max(axis=0) + AIRSPACE_MARGIN
                 ends = [(north, west), (north, east), (south, east), (south, west)]
                 return [Put(("airspace",), [place(a - at.north, b - at.east) for a, b in ends])]
             case "level" | "knife-edge" | "pylon":
@@ -159,13 +147,17 @@ class EditableCourse:
 
     def _added_gate(self, kind: str, at: Point, place: dict[str, float]) -> list[Edit]:
         def detour(leg: tuple[KeyPath, Point, Point]) -> float:
-            (a, b), (c, d) = ((one.north - at.north, one.east - at.east) for one in leg[1:])
-            return math.hypot(a, b) + math.hypot(c, d) - math.hypot(a - c, b - d)
+            _, begin, end = leg
+            north, east = begin.north - at.north, begin.east - at.east
+            to_north, to_east = end.north - at.north, end.east - at.east
+            return (
+                math.hypot(north, east) + math.hypot(to_north, to_east) - math.hypot(north - to_north, east - to_east)
+            )
 
         legs = sorted(self._legs(), key=detour)
         if not legs:
             raise UsageError("no leg of the course has two ends with a place: name the gate in the file")
-        passed = {path[:-1]: path for path, _, _ in reversed(legs)}  # one leg of every lap
+        best_of_lap = {path[:-1]: path for path, _, _ in reversed(legs)}
         _, begin, end = legs[0]
         north, east = end.north - begin.north, end.east - begin.east
         course = math.degrees(math.atan2(east, north))
@@ -174,62 +166,69 @@ class EditableCourse:
         key, turn = ("pass_side_deg", course - 90.0 if to_right else course + 90.0)
         if kind != "pylon":
             key, turn = "heading_deg", course
-        entered = self._insertion("gates", "g", {"type": kind, **place, key: round(turn % 360.0, 1)})
-        return [*entered, *(Insert(path, entered[0].path[1]) for path in passed.values())]
+        insertion = self._insertion("gates", "g", {"type": kind, **place, key: round(turn % 360.0, 1)})
+        return [*insertion, *(Insert(path, insertion[0].path[1]) for path in best_of_lap.values())]
 
     def _legs(self) -> Iterator[tuple[KeyPath, Point, Point]]:
         """Yield the legs with two known ends, each with the place in its lap where a new passing comes between."""
-        known = {one.path[-1]: one.spots for one in self.pieces if one.path[0] == "gates" and one.spots}
+        spots_of = {piece.path[-1]: piece.spots for piece in self.pieces if piece.path[0] == "gates"}
         before: Point | None = None
         path: KeyPath = ()
-        for where, gate, _ in _references(self.plain):
-            spots = known.get(gate)
-            here = Point(*np.mean([(one.north, one.east) for one in spots], axis=0).tolist()) if spots else None
-            if where[1] not in ("start", "finish"):
-                path = where
+        for reference in self.references:
+            spots = spots_of.get(reference.gate or "")
+            middle = Point(*np.mean([(spot.north, spot.east) for spot in spots], axis=0).tolist()) if spots else None
+            if reference.path[1] not in ("start", "finish"):
+                path = reference.path
             elif path:  # behind the last one
                 path = cast(KeyPath, (*path[:-1], int(path[-1]) + 1))
-            if before is not None and here and path:
-                yield path, before, here
-            before = here
+            if before is not None and middle and path:
+                yield path, before, middle
+            before = middle
 
     def _insertion(self, group: str, stem: str, entry: dict[str, Any]) -> list[Edit]:
-        taken: Plain = self.plain.get(group) or {}
-        name = next(name for number in range(1, len(taken) + 2) if (name := f"{stem}{number}") not in taken)
-        return [Put((group, name), entry)]
+        entries: Plain = self.plain.get(group) or {}
+        number = 1
+        while f"{stem}{number}" in entries:
+            number += 1
+        return [Put((group, f"{stem}{number}"), entry)]
 
     def _position(self, north: float, east: float, *, metric: bool) -> dict[str, float]:
         """Return a position as the file gives it."""
         if metric:
-            return {METRIC[0]: round(float(north), NEW.decimals), METRIC[1]: round(float(east), NEW.decimals)}
-        angles = geodetic(np.array([north]), np.array([east]), self.inputs.race.course.origin)
-        return {key: round(math.degrees(one[0]), NEW.degrees) for key, one in zip(GEODETIC, angles, strict=True)}
+            return {METRIC[0]: round(float(north), METRIC_DECIMALS), METRIC[1]: round(float(east), METRIC_DECIMALS)}
+        latitude, longitude = geodetic(np.array([north]), np.array([east]), self.inputs.race.course.origin)
+        degrees = (math.degrees(latitude[0]), math.degrees(longitude[0]))
+        return dict(zip(GEODETIC, (round(value, GEODETIC_DECIMALS) for value in degrees), strict=True))
 
 
 def layout_of(inputs: Inputs) -> EditableCourse:
     """Return the pieces of a course whose track file is known to be without fault."""
-    plain: Any = read_yaml(inputs.track.path, inputs.track.text).plain()
+    root = cast(MappingNode, read_yaml(inputs.track.path, inputs.track.text))
+    references = references_of(cast(MappingNode, root.get("course")))
+    plain: Any = root.plain()
     course = inputs.race.course
     drawings = dict[str, tuple[tuple[Point, ...], ...]]()
     for element in {passage.element.name: passage.element for passage in course.passages}.values():
-        drawn = element.drawing()
-        strokes = (*((post,) for post in drawn.posts), *((drawn.across,) if drawn.across else ()))
+        drawing = element.drawing()
+        strokes = (*((post,) for post in drawing.posts), *((drawing.across,) if drawing.across else ()))
         drawings[element.base_name] = drawings.get(element.base_name, ()) + strokes
-    drawings |= {f"obstacles {one.name}": ((*one.outline, one.outline[0]),) for one in course.obstacles}
+    for obstacle in course.obstacles:
+        drawings[f"obstacles {obstacle.name}"] = ((*obstacle.outline, obstacle.outline[0]),)
     entries = list[tuple[KeyPath, Any, str]]()
     for group in ("gates", "obstacles", "crowd", "safety_lines"):
-        those: dict[str, Plain] = plain.get(group) or {}
+        members: dict[str, Plain] = plain.get(group) or {}
         kind = group.replace("_", " ").rstrip("s")
-        entries += [((group, name), entry, entry.get("type", kind)) for name, entry in those.items()]
-    entries += [(("airspace",), plain["airspace"], "airspace")] if "airspace" in plain else []
+        entries += [((group, name), entry, entry.get("type", kind)) for name, entry in members.items()]
+    if "airspace" in plain:
+        entries.append((("airspace",), plain["airspace"], "airspace"))
     pieces = list[Piece]()
     for path, entry, kind in entries:
         turn = next(((key, float(entry[key])) for key in TURNS if key in entry), None)
-        drawn = drawings.get(str(path[-1]) if path[0] == "gates" else f"obstacles {path[-1]}", ())
-        strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawn)
+        drawing = drawings.get(str(path[-1]) if path[0] == "gates" else f"obstacles {path[-1]}", ())
+        strokes = tuple(tuple((point.north, point.east) for point in stroke) for stroke in drawing)
         closed = kind == "airspace" or "polygon" in entry
         pieces.append(Piece(path, kind, tuple(_spots(path, entry, course.origin)), turn, entry, strokes, closed))
-    return EditableCourse(inputs, plain, tuple(pieces))
+    return EditableCourse(inputs, plain, tuple(references), tuple(pieces))
 
 
 def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:
@@ -242,18 +241,5 @@ def _spots(path: KeyPath, entry: Any, origin: Origin) -> Iterator[Spot]:
             yield Spot(path, float(north[0]), float(east[0]))
     if isinstance(entry, dict | list):
         parts = enumerate(cast(list[Any], entry)) if isinstance(entry, list) else cast(dict[str, Any], entry).items()
-        for part, one in parts:
-            yield from _spots((*path, part), one, origin)
-
-
-def _references(plain: Plain) -> Iterator[tuple[KeyPath, str, list[str]]]:
-    """Yield all passings of a course, in the order of the race: their paths, gates, and safety lines."""
-    course = plain["course"]
-    laps: list[tuple[KeyPath, Any]] = [(("course", "lap"), course.get("lap") or ())]
-    laps += [(("course", "each_lap", number), lap) for number, lap in enumerate(course.get("each_lap") or ())]
-    found: list[tuple[KeyPath, Any]] = [(("course", "start"), course["start"])]
-    found += [((*path, index), one) for path, lap in laps for index, one in enumerate(lap)]
-    found += [(("course", "finish"), course["finish"])] if "finish" in course else []
-    for path, one in found:
-        said: Plain = {"gate": one} if isinstance(one, str) else one
-        yield path, said["gate"], said.get("safety_lines") or []
+        for part, child in parts:
+            yield from _spots((*path, part), child, origin)

@@ -1,4 +1,4 @@
-"""The server of the designer: one page and its state, for this machine and whoever knows the token alone.
+"""The server of the designer: one page and its state, for those on this machine who know the token.
 
 A request is refused unless it names this server as its host, the token in its path and, where it changes something,
 this server as its origin: no page of another origin, nor a name that leads here, reaches the state.
@@ -10,7 +10,6 @@ import secrets
 import socket
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import uvicorn
@@ -39,23 +38,11 @@ SCENE_POLICY = "frame-ancestors 'self'"
 """Of the page of the scene, which states by itself that it loads nothing."""
 
 
-@dataclass(frozen=True)
-class ServerSettings:
-    """The numbers of the server.
-
-    Attributes:
-        message: the largest message of a page, bytes; a layout of hundreds of corners has a tenth of it.
-        wait, look: the time for which a page waits for news, and between looks for some, s.
-        token: bytes of randomness in the address.
-    """
-
-    message: int = 256 * 1024
-    wait: float = 20.0
-    look: float = 0.02
-    token: int = 24
-
-
-SETTINGS = ServerSettings()
+MESSAGE_MAX = 256 * 1024
+"""The largest message of a page, bytes; a layout of hundreds of corners has a tenth of it."""
+STATE_TIMEOUT, STATE_POLL_INTERVAL = 20.0, 0.02
+"""The time for which a page waits for another state, and between two looks for it, s."""
+TOKEN_BYTES = 24
 
 
 class _Guard:
@@ -76,12 +63,11 @@ class _Guard:
         headers = request.headers
         if headers.get("host", "") not in self._hosts:
             return _refusal(421, "this is another host than the designer's")
-        given = request.url.path.split("/")[1]
-        if not secrets.compare_digest(given.encode(), self._token.encode()):
+        token = request.url.path.split("/")[1]
+        if not secrets.compare_digest(token.encode(), self._token.encode()):
             return _refusal(403, "the token in the address is missing or wrong; take the address that was printed")
         origin = headers.get("origin")
-        own = {f"http://{host}" for host in self._hosts}
-        if origin is not None and origin not in own:
+        if origin is not None and origin not in {f"http://{host}" for host in self._hosts}:
             return _refusal(403, "another origin may not use the designer")
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             return _refusal(403, "another site may not use the designer")
@@ -93,8 +79,8 @@ class _Guard:
             length = headers.get("content-length", "")
             if not length.isdecimal():
                 return _refusal(411, "a message tells its length")
-            if int(length) > SETTINGS.message:
-                return _refusal(413, f"a message has at most {SETTINGS.message} bytes")
+            if int(length) > MESSAGE_MAX:
+                return _refusal(413, f"a message has at most {MESSAGE_MAX} bytes")
         return None
 
 
@@ -102,28 +88,26 @@ def _refusal(status: int, text: str) -> Response:
     return JSONResponse({"error": text}, status, headers=HEADERS)
 
 
-def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: Callable[[], bool]) -> ASGIApp:
+def application(designer: Designer, hosts: tuple[str, ...], token: str, is_stopping: Callable[[], bool]) -> ASGIApp:
     """Return the application that serves a designer to those who name one of the hosts and the token."""
 
     async def asset(request: Request) -> Response:
         path = FOLDER / (request.path_params["path"] or "page.html")
-        if path not in {
-            file for pattern in ("page.html", "script/*.js", "style/*.css") for file in FOLDER.glob(pattern)
-        }:
+        if path not in {FOLDER / "page.html", *FOLDER.glob("script/*.js"), *FOLDER.glob("style/*.css")}:
             return _refusal(404, "there is no such file")
         return Response(path.read_bytes(), media_type=KINDS[path.suffix], headers=HEADERS)
 
     async def state(request: Request) -> Response:
-        """Answer as soon as there is another state than the page knows."""
-        known, left = request.query_params.get("since", ""), SETTINGS.wait
-        while str(designer.version) == known and left > 0.0 and not stops():
-            await asyncio.sleep(SETTINGS.look)
-            left -= SETTINGS.look
+        """Answer as soon as the state is not of the version that the page has."""
+        since, left = request.query_params.get("since", ""), STATE_TIMEOUT
+        while str(designer.version) == since and left > 0.0 and not is_stopping():
+            await asyncio.sleep(STATE_POLL_INTERVAL)
+            left -= STATE_POLL_INTERVAL
         return JSONResponse(await run_in_threadpool(designer.state), headers=HEADERS)
 
     async def act(request: Request) -> Response:
         try:
-            await run_in_threadpool(designer.do, request.path_params["what"], json.loads(await request.body()))
+            await run_in_threadpool(designer.do, request.path_params["action"], json.loads(await request.body()))
         except (ValueError, RecursionError):
             return _refusal(400, "the message is no JSON")
         except ChangedOnDisk as error:
@@ -131,8 +115,9 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: C
         except StaleRevision as error:
             return _refusal(409, str(error))
         except InputError as error:
-            findings = [f"{one.key}: {one.message}" if one.key else one.message for one in error.findings[:5]]
-            return _refusal(422, "; ".join(findings))
+            findings = error.findings[:5]
+            texts = [f"{finding.key}: {finding.message}" if finding.key else finding.message for finding in findings]
+            return _refusal(422, "; ".join(texts))
         except AirraceError as error:
             return _refusal(422, str(error))
         return JSONResponse({"version": designer.version, "revision": designer.track.revision}, headers=HEADERS)
@@ -151,13 +136,12 @@ def application(designer: Designer, hosts: tuple[str, ...], token: str, stops: C
             return _refusal(404, str(error))
         return Response(page, media_type="text/html", headers=HEADERS | {"Content-Security-Policy": SCENE_POLICY})
 
-    own = f"/{token}"
     routes = [
-        Route(f"{own}/state", state),
-        Route(f"{own}/picture", picture),
-        Route(f"{own}/scene", scene),
-        Route(f"{own}/do/{{what}}", act, methods=["POST"]),
-        Route(f"{own}/{{path:path}}", asset),
+        Route(f"/{token}/state", state),
+        Route(f"/{token}/picture", picture),
+        Route(f"/{token}/scene", scene),
+        Route(f"/{token}/do/{{action}}", act, methods=["POST"]),
+        Route(f"/{token}/{{path:path}}", asset),
     ]
     return _Guard(Starlette(routes=routes), hosts, token)
 
@@ -176,10 +160,10 @@ class DesignServer:
             OSError: the port is taken.
         """
         self._socket = socket.create_server((LOOPBACK, port))
-        taken = self._socket.getsockname()[1]
-        token = secrets.token_urlsafe(SETTINGS.token)
-        self.address = f"http://{LOOPBACK}:{taken}/{token}/"
-        hosts = (f"{LOOPBACK}:{taken}", f"localhost:{taken}")
+        port = self._socket.getsockname()[1]
+        token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.address = f"http://{LOOPBACK}:{port}/{token}/"
+        hosts = (f"{LOOPBACK}:{port}", f"localhost:{port}")
         app = application(designer, hosts, token, lambda: self._server.should_exit)
         config = uvicorn.Config(
             app, log_config=None, access_log=False, lifespan="off", ws="none", timeout_graceful_shutdown=1

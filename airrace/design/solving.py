@@ -1,18 +1,16 @@
 """One aircraft on a layout: its optimum, solved again whenever the course changes, by a warm session.
 
-Questions are answered in a thread of their own, the latest alone. What takes longer has a second thread: the mesh of an
-answer is checked, other routes are looked for, and six degrees of freedom follow on demand.
+The latest request alone is solved, in a thread of its own. What takes longer has a second thread: the mesh of a result
+is checked, other routes are searched, and six degrees of freedom follow on demand.
 """
 
-import contextlib
 import logging
 import math
 import threading
-import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -41,28 +39,16 @@ from airrace.sensitivity.lagrangian import sensitivities_to
 
 logger = logging.getLogger(__name__)
 
-
-@dataclass(frozen=True)
-class SolvingSettings:
-    """The numbers of a lane.
-
-    Attributes:
-        rest: the time without a question after which other routes are looked for, s; they take a processor for
-            seconds.
-        faster: by which another route is taken, s; less is within the errors of the mesh.
-        points: of the line that is drawn, at most.
-        distances: that are listed, the tightest first.
-        degree: length of a degree of latitude, m, to turn sensitivities by degrees into those by metres; good to 0.6 %.
-    """
-
-    rest: float = 1.0
-    faster: float = 0.005
-    points: int = 600
-    distances: int = 12
-    degree: float = 111_200.0
-
-
-SETTINGS = SolvingSettings()
+SEARCH_DELAY = 1.0
+"""The time without a request after which other routes are searched, s; the search takes a processor for seconds."""
+MIN_GAIN = 0.005
+"""The gain for which another route is taken, s; less is within the errors of the mesh."""
+LINE_POINTS_MAX = 600
+"""The points of the line that is drawn."""
+CLEARANCES_MAX = 12
+"""The clearances that are listed, the tightest first."""
+LATITUDE_DEGREE = 111_200.0
+"""The length of a degree of latitude, m, to turn sensitivities per metre into those per degree; good to 0.6 %."""
 STAGE, LAST = Stage.POINT_MASS, Stage.SIX_DOF
 WIND = ("environment.wind.speed_kt", "environment.wind.from_deg", "environment.wind.speed_m_s")
 SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
@@ -70,191 +56,219 @@ SLIDERS = (*WIND, "rules.n_z_max", "aircraft.point_mass.roll_rate_max_deg_s")
 
 
 @dataclass(frozen=True)
-class Question:
-    """A layout to be solved: the revision of the track file, its text, and values that are otherwise."""
+class SolveRequest:
+    """A layout to be solved: the revision of the track file, its text, and overrides of its values."""
 
     revision: int
     track: Document
     values: tuple[str, ...]
 
 
-class Lane:
-    """One aircraft on the layout: what it is asked, and what it has answered.
+class AircraftSession:
+    """One aircraft on the layout: the latest request, and its result. It may be called from any thread.
 
     Args:
         aircraft: another one than the track names; None for that.
-        tell: called whenever there is something new to see.
-
-    Attributes:
-        shown: what there is to see, for JSON.
+        notify: called, from any thread, whenever there is something new to see.
     """
 
-    def __init__(self, aircraft: str | None, tell: Callable[[], None]) -> None:
-        self.aircraft, self._tell = aircraft, tell
-        self.shown: dict[str, object] = {"aircraft": aircraft, "busy": "solving"}
-        self._question: Question | None = None
+    def __init__(self, aircraft: str | None, notify: Callable[[], None]) -> None:
+        self.aircraft, self._notify = aircraft, notify
+        self._lock = threading.Condition()  # of the five fields below, never held for long; tells of other requests
+        self._result: dict[str, object] = {"aircraft": aircraft, "busy": "solving"}
+        self._request: SolveRequest | None = None  # None after the end, too
         self._run: RunState | None = None
         self._session: Session | None = None
-        self._known: StageView | None = None
-        self._solving = threading.Lock()  # of the session, which one thread uses at a time
-        self._answers, self._explorations = SimpleQueue[Callable[[], None]](), SimpleQueue[Callable[[], None]]()
-        for queue in (self._answers, self._explorations):
-            threading.Thread(target=self._work, args=(queue,), daemon=True).start()
+        self._optimum: StageView | None = None  # the last one of the session, from which the next one starts
+        self._solving = threading.Lock()  # the warm session is used by one thread at a time
+        self._solver = ThreadPoolExecutor(1, thread_name_prefix="layout")
+        self._background = ThreadPoolExecutor(1, thread_name_prefix="layout in the background")
 
-    def ask(self, question: Question) -> None:
-        """Put a question; those before it that are not begun are dropped."""
-        self._question = question
-        self._answers.put(lambda: self._answer(question))
+    def submit(self, request: SolveRequest) -> None:
+        """Ask for a layout to be solved; a request before it is dropped."""
+        with self._lock:
+            self._request = request
+            self._lock.notify_all()
+        self._solver.submit(self._guard, self._solve, request)
 
-    def fly_six_dof(self) -> None:
-        """Solve the layout with six degrees of freedom, in the background."""
-        self._explorations.put(self._fly_six_dof)
+    def submit_six_dof(self) -> None:
+        """Ask for the layout with six degrees of freedom, in the background."""
+        self._background.submit(self._guard, self._fly_six_dof)
+
+    def result(self) -> dict[str, object]:
+        """Return what there is to see, for JSON."""
+        with self._lock:
+            return self._result
 
     def scene(self) -> str:
         """Return a page with the scene of the last flight; `UsageError` if there is none yet."""
-        if self._known is None:
+        with self._lock:
+            optimum = self._optimum
+        if optimum is None:
             raise UsageError("there is no flight yet")
-        return flight_page([self._known.flight()], style=SCENE_ALONE)
+        return flight_page([optimum.flight()], style=SCENE_ALONE)
 
     def close(self) -> None:
-        """End the solvers."""
-        self._question = None
-        if self._session is not None:
-            self._session.close()
+        """End the solvers and the threads; what is under way is broken off at its next iteration."""
+        with self._lock:
+            self._request = None
+            self._lock.notify_all()
+            session = self._session
+        if session is not None:
+            session.close()
+        for executor in (self._solver, self._background):
+            executor.shutdown(wait=False, cancel_futures=True)
 
-    def _work(self, queue: SimpleQueue[Callable[[], None]]) -> None:
-        """Do one thing after another; whatever goes wrong is shown, and the next is done all the same."""
-        while True:
-            work, problem = queue.get(), ""
-            try:
-                work()
-            except (AirraceError, CancelledError) as error:
-                problem = str(error)
-            except Exception as error:
-                logger.exception("the layout cannot be solved")
-                problem = f"{type(error).__name__}: {error}"
-            if problem and self._question is not None:
-                self._show(busy="", problem=problem)
+    def _guard(self, work: Callable[..., None], *arguments: object) -> None:
+        """Do a piece of work; whatever goes wrong is shown, and the next one is done all the same."""
+        try:
+            work(*arguments)
+            return
+        except (AirraceError, CancelledError) as error:
+            problem = str(error)
+        except Exception as error:
+            logger.exception("the layout cannot be solved")
+            problem = f"{type(error).__name__}: {error}"
+        if problem:
+            self._show(busy="", problem=problem)
 
-    def _show(self, **what: object) -> None:
-        self.shown = {**self.shown, **what}
-        self._tell()
+    def _show(self, **fields: object) -> None:
+        with self._lock:
+            if self._request is None:
+                return
+            self._result = {**self._result, **fields}
+        self._notify()
 
-    def _answer(self, question: Question) -> None:
-        """Answer a question; where the solver process dies, once more by a new one."""
+    def _is_latest(self, request: SolveRequest) -> bool:
+        with self._lock:
+            return self._request is request
+
+    def _solve(self, request: SolveRequest) -> None:
+        """Solve a layout; where the solver process dies, once more by a new one."""
         with self._solving:
-            if self._question is not question:
+            if not self._is_latest(request):
                 return
             self._show(busy="solving", problem="")
             try:
-                view = self._solve(question)
+                view = self._optimum_of(request)
             except SolverCrash:
-                if self._question is None:
+                if self._request is None:  # it was ended
                     return
                 self._show(busy="the solver has ended and is started again")
                 if self._run is not None:
-                    self._open(self._run, Session(self._run, STAGE))
-                view = self._solve(question)
+                    self._open(self._run)
+                view = self._optimum_of(request)
             except AirraceError as error:  # such as values that the inputs do not allow
-                self._show(holds=False, time=None, status="", message=str(error), answered=question.revision, busy="")
+                self._show(holds=False, time=None, status="", message=str(error), answered=request.revision, busy="")
                 return
-            self._take(question, view)
-        self._explorations.put(lambda: self._explore(question))
+            self._show_optimum(request, view)
+        with self._lock:
+            if self._request is request:
+                self._background.submit(self._guard, self._search, request)
 
-    def _solve(self, question: Question) -> StageView:
-        """Return the optimum of a layout: warm, from scratch where its passings are others."""
-        inputs = load_inputs(question.track, aircraft=self.aircraft, overrides=question.values)
+    def _optimum_of(self, request: SolveRequest) -> StageView:
+        """Return the optimum of a layout: warm, or from scratch where its passings differ."""
+        inputs = load_inputs(request.track, aircraft=self.aircraft, overrides=request.values)
         session, run = self._session, self._run
         if session and run and passings_of(inputs.race.course) == passings_of(run.race.course):
-            return session.solve(question.values, track=question.track, start=self._known)
+            return session.solve(request.values, track=request.track, start=self._optimum)
         plan = plan_new_run(inputs, until=STAGE)
-        run = self._fly(plan, available_cores(), "", lambda: self._question is not question)
+        run = self._execute(plan, available_cores(), "", lambda: not self._is_latest(request))
         if run.stage().result.holds:
-            self._open(run, Session(run, STAGE))
+            self._open(run)
         return run.stage()
 
-    def _take(self, question: Question, view: StageView, note: str = "") -> None:
-        """Show an answer, and what follows from it."""
-        self._show(**_view_fields(view), answered=question.revision, note=note, busy="")
+    def _show_optimum(self, request: SolveRequest, view: StageView, note: str = "") -> None:
+        self._show(**_view_fields(view), answered=request.revision, note=note, busy="")
         if view.result.holds:
-            self._known = view
+            with self._lock:
+                self._optimum = view
             self._show(**_drawing_of(view.flight()))
             self._show(**_slopes_of(view, layout_of(view.inputs)))
-        self._show(warnings=[one.text for one in check_course(view.inputs).warnings])
+        self._show(warnings=[warning.text for warning in check_course(view.inputs).warnings])
 
-    def _fly(self, plan: ExecutionPlan, threads: int, what: str, dropped: Callable[[], bool]) -> RunState:
-        """Return the run of a plan; `CancelledError` as soon as it is dropped, as for a newer question."""
-        *_, run = execute(plan, threads=threads, progress=_ProgressLine(self._show, what, dropped))
+    def _execute(self, plan: ExecutionPlan, threads: int, prefix: str, is_dropped: Callable[[], bool]) -> RunState:
+        """Return the run of a plan; `CancelledError` as soon as it is dropped, as for a newer request."""
+        *_, run = execute(plan, threads=threads, progress=_ProgressLine(self._show, prefix, is_dropped))
         return run
 
-    def _open(self, run: RunState, session: Session) -> None:
-        """Keep a run warm in the place of the one there is."""
-        before, self._run, self._session, self._known = self._session, run, session, None
+    def _open(self, run: RunState) -> None:
+        """Keep a run warm in place of the one there is; `CancelledError` after the end."""
+        session = Session(run, STAGE)
+        with self._lock:
+            ended = self._request is None
+            before = session if ended else self._session
+            if not ended:
+                self._run, self._session, self._optimum = run, session, None
         if before is not None:
             before.close()
+        if ended:
+            raise CancelledError
 
-    def _explore(self, question: Question) -> None:
-        """Check the mesh of an answer, and look for other routes, as soon as no hand moves."""
-        time.sleep(SETTINGS.rest if self._question is question else 0.0)
-        run, known, session = self._run, self._known, self._session
-        if self._question is not question or run is None or session is None:
+    def _search(self, request: SolveRequest) -> None:
+        """Check the mesh of a result, and search for other routes, as soon as no request has come for a while."""
+        with self._lock:
+            is_dropped = self._lock.wait_for(lambda: self._request is not request, SEARCH_DELAY)
+            run, optimum, session = self._run, self._optimum, self._session
+            holds = optimum is not None and self._result.get("holds")
+        if is_dropped or run is None or session is None:
             return
-        holds = known is not None and self.shown.get("holds")
-        if known is not None and holds:
+        if optimum is not None and holds:
             self._show(busy="mesh check")
-            with contextlib.suppress(CancelledError):
-                checked = session.certify(known).result()
-                if self._known is known:
-                    self._show(status=checked.status)
-        plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=STAGE)
-        view = (found := self._fly(plan, 1, "other routes: ", lambda: self._question is not question)).stage()
-        before = known.race_time if known is not None and holds else math.inf
-        opened = None
-        if view.result.holds and view.race_time < before - SETTINGS.faster:
-            opened = Session(found, STAGE)
+            with suppress(CancelledError):
+                checked = session.certify(optimum).result()
+                with self._solving:  # nobody shows another optimum meanwhile
+                    if self._optimum is optimum:
+                        self._show(status=checked.status)
+        plan = plan_changed_run(run, Changes(request.track, None, None, request.values), until=STAGE)
+        searched = self._execute(plan, 1, "other routes: ", lambda: not self._is_latest(request))
+        view = searched.stage()
+        gain = (optimum.race_time if optimum is not None and holds else math.inf) - view.race_time
         with self._solving:
-            if self._question is not question:
-                if opened is not None:
-                    opened.close()
-            elif opened is not None:
-                self._open(found, opened)
-                gained = f"another route is {before - view.race_time:.3f} s faster"
-                self._take(question, view, gained if holds else "found on another route")
+            if not self._is_latest(request):
+                return
+            if view.result.holds and gain > MIN_GAIN:
+                self._open(searched)
+                note = f"another route is {gain:.3f} s faster" if holds else "found on another route"
+                self._show_optimum(request, view, note)
+            elif holds:
+                self._show(busy="")
             else:
-                self._show(busy="", **({} if holds else {"message": view.message}))
+                self._show(busy="", message=view.message)
 
     def _fly_six_dof(self) -> None:
-        run, question = self._run, self._question
-        if run is None or question is None:
+        with self._lock:
+            run, request = self._run, self._request
+        if run is None or request is None:
             return
-        plan = plan_changed_run(run, Changes(question.track, None, None, question.values), until=LAST)
-        view = self._fly(plan, available_cores(), "", lambda: self._question is None).stage()
-        drawn = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
-        self._show(busy="", six_dof={**_view_fields(view), **drawn, "revision": question.revision})
+        plan = plan_changed_run(run, Changes(request.track, None, None, request.values), until=LAST)
+        view = self._execute(plan, available_cores(), "", lambda: self._request is None).stage()
+        drawing = _drawing_of(view.flight()) if view.result.is_flight else {"line": ()}
+        self._show(busy="", six_dof={**_view_fields(view), **drawing, "revision": request.revision})
 
 
 class _ProgressLine(Silent):
-    """A view of a run under way that shows one line, and breaks the run off once nobody waits for it any more."""
+    """A view of a run under way that shows one line, and breaks the run off once its request is dropped."""
 
-    def __init__(self, show: Callable[..., None], what: str, dropped: Callable[[], bool]) -> None:
-        self._show, self._what, self._dropped = show, what, dropped
+    def __init__(self, show: Callable[..., None], prefix: str, is_dropped: Callable[[], bool]) -> None:
+        self._show, self._prefix, self._is_dropped = show, prefix, is_dropped
 
     def stage_started(self, stage: Stage) -> None:
         self._stage = stage.value
-        self._show(busy=f"{self._what}{self._stage}")
+        self._show(busy=f"{self._prefix}{self._stage}")
 
     def iteration(self, iteration: Iteration) -> None:
-        if self._dropped():
+        if self._is_dropped():
             raise CancelledError
 
     def activity(self, text: str, done: int, total: int) -> None:
-        if self._dropped():
+        if self._is_dropped():
             raise CancelledError
-        self._show(busy=f"{self._what}{self._stage}: {text}")
+        self._show(busy=f"{self._prefix}{self._stage}: {text}")
 
 
 def _view_fields(view: StageView) -> dict[str, object]:
-    """Return the race time of an answer and what is to be said about it."""
+    """Return race time, status and limits of a result."""
     numbers = Variation(view.inputs).parameters
     return {
         "title": view.inputs.race.aircraft.name,
@@ -268,38 +282,40 @@ def _view_fields(view: StageView) -> dict[str, object]:
 
 def _drawing_of(flight: Flight) -> dict[str, Any]:
     """Return line, passings and distances of a flight."""
-    rows = np.unique(np.linspace(0, len(flight.time) - 1, SETTINGS.points).round().astype(int))
+    rows = np.unique(np.linspace(0, len(flight.time) - 1, LINE_POINTS_MAX).round().astype(int))
     n_z = flight["n_z"]
-    clearances = sorted(least_distances(flight), key=lambda one: one.margin)[: SETTINGS.distances]
+    clearances = sorted(least_distances(flight), key=lambda clearance: clearance.margin)[:CLEARANCES_MAX]
+    splits: list[tuple[object, ...]] = []
+    for crossing in flight.crossings:
+        speed, load_factor = crossing.value("V_K") / KNOT, crossing.value("n_z")
+        splits.append((crossing.name, round(crossing.time, 3), round(speed, 1), round(load_factor, 2)))
     return {
         "line": np.stack([flight["x"], flight["y"], n_z], axis=1)[rows].round(3).tolist(),
-        "n_z_range": [round(float(one), 2) for one in (n_z.min(), n_z.max())],
-        "splits": [
-            (one.name, round(one.time, 3), round(one.value("V_K") / KNOT, 1), round(one.value("n_z"), 2))
-            for one in flight.crossings
-        ],
-        "distances": [(one.text, round(one.distance, 2), one.required) for one in clearances],
+        "n_z_range": [round(float(n_z.min()), 2), round(float(n_z.max()), 2)],
+        "splits": splits,
+        "distances": [(line.text, round(line.distance, 2), line.required) for line in clearances],
     }
 
 
 def _slopes_of(view: StageView, layout: EditableCourse) -> dict[str, object]:
     """Return how the race time changes with every place (s/m) and every turn (s/deg), and at which values."""
     numbers, race = Variation(view.inputs).parameters, view.inputs.race
-    wanted = dict[str, tuple[KeyPath, str, float]]()
-    latitude = race.course.origin.latitude or 0.0
-    per = (1.0, 1.0, 1.0 / SETTINGS.degree, 1.0 / (SETTINGS.degree * math.cos(latitude)))
+    targets = dict[str, tuple[KeyPath, str, float]]()  # piece or place, axis, and unit of every number
+    longitude_degree = LATITUDE_DEGREE * math.cos(race.course.origin.latitude or 0.0)
+    factors = (1.0, 1.0, 1.0 / LATITUDE_DEGREE, 1.0 / longitude_degree)
+    places, turns = dict[str, tuple[float, float]](), dict[str, float]()
     for piece in layout.pieces:
         if piece.turn is not None:
-            wanted[dotted((*piece.path, piece.turn[0]))] = (piece.path, "turn", 1.0)
+            targets[dotted((*piece.path, piece.turn[0]))] = (piece.path, "turn", 1.0)
+            turns[dotted(piece.path)] = piece.turn[1]
         for spot in piece.spots:
-            for key, axis, factor in zip((*METRIC, *GEODETIC), ("north", "east") * 2, per, strict=True):
-                wanted[dotted((*spot.path, key))] = (spot.path, axis, factor)
+            places[dotted(spot.path)] = (spot.north, spot.east)
+            for key, axis, factor in zip((*METRIC, *GEODETIC), ("north", "east") * 2, factors, strict=True):
+                targets[dotted((*spot.path, key))] = (spot.path, axis, factor)
     slopes = dict[str, dict[str, object]]()
-    chosen = [numbers[key] for key in wanted if key in numbers]
-    for one in sensitivities_to(chosen, race, view.inputs.settings, view.result):
-        path, axis, factor = wanted[one.key]
-        both = [each * factor if math.isfinite(each) else 0.0 for each in (one.upward, one.downward)]
-        slopes.setdefault(dotted(path), {})[axis] = both
-    places = {dotted(spot.path): (spot.north, spot.east) for piece in layout.pieces for spot in piece.spots}
-    turns = {dotted(piece.path): piece.turn[1] for piece in layout.pieces if piece.turn is not None}
+    parameters = [numbers[key] for key in targets if key in numbers]
+    for sensitivity in sensitivities_to(parameters, race, view.inputs.settings, view.result):
+        path, axis, factor = targets[sensitivity.key]
+        sides = (sensitivity.upward, sensitivity.downward)
+        slopes.setdefault(dotted(path), {})[axis] = [side * factor if math.isfinite(side) else 0.0 for side in sides]
     return {"slopes": slopes, "slope_time": view.race_time, "slope_places": places, "slope_turns": turns}

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.aircraft import AircraftParameters
-from airrace.dynamics.outer_loop import ATTITUDE, FlightPathState
+from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment import Air, AtmosphereParameters, Weather, WindField, atmosphere_parameters
-from airrace.frames import Scalar, normalise
+from airrace.frames import QUATERNION, Scalar, normalise
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import System, column, named_symbols
 
@@ -114,7 +114,7 @@ def assemble(
     Raises:
         KeyError: a bound names no quantity.
     """
-    wind = WindField.of(air)
+    wind = WindField.from_air(air)
     structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
     rates, path_values, projection = functions(structure)
     declared = structure.states, structure.controls, vectors[2].quantities()
@@ -188,7 +188,7 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     all_rates = list(rates.join())
     if of.counting:
         all_rates += [of.roll_rate(state, path_values) + u["Phi_reset"], u["gain_reset"] - rates.z]
-    unit = dict(zip(ATTITUDE, normalise([x[name] for name in ATTITUDE]), strict=True))
+    unit = dict(zip(QUATERNION, normalise([x[name] for name in QUATERNION]), strict=True))
     arguments = [column(symbols.values()) for symbols in (x, u, p)]
     return (
         ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from airrace.aircraft import Aircraft, InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.limits import linear_range
 from airrace.dynamics.rigid_body import lateral_motion, level_lags, linear_parameters, pitching
-from airrace.dynamics.state_space_inversion import GAINS, solve
+from airrace.dynamics.state_space_inversion import Q_BANDWIDTH, solve
 from airrace.environment import RHO_ISA, g0
 from airrace.quantities import Interval
 
@@ -50,7 +50,7 @@ def _elevator_faults(aircraft: Aircraft) -> Iterator[Fault]:
     V = aircraft.envelope.V.lower
     M = pitching(V, RHO_ISA, numbers)
     turn = 0.5 * RHO_ISA * V * numbers.S * numbers.C_Leta / numbers.m  # q_Kbar per rad of elevator
-    if M.eta - (M.alphadot + GAINS.q) * turn >= 0.0:
+    if M.eta - (M.alphadot + Q_BANDWIDTH) * turn >= 0.0:
         yield (
             "pitch",
             "C_meta",

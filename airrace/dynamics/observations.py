@@ -51,7 +51,6 @@ import casadi as ca
 
 from airrace.dynamics.aerodynamics import wind_airflow
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.elementary import atan2, cos, maximum, minimum, sin, smooth_clip, smooth_maximum, sqrt
 from airrace.environment import (
     Air,
@@ -63,34 +62,21 @@ from airrace.environment import (
     g0,
     pressure,
 )
-from airrace.frames import Scalar, right_wing, rotation
+from airrace.frames import QUATERNION, Scalar, right_wing, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, System, column, named_symbols
 from airrace.track.course import Crowd, CrowdShape
 from airrace.track.element import GateOutput
 from airrace.track.polygons import Point, area
 
-
-@dataclass(frozen=True)
-class Smoothing:
-    """The lengths and angles over which edges are rounded off.
-
-    Attributes:
-        level_blend: a small number (1) that keeps the horizontal normal of the path defined where the path is
-            vertical.
-        vertical: the angle from the vertical (rad) within which the climb angle is rounded off, for it has an
-            edge there.
-        clip_width: the width of the smooth clip, as a part of the required distance (1).
-        tiny: a length (m) that keeps the distance from an edge differentiable on the edge.
-    """
-
-    level_blend: float = 1e-6
-    vertical: float = 1e-3
-    clip_width: float = 0.02
-    tiny: float = 1e-6
-
-
-SMOOTHING = Smoothing()
+NORMAL_BLEND = 1e-6
+"""A small number (1) that keeps the horizontal normal of the path defined where the path is vertical."""
+VERTICAL_BLEND = 1e-3
+"""The angle from the vertical within which the climb angle, which has an edge there, is rounded off, rad."""
+CLIP_WIDTH = 0.02
+"""The width of the smooth clip, as a part of the required distance (1)."""
+EDGE_BLEND = 1e-6
+"""A length that keeps the distance from an edge differentiable on the edge, m."""
 
 
 Symbols = Mapping[str, Scalar]
@@ -152,7 +138,7 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
     Of a model with a body they include `beta_K`, too.
     """
     x, b = named_symbols(states), named_symbols(CrossingParameters.quantities())
-    q = [x[name] for name in ATTITUDE]
+    q = [x[name] for name in QUATERNION]
     position, beta_K = (x["x"], x["y"], x["z"]), x.get("beta_K", 0.0)
     values = crossing_values(position, x["V_K"], q, CrossingParameters(**b), beta_K)
     declared = CrossingValues.quantities(), x, CrossingParameters.quantities(), b
@@ -211,7 +197,7 @@ def crossing_values(
     left_tip = (d[0] - wing[0], d[1] - wing[1])
     axis = (place.axis_north, place.axis_east)
     to_right = (-place.axis_east, place.axis_north)
-    level = sqrt(e_N * e_N + e_E * e_E + SMOOTHING.level_blend)
+    level = sqrt(e_N * e_N + e_E * e_E + NORMAL_BLEND)
     normal = (-e_E / level, e_N / level)
     bank_sine = R[2][1] * place.bank_cos - R[2][2] * place.bank_sin
     bank_cosine = R[2][2] * place.bank_cos + R[2][1] * place.bank_sin
@@ -324,9 +310,9 @@ def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
 def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation:
     """Return the observation of the climb angle for a model whose states include the attitude `q0 ... q3`."""
     x = named_symbols(states)
-    R = rotation([x[name] for name in ATTITUDE])
+    R = rotation([x[name] for name in QUATERNION])
     level = R[0][0] * R[0][0] + R[1][0] * R[1][0]
-    climb = atan2(-R[2][0], sqrt(level if exact else level + SMOOTHING.vertical * SMOOTHING.vertical))
+    climb = atan2(-R[2][0], sqrt(level if exact else level + VERTICAL_BLEND * VERTICAL_BLEND))
     return _observation("climb exact" if exact else "climb", [CLIMB], x, (), {}, climb)
 
 
@@ -344,7 +330,7 @@ class CrowdKind:
     slant: bool
 
     @classmethod
-    def of(cls, crowd: Crowd) -> "CrowdKind":
+    def from_crowd(cls, crowd: Crowd) -> "CrowdKind":
         """Return the kind of a crowd."""
         return cls(crowd.shape, len(crowd.corners), crowd.slant)
 
@@ -374,7 +360,7 @@ def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: boo
     if kind.slant:
         above = -x["z"] - height
         if kind.shape is CrowdShape.AREA:
-            distance = maximum(distance, 0.0) if exact else smooth_maximum(distance, 0.0, SMOOTHING.clip_width * keep)
+            distance = maximum(distance, 0.0) if exact else smooth_maximum(distance, 0.0, CLIP_WIDTH * keep)
         distance = sqrt(distance * distance + above * above)
     name = f"crowd {kind.shape.value} {kind.corners} {'slant' if kind.slant else 'ground'}{' exact' if exact else ''}"
     return _observation(name, [DISTANCE], x, kind.parameters, b, distance)
@@ -401,14 +387,14 @@ def _edge_distance(place: Place, a: Place, b: Place, keep: Scalar | None) -> Sca
     length = sqrt(along[0] * along[0] + along[1] * along[1])
     away = (place[0] - a[0], place[1] - a[1])
     foot = (away[0] * along[0] + away[1] * along[1]) / length
-    width = None if keep is None else SMOOTHING.clip_width * keep
+    width = None if keep is None else CLIP_WIDTH * keep
     foot = minimum(maximum(foot, 0.0), length) if width is None else smooth_clip(foot, 0.0, length, width)
     return _length(away[0] - foot * along[0] / length, away[1] - foot * along[1] / length, keep)
 
 
 def _length(north: Scalar, east: Scalar, keep: Scalar | None) -> Scalar:
     squared = north * north + east * east
-    return sqrt(squared if keep is None else squared + SMOOTHING.tiny * SMOOTHING.tiny)
+    return sqrt(squared if keep is None else squared + EDGE_BLEND * EDGE_BLEND)
 
 
 def _winding(place: Place, sides: Sequence[tuple[Place, Place]]) -> Scalar:
@@ -437,7 +423,7 @@ def airspeed_observation(states: tuple[Quantity, ...], field: WindField, *, indi
     numbers = list(b.values())
     air = AtmosphereParameters[Scalar].split(numbers[: AtmosphereParameters.size()])
     wind = field.velocity(x["x"], x["y"], x["z"], numbers[AtmosphereParameters.size() :])
-    V_A = wind_airflow(x["V_K"], rotation([x[name] for name in ATTITUDE]), wind).V_A
+    V_A = wind_airflow(x["V_K"], rotation([x[name] for name in QUATERNION]), wind).V_A
     speed = calibrated_airspeed(V_A, pressure(x["z"], air), density(x["z"], air)) if indicated else V_A
     function = ca.Function("airspeed", [column(x.values()), column(numbers)], [column([speed])], {"cse": True})
     return Observation("airspeed", (AIRSPEED,), declared, function)
@@ -445,7 +431,7 @@ def airspeed_observation(states: tuple[Quantity, ...], field: WindField, *, indi
 
 def airspeed_values(air: Air) -> tuple[float, ...]:
     """Return the values of the parameters of `airspeed_observation` in the air of a day."""
-    return (*atmosphere_parameters(air).join(), *WindField.of(air).values(air))
+    return (*atmosphere_parameters(air).join(), *WindField.from_air(air).values(air))
 
 
 LEVEL_BLEND = 1e-2
@@ -481,7 +467,7 @@ def pylon_room_observation(system: System) -> Observation:
     b = named_symbols(PylonParameters.quantities())
     states, numbers = column(x.values()), column(p.values())
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
-    R = rotation([x[name] for name in ATTITUDE])
+    R = rotation([x[name] for name in QUATERNION])
     beta: Scalar = x.get("beta_K", 0.0)
     right = right_wing(R, sin(beta), cos(beta))
     bend = [b["roll_acceleration"] * R[row][2] for row in range(3)]

@@ -14,9 +14,6 @@ from airrace.frames import Matrix, Scalar, product, quaternion_rates, rotation
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.system import System, column, named_symbols
 
-ATTITUDE = ("q0", "q1", "q2", "q3")
-"""The names of the states that are the quaternion of the flight path."""
-
 
 @vector
 class FlightPathState(Vector[T]):

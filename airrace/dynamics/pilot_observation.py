@@ -8,42 +8,27 @@ In a steady turn the path keeps its climb angle: without side force the vertical
 and multiplied by `R_33` these are two polynomials in the entries of R, which need no angles. In knife-edge flight there
 is no steady turn. The roll rate is that of Kbar about the path, `2 (q* o q')_1` of a unit quaternion.
 
-Near the ground the least load factor is `n_low`; above the height `h_low` it falls by `LOW_RELIEF.slope` per metre:
+Near the ground the least load factor is `n_low`; above the height `h_low` it falls by `RELIEF_SLOPE` per metre:
 
-    n_z + LOW_RELIEF.slope max(h - h_low, 0) >= n_low
+    n_z + RELIEF_SLOPE max(h - h_low, 0) >= n_low
 
 Rates are those with all controls at zero. The point mass has no onset: the rate of its load factor is a control.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.elementary import maximum, smooth_maximum
-from airrace.frames import Scalar, product, rotation
+from airrace.frames import QUATERNION, Scalar, product, rotation
 from airrace.quantities import Quantity
 from airrace.system import Observation, column, named_symbols
 
-
-@dataclass(frozen=True)
-class Relief:
-    """The least load factor above the height near the ground.
-
-    Attributes:
-        slope: the least load factor that is asked for less per metre above the height near the ground, g/m: a
-            choice.
-        width: the width of the rounding at that height, m; the limit is stricter by at most the slope times half of
-            it.
-    """
-
-    slope: float = 0.1
-    width: float = 0.5
-
-
-LOW_RELIEF = Relief()
+RELIEF_SLOPE = 0.1
+"""How much less load factor is asked for per metre above the height near the ground, g/m: a choice."""
+RELIEF_WIDTH = 0.5
+"""The width of the rounding at that height, m; the limit is stricter by at most the slope times half of it."""
 
 LOAD_FACTOR = Quantity("load_factor", "1", scale=5.0, text="load factor at a crossing")
 ROLL_RATE = Quantity("roll_rate", "rad/s", text="roll rate about the velocity at a crossing")
@@ -65,9 +50,9 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     rates = system.rates(states, column([0.0] * len(system.controls)), numbers)
     by_name: dict[str, Scalar] = dict(zip(x, rates.elements(), strict=True))
     n_z, n_y, beta_A = (_at_rest(model, x, numbers, name) for name in ("n_z", "n_y", "beta_A"))
-    q = [x[name] for name in ATTITUDE]
+    q = [x[name] for name in QUATERNION]
     R, length = rotation(q), sum(one * one for one in q)
-    turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in ATTITUDE])
+    turned = product([q[0], -q[1], -q[2], -q[3]], [by_name[name] for name in QUATERNION])
     level = 1.0 - R[2][0] * R[2][0]
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
     declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK, LATERAL_LOAD_FACTOR, SIDESLIP]
@@ -85,8 +70,8 @@ def low_flight_observation(model: FlightModel, *, exact: bool) -> Observation:
     x, p = named_symbols(system.states), named_symbols(system.parameters)
     height = ca.SX.sym("height")
     above = -x["z"] - height
-    relief = maximum(above, 0.0) if exact else smooth_maximum(above, 0.0, LOW_RELIEF.width) - 0.5 * LOW_RELIEF.width
-    values = [_at_rest(model, x, column(p.values()), "n_z") + LOW_RELIEF.slope * relief]
+    relief = maximum(above, 0.0) if exact else smooth_maximum(above, 0.0, RELIEF_WIDTH) - 0.5 * RELIEF_WIDTH
+    values = [_at_rest(model, x, column(p.values()), "n_z") + RELIEF_SLOPE * relief]
     name = "low_flight_exact" if exact else "low_flight"
     parameters = [LOW_HEIGHT, *system.parameters]
     return _observation(name, [LOW_LOAD_FACTOR], column(x.values()), parameters, [height, *p.values()], values)

@@ -12,8 +12,6 @@ and then the deflections that make these accelerations. The surfaces' own forces
 `r_Kbar` are linear in them, so that the equations remain linear, one for the elevator, two for ailerons and rudder.
 """
 
-from dataclasses import dataclass
-
 from airrace.aircraft import Aircraft, InnerLoopParameters
 from airrace.dynamics.aerodynamics import moment_coefficients
 from airrace.dynamics.flight_model import FlightModel, assemble
@@ -44,19 +42,16 @@ from airrace.frames import Scalar
 from airrace.quantities import T, vector
 from airrace.track.course import Rules
 
-
-@dataclass(frozen=True)
-class Gains:
-    """The bandwidths of the links of the causal chain, 1/s."""
-
-    alpha: float = 6.0
-    q: float = 12.0
-    p: float = 12.0
-    r: float = 8.0
-    beta: float = 3.0
-
-
-GAINS = Gains()
+ALPHA_BANDWIDTH = 6.0
+"""The bandwidth of the link that commands alpha_K, 1/s."""
+Q_BANDWIDTH = 12.0
+"""That of the pitch rate, 1/s."""
+P_BANDWIDTH = 12.0
+"""That of the roll rate, 1/s."""
+R_BANDWIDTH = 8.0
+"""That of the yaw rate, 1/s."""
+BETA_BANDWIDTH = 3.0
+"""That of beta_K, 1/s."""
 
 
 @vector
@@ -103,9 +98,9 @@ def elevator(
     n_z_neutral = normal_load_factor(state, 0.0, here, aircraft)[0]
     q_Kbar = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z_neutral)[0]
     q_Kbar_eta = g0 * here.load * aircraft.C_Leta / state.V_K
-    wanted = GAINS.q * (q_Kbar + GAINS.alpha * (alpha_des - here.seen.alpha_A) - state.q_K)
+    wanted = Q_BANDWIDTH * (q_Kbar + ALPHA_BANDWIDTH * (alpha_des - here.seen.alpha_A) - state.q_K)
     present = M.zero + M.alpha * here.seen.alpha_A + M.q * state.q_K + M.alphadot * (state.q_K - q_Kbar)
-    return (wanted - present) / (M.eta - (M.alphadot + GAINS.q) * q_Kbar_eta)
+    return (wanted - present) / (M.eta - (M.alphadot + Q_BANDWIDTH) * q_Kbar_eta)
 
 
 def ailerons_and_rudder(
@@ -121,11 +116,11 @@ def ailerons_and_rudder(
     n_y_neutral = lateral_load_factor(sideways(state, causes, neutral, here, aircraft), here, aircraft)
     r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y_neutral, n_z=0.0)[1]
     error = sideslip(state.n_y_cmd, state, C_L, here, aircraft) - beta_A
-    roll = GAINS.p * (state.p_cmd - state.p_s)
-    yaw = GAINS.r * (r_Kbar - GAINS.beta * error - state.r_s)
+    roll = P_BANDWIDTH * (state.p_cmd - state.p_s)
+    yaw = R_BANDWIDTH * (r_Kbar - BETA_BANDWIDTH * error - state.r_s)
     xi_0, zeta_0 = surfaces_for((roll, yaw), state, causes, C_L, here, aircraft)
     xi_1, zeta_1 = surfaces_for((0.0, 1.0), state, (0.0, 0.0, 0.0), C_L, here, aircraft)
-    turn = GAINS.r * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
+    turn = R_BANDWIDTH * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
     f_0 = turn * (aircraft.C_Yxi * xi_0 + aircraft.C_Yzeta * zeta_0)
     f = f_0 / (1.0 - turn * (aircraft.C_Yxi * xi_1 + aircraft.C_Yzeta * zeta_1))
     return xi_0 + f * xi_1, zeta_0 + f * zeta_1

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import UsageError
+from airrace.frames import QUATERNION
 from airrace.quantities import DEGREE, KNOT, Quantity
 from airrace.resources import extra
 from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes
-from airrace.results.flight import PATH_ATTITUDE
 from airrace.trajectory import Array, Trajectory
 
 if TYPE_CHECKING:
@@ -66,9 +66,9 @@ def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None
         return _samples(trajectory, time, intervals, sampler(time))
     nodes = _histories(trajectory.states, trajectory.state)
     states = {name: np.interp(time, trajectory.time, values) for name, values in nodes.items()}
-    if all(name in nodes for name in PATH_ATTITUDE):
-        q = interpolate_attitude(trajectory.time, np.array([nodes[name] for name in PATH_ATTITUDE]), time)
-        states.update(zip(PATH_ATTITUDE, q, strict=True))
+    if all(name in nodes for name in QUATERNION):
+        q = interpolate_attitude(trajectory.time, np.array([nodes[name] for name in QUATERNION]), time)
+        states.update(zip(QUATERNION, q, strict=True))
     return _samples(trajectory, time, intervals, states)
 
 
@@ -194,8 +194,8 @@ def _table(trajectory: Trajectory, samples: Samples, derived: Derived) -> Flight
         columns.extend(display_columns(quantity, histories[quantity.name]))
     if "z" in histories:
         columns.append(HistoryColumn("height_m", -histories["z"]))
-    if all(name in histories for name in PATH_ATTITUDE):
-        angles = euler_angles(path_axes([histories[name] for name in PATH_ATTITUDE]))
+    if all(name in histories for name in QUATERNION):
+        angles = euler_angles(path_axes([histories[name] for name in QUATERNION]))
         columns.extend(
             HistoryColumn(f"{name}_deg", one / DEGREE) for name, one in zip(PATH_ANGLES, angles, strict=True)
         )

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from airrace.environment import Air, Profile, StaticWind, Thermal
 from airrace.errors import UsageError
-from airrace.inputs.nodes import LIMITS, KeyPath, Reporter, dotted
+from airrace.inputs.nodes import THERMALS_MAX, KeyPath, Reporter, dotted
 from airrace.inputs.places import Azimuth, PlacedEntry, Places
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import KNOT
@@ -50,7 +50,7 @@ class WindEntry(Schema):
         return numbers
 
     def build(self, reporter: Reporter) -> StaticWind:
-        """Return the wind; it is only of use if nothing was reported."""
+        """Return the wind; valid only if nothing was reported."""
         if self.speed_kt is None and self.speed_m_s is None:
             reporter.key(WIND_PATH, "missing; a wind needs `speed_kt` or `speed_m_s`")
         if self.speed_kt is not None and self.speed_m_s is not None:
@@ -59,12 +59,12 @@ class WindEntry(Schema):
         for key, value, profile in (("exponent", self.exponent, "power"), ("roughness_m", self.roughness_m, "log")):
             if value is not None and self.profile != profile:
                 reporter.key((*WIND_PATH, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
-        given = {"reference_height": self.reference_height_m, "exponent": self.exponent, "roughness": self.roughness_m}
+        shape = {"reference_height": self.reference_height_m, "exponent": self.exponent, "roughness": self.roughness_m}
         wind = StaticWind(
             origin=math.radians(self.from_deg),
             speed=self.speed_m_s if self.speed_m_s is not None else (self.speed_kt or 0.0) * KNOT,
             profile=Profile(self.profile),
-            **{name: value for name, value in given.items() if value is not None},
+            **{name: value for name, value in shape.items() if value is not None},
         )
         if wind.profile is Profile.LOG and wind.reference_height <= wind.roughness:
             message = f"must be above the roughness of {wind.roughness:g} m in a log profile"
@@ -87,16 +87,16 @@ class EnvironmentEntry(Schema):
         default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
     )
     wind: WindEntry | None = optional("the wind of the day; without it the air is still")
-    thermals: Annotated[list[ThermalEntry], Field(max_length=LIMITS.thermals)] = Field(
+    thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
         default_factory=list[ThermalEntry], description="columns of rising air"
     )
 
     def build(self, places: Places) -> Air:
-        """Return the air above a track; it is only of use if nothing was reported."""
+        """Return the air above a track; valid only if nothing was reported."""
         thermals: list[Thermal] = []
-        for index, one in enumerate(self.thermals):
-            place = places.point(one, ("environment", "thermals", index))
-            thermals.append(Thermal(place.north, place.east, one.w_star_m_s, one.mixing_height_m))
+        for index, entry in enumerate(self.thermals):
+            place = places.point(entry, ("environment", "thermals", index))
+            thermals.append(Thermal(place.north, place.east, entry.w_star_m_s, entry.mixing_height_m))
         return Air(
             temperature_offset=self.temperature_offset_K,
             pressure_offset=self.pressure_offset_hPa * 100.0,
@@ -108,7 +108,7 @@ class EnvironmentEntry(Schema):
 
 @dataclass(frozen=True)
 class Wind:
-    """A wind of a rose: speed, kt, and where it blows from, deg."""
+    """A wind of a rose: speed, kt, and direction it blows from, deg."""
 
     speed_kt: float
     from_deg: float
@@ -125,18 +125,20 @@ def winds_named(text: str) -> list[Wind]:
     Raises:
         UsageError: it is no rose.
     """
-    found = re.fullmatch(r"(\d+(?:\.\d+)?(?:,\d+(?:\.\d+)?)*)kt(?:@(\d+))?", text)
-    count = int(found[2] or 8) if found else 0
-    if not found or not 1 <= count <= 72:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?(?:,\d+(?:\.\d+)?)*)kt(?:@(\d+))?", text)
+    count = int(match[2] or 8) if match else 0
+    if not match or not 1 <= count <= 72:
         raise UsageError(
             f"{text!r} is no rose of winds; one is 0,5,10kt@8: speeds, and from how many directions (1 to 72)"
         )
-    speeds = [float(one) for one in found[1].split(",")]
-    return [Wind(speed, 360.0 * one / count) for speed in speeds for one in range(count if speed else 1)]
+    winds: list[Wind] = []
+    for speed in map(float, match[1].split(",")):
+        winds += [Wind(speed, 360.0 * number / count) for number in range(count if speed else 1)]
+    return winds
 
 
 def overrides_of(wind: Wind) -> tuple[tuple[str, str], ...]:
-    """Return keys and values that make it the wind of a course, whichever speed that has; the profile stays."""
+    """Return the keys and values that give a course this wind, whichever key its file uses for the speed."""
     if not wind.speed_kt:
         return ((WIND, "null"),)
     return (OTHER_SPEED, "null"), (SPEED, f"{wind.speed_kt:g}"), (ORIGIN, f"{wind.from_deg:g}")

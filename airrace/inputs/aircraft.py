@@ -28,14 +28,10 @@ from airrace.aircraft import (
     YawMoment,
 )
 from airrace.dynamics.handling import faults
+from airrace.environment import RHO_ISA, g0
 from airrace.inputs.nodes import Reporter
 from airrace.inputs.schema import Schema, optional
 from airrace.quantities import Interval
-
-g0 = 9.80665
-"""The standard acceleration of gravity, m/s2."""
-rho_0 = 1.225
-"""The density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
 
 Derivative = Annotated[float, Ge(-100), Le(100)]
 Damping = Annotated[float, Ge(-100), Lt(0)]
@@ -233,8 +229,12 @@ class AircraftEntry(Schema):
 
 
 def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
-    """Return the aircraft of a file; it is only of use if nothing was reported."""
+    """Return the aircraft of a file; valid only if nothing was reported."""
     surfaces, envelope = entry.surfaces, entry.envelope
+    propeller: Propeller | None = None
+    if entry.propeller and entry.propeller.effects:
+        sign = 1.0 if entry.propeller.turns == "right" else -1.0
+        propeller = Propeller(entry.propeller.inertia_kg_m2, sign * entry.propeller.rpm * 2.0 * math.pi / 60.0)
     aircraft = Aircraft(
         name=entry.name,
         airframe=Airframe(**entry.airframe.arguments()),
@@ -256,33 +256,29 @@ def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
             V=Interval(envelope.speed_min_m_s, envelope.speed_max_m_s),
             n_z=Interval(envelope.n_z_min, envelope.n_z_max),
         ),
-        propeller=_propeller(entry.propeller) if entry.propeller and entry.propeller.effects else None,
+        propeller=propeller,
         linear=_linear(entry.linear, reporter) if entry.linear else None,
     )
-    found = len(reporter.findings)
+    before = len(reporter.findings)
     _check_inertia(aircraft.airframe, reporter)
     _check_lift(aircraft, reporter)
-    if len(reporter.findings) == found:
+    if len(reporter.findings) == before:
         for group, key, message in faults(aircraft):
             reporter.value((group, key), message)
     return aircraft
-
-
-def _propeller(entry: PropellerEntry) -> Propeller:
-    sign = 1.0 if entry.turns == "right" else -1.0
-    return Propeller(entry.inertia_kg_m2, sign * entry.rpm * 2.0 * math.pi / 60.0)
 
 
 def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
     def mode(axis: str, omega: float | None, D: float | None) -> Mode | None:
         if omega is None and D is None:
             return None
-        if omega is None or D is None:
-            missing = f"omega_{axis}_rad_s" if omega is None else f"damping_{axis}"
-            given = f"damping_{axis}" if omega is None else f"omega_{axis}_rad_s"
-            reporter.key(("linear", given), f"tells nothing without {missing}; give both or neither")
-            return None
-        return Mode(omega, D)
+        if omega is not None and D is not None:
+            return Mode(omega, D)
+        present, missing = f"damping_{axis}", f"omega_{axis}_rad_s"
+        if D is None:
+            present, missing = missing, present
+        reporter.key(("linear", present), f"tells nothing without {missing}; give both or neither")
+        return None
 
     return LinearLoops(
         V=entry.speed_m_s,
@@ -318,24 +314,20 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
 
 
 def _check_lift(aircraft: Aircraft, reporter: Reporter) -> None:
-    """Report what keeps an aircraft from flying.
-
-    Its wing must have an area, gain lift with the angle of attack, and be able to carry the weight.
-    """
+    """Report a wing without area, without lift that grows with the angle of attack, or too small for the weight."""
     lift, airframe, V = aircraft.lift, aircraft.airframe, aircraft.envelope.V
-    faults = (
+    conditions = (
         ("airframe", "wing_area_m2", airframe.S <= 0.0, "an aircraft without a wing has no lift; must be above 0"),
         ("lift", "C_Lalpha", lift.C_Lalpha <= 0.0, "lift must grow with the angle of attack; must be above 0 per rad"),
         ("lift", "C_L_max", lift.C_L_max <= 0.0, "the wing stalls before it lifts; must be above 0"),
         ("lift", "C_L_min", lift.C_L_min >= 0.0, "the wing must be able to push down, too; must be below 0"),
         ("envelope", "speed_max_m_s", V.upper <= V.lower, f"must be above speed_min_m_s, {V.lower:g}"),
     )
-    found = False
-    for group, key, holds, message in faults:
-        if holds:
-            found = True
+    before = len(reporter.findings)
+    for group, key, is_wrong, message in conditions:
+        if is_wrong:
             reporter.value((group, key), message)
-    if found:
+    if len(reporter.findings) > before:
         return
     if not lift.C_L_min < lift.C_L0 < lift.C_L_max:
         reporter.value(("lift", "C_L0"), f"must lie between C_L_min and C_L_max, {lift.C_L_min:g} and {lift.C_L_max:g}")
@@ -348,7 +340,7 @@ def weight_not_carried(aircraft: Aircraft, C_L_max: float) -> str:
     """Return why the aircraft cannot hold 1 g at sea level at any speed of its envelope; empty if it can."""
     airframe, V_max = aircraft.airframe, aircraft.envelope.V.upper
     weight = airframe.m * g0
-    lift = 0.5 * rho_0 * V_max**2 * airframe.S * C_L_max
+    lift = 0.5 * RHO_ISA * V_max**2 * airframe.S * C_L_max
     if lift >= weight:
         return ""
     return (

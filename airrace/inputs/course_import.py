@@ -1,11 +1,11 @@
-"""A course from placemarks of other programs: a track file that can be checked, and gone on with.
+"""A draft of a course from placemarks of other programs: a track file to be checked and completed.
 
-A line between two places, no longer than 60 m, is a gate between its two pylons, and so are two points that
-are called alike but for a side; any other point is a single pylon. People, obstacles, safety lines and the airspace are
-what is called so (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the airspace, the
-rest are people. Elements follow one another as in the file: gates in the direction of the way, pylons on the outside of
-the turn. An obstacle is a mast, or boxes, as high as its name tells. Every guess, and all that is not taken over, is
-told.
+A line between two places, no longer than 60 m, is a gate between its two pylons, and so are two points whose names
+differ by their side alone; any other point is a single pylon. People, obstacles, safety lines and the airspace are
+recognised by their names (`airrace.inputs.placemarks.WORDS`); of the other areas one around all elements is the
+airspace, the rest are people. Elements are passed in the order of the file: gates in the direction of flight, pylons on
+the outside of the turn. An obstacle is a mast, or boxes, of the height in its name. Every guess, and every placemark
+that is not taken over, is reported.
 """
 
 import math
@@ -17,39 +17,24 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import CORNERS_MAX, CROWDS_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX
 from airrace.inputs.placemarks import SIDES, Placemark, PlacemarkShape, Subject, parted, words_of
-from airrace.inputs.surroundings import SIZES
+from airrace.inputs.surroundings import BOX_MAX, OBSTACLE_HEIGHT_MAX
 from airrace.logs.recording import refuse
 from airrace.quantities import FOOT
 from airrace.track import polygons
 from airrace.track.course import Origin, metres
 from airrace.track.polygons import Point
 
-
-@dataclass(frozen=True)
-class ImportAssumptions:
-    """What is taken for granted of placemarks.
-
-    Attributes:
-        gate_width_max: the length beyond which a line is no gate, m.
-        straight: the distance of its corners from the line through its ends up to which a line is a straight
-            one, m.
-        crowd_distance: the distance from people until the file says better, m.
-        obstacle_height: the height of an obstacle until the file says better, m.
-        obstacle_height_min: the least height of an obstacle, m; one of 0 m is none.
-    """
-
-    gate_width_max: float = 60.0
-    straight: float = 1.0
-    crowd_distance: float = 100.0
-    obstacle_height: float = 50.0
-    obstacle_height_min: float = 0.1
-
-
-ASSUMED = ImportAssumptions()
-
-
+GATE_WIDTH_MAX = 60.0
+"""The length beyond which a line is no gate, m."""
+STRAIGHTNESS = 1.0
+"""The distance of its corners from the line through its ends up to which a line is straight, m."""
+# What a file does not say, m; assumptions.
+CROWD_DISTANCE = 100.0
+OBSTACLE_HEIGHT = 50.0
+OBSTACLE_HEIGHT_MIN = 0.1
+"""The least height of an obstacle, m; one of 0 m is none."""
 HEIGHT = re.compile(r"(\d+(?:[.,]\d+)?) ?(m|ft|feet|metres?|meters?)\b", re.IGNORECASE)
 SIDE = re.compile(r"[ _-]*(?<![a-z])(left|right|l|r)(?![a-z])", re.IGNORECASE)
 NOTICE = """\
@@ -79,11 +64,9 @@ class ImportRemark:
     def text(self) -> str:
         """The remark in words."""
         thing = f"'{self.name}', {self.form}" if self.name else f"{self.form} without a name"
-        return (
-            f"guessed: {thing}, is {self.taken_as}: {self.reason}"
-            if self.taken_as
-            else (f"not taken over: {thing}: {self.reason}")
-        )
+        if self.taken_as:
+            return f"guessed: {thing}, is {self.taken_as}: {self.reason}"
+        return f"not taken over: {thing}: {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -96,8 +79,11 @@ class SketchedCourse:
 
 @dataclass(frozen=True)
 class _SketchedElement:
-    """An element: its name, its two pylons or its only one, as the file has them and in metres; whether its pylons are
-    called left and right.
+    """A gate or a pylon.
+
+    Attributes:
+        places, points: of its pylons, one or two: latitude and longitude, degrees, and metres.
+        sided: whether the names of its pylons say left and right.
     """
 
     name: str
@@ -107,8 +93,8 @@ class _SketchedElement:
 
     @property
     def middle(self) -> Point:
-        count = len(self.points)
-        return Point(sum(one.north for one in self.points) / count, sum(one.east for one in self.points) / count)
+        north, east = sum(point.north for point in self.points), sum(point.east for point in self.points)
+        return Point(north / len(self.points), east / len(self.points))
 
 
 def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> SketchedCourse:
@@ -122,12 +108,12 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
     Raises:
         InputError: they hold no two elements.
     """
-    latitude, longitude = next(one.places[0] for one in marks if one.places)
+    latitude, longitude = next(mark.places[0] for mark in marks if mark.places)
     sketch = _Sketch(Origin(math.radians(latitude), math.radians(longitude)))
     others = sketch.take_elements(marks)
     if len(sketch.elements) < 2:
         refuse(path, 0, "holds no two gates or pylons: expected points, or lines from pylon to pylon")
-    for mark in sorted(others, key=lambda one: one.named is not Subject.AIRSPACE):
+    for mark in sorted(others, key=lambda mark: mark.named_subject is not Subject.AIRSPACE):
         sketch.take_surroundings(mark)
     elements, lap = sketch.elements, sketch.passings()
     track = {
@@ -136,16 +122,17 @@ def sketch_course(path: str, title: str, marks: Sequence[Placemark]) -> Sketched
         "aircraft": "edge540",
         "origin": {**_degrees([(latitude, longitude)])[0], "elevation_m": 0},
         "rules": {"n_z_max": 10, "floor_m": 10, "start_speed_max_kt": 200},
-        "gates": {one.name: sketch.element(index) for index, one in enumerate(elements)},
-        **({"safety_lines": sketch.lines} if sketch.lines else {}),
-        **({"crowd": sketch.crowd} if sketch.crowd else {}),
-        **({"obstacles": sketch.obstacles} if sketch.obstacles else {}),
-        **({"airspace": sketch.airspace} if sketch.airspace else {}),
+        "gates": {element.name: sketch.element(index) for index, element in enumerate(elements)},
+        "safety_lines": sketch.lines,
+        "crowd": sketch.crowd,
+        "obstacles": sketch.obstacles,
+        "airspace": sketch.airspace,
         "course": {"start": elements[0].name, "lap": lap},
     }
+    track = {key: value for key, value in track.items() if value not in ({}, [])}
     text = yaml.safe_dump(track, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
-    listed = "".join(f"# {one.text}\n" for one in sketch.remarks)
-    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + listed, tuple(sketch.remarks))
+    remarks = "".join(f"# {remark.text}\n" for remark in sketch.remarks)
+    return SketchedCourse(NOTICE.format(path=_printable(path)) + text + remarks, tuple(sketch.remarks))
 
 
 class _Sketch:
@@ -166,7 +153,7 @@ class _Sketch:
 
     def take_elements(self, marks: Sequence[Placemark]) -> list[Placemark]:
         """Take the elements; return the placemarks that may be something else."""
-        partners, worded = _partners(marks), any(one.named is Subject.ELEMENT for one in marks)
+        partners, has_names = _partners(marks), any(mark.named_subject is Subject.ELEMENT for mark in marks)
         others: list[Placemark] = []
         for index, mark in enumerate(marks):
             if index in partners:
@@ -181,24 +168,24 @@ class _Sketch:
                 others.append(mark)
             elif mark.shape is PlacemarkShape.LINE:
                 self._take_line(mark)
-            elif mark.subject is None and mark.name and worded:
+            elif mark.subject is None and mark.name and has_names:
                 self._drop(mark, "its name is not that of a gate or a pylon, as names of others are")
             else:
                 self._add(mark.name, mark.places)
                 if _side(mark):
                     self._guess(mark, "a single pylon", "there is none of the other side")
-                elif mark.named is not Subject.ELEMENT:
+                elif mark.named_subject is not Subject.ELEMENT:
                     self._guess(mark, "a pylon of the race", "its name does not say")
         return others
 
-    def _take_pair(self, one: Placemark, other: Placemark) -> None:
-        left, right = (one, other) if _side(one) == "l" else (other, one)
+    def _take_pair(self, first: Placemark, second: Placemark) -> None:
+        left, right = (first, second) if _side(first) == "l" else (second, first)
         places = (*left.places, *right.places)
         width = _width(self._points(places))
-        if 0.0 < width <= ASSUMED.gate_width_max:
-            self._add(SIDE.sub("", parted(one.name)), places, sided=True)
+        if 0.0 < width <= GATE_WIDTH_MAX:
+            self._add(SIDE.sub("", parted(first.name)), places, sided=True)
             return
-        for mark in (one, other):
+        for mark in (first, second):
             self._add(mark.name, mark.places)
             self._guess(mark, "a single pylon", f"the one of the other side stands {width:.0f} m away")
 
@@ -206,8 +193,8 @@ class _Sketch:
         width = _width(self._points(mark.places))
         if len(mark.places) > 2:
             self._drop(mark, "a gate is a line from pylon to pylon, and no word of its name tells what else it is")
-        elif not 0.0 < width <= ASSUMED.gate_width_max:
-            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {ASSUMED.gate_width_max:.0f} m")
+        elif not 0.0 < width <= GATE_WIDTH_MAX:
+            self._drop(mark, f"it is {width:.0f} m long, and a gate no wider than {GATE_WIDTH_MAX:.0f} m")
         else:
             self._add(mark.name, mark.places)
             if mark.name and mark.subject is not Subject.ELEMENT:
@@ -219,29 +206,26 @@ class _Sketch:
 
     def element(self, index: int) -> Mapping[str, object]:
         """Return the keys of an element."""
-        one, last = self.elements[index], len(self.elements) - 1
+        element, last = self.elements[index], len(self.elements) - 1
         before, after = self.elements[max(index - 1, 0)].middle, self.elements[min(index + 1, last)].middle
         way = Point(after.north - before.north, after.east - before.east)
-        if len(one.points) == 1:
-            side = _outside(before, one.middle, after, way)
-            return {"type": "pylon", **_degrees(one.places)[0], "pass_side_deg": side}
-        left, right = one.points
+        if len(element.points) == 1:
+            side = _outside(before, element.middle, after, way)
+            return {"type": "pylon", **_degrees(element.places)[0], "pass_side_deg": side}
+        left, right = element.points
         # the axis is a quarter turn to the left of the way from the left pylon to the right one
         forward = (right.east - left.east) * way.north - (right.north - left.north) * way.east
-        if one.sided and forward < 0.0:
-            self.remarks.append(
-                ImportRemark(
-                    one.name, "two points", "a gate", "the way leads through it with its left pylon on the right"
-                )
-            )
-        return {"type": "level", "pylons": _degrees(one.places if forward >= 0.0 else one.places[::-1])}
+        if element.sided and forward < 0.0:
+            reason = "the way leads through it with its left pylon on the right"
+            self.remarks.append(ImportRemark(element.name, "two points", "a gate", reason))
+        return {"type": "level", "pylons": _degrees(element.places if forward >= 0.0 else element.places[::-1])}
 
     def passings(self) -> list[object]:
-        """Return the elements behind the start with the safety lines that do not hold everywhere."""
+        """Return the elements after the start with the safety lines that do not hold everywhere."""
         lap: list[object] = []
-        for index, one in enumerate(self.elements[1:], start=1):
+        for index, element in enumerate(self.elements[1:], start=1):
             lines = [name for name, sides in self._sides.items() if sides[index - 1] and sides[index]]
-            lap.append({"gate": one.name, "safety_lines": lines} if lines else one.name)
+            lap.append({"gate": element.name, "safety_lines": lines} if lines else element.name)
         return lap
 
     # What lies around.
@@ -249,8 +233,8 @@ class _Sketch:
     def take_surroundings(self, mark: Placemark) -> None:
         """Take people, obstacles, safety lines and airspace."""
         is_area, subject = mark.shape is PlacemarkShape.AREA, mark.subject
-        if len(mark.places) > LIMITS.corners:
-            self._drop(mark, f"a course has room for {LIMITS.corners} corners of a thing; draw it with fewer")
+        if len(mark.places) > CORNERS_MAX:
+            self._drop(mark, f"a course has room for {CORNERS_MAX} corners of a thing; draw it with fewer")
         elif subject is Subject.CROWD:
             self._take_crowd(mark)
         elif subject is Subject.SAFETY_LINE and mark.shape is PlacemarkShape.LINE:
@@ -260,8 +244,9 @@ class _Sketch:
         elif subject is Subject.AIRSPACE and len(mark.places) > 2:
             self._take_airspace(mark)
         elif is_area and subject is not Subject.ELEMENT:
-            around = all(polygons.inside(one.middle, self._points(mark.places)) for one in self.elements)
-            if around and not self.airspace:
+            corners = self._points(mark.places)
+            encloses_all = all(polygons.inside(element.middle, corners) for element in self.elements)
+            if encloses_all and not self.airspace:
                 self._take_airspace(mark)
             else:
                 self._take_crowd(mark)
@@ -269,24 +254,22 @@ class _Sketch:
             self._drop(mark, f"that is no {subject.value if subject else 'gate'}")
 
     def _take_crowd(self, mark: Placemark) -> None:
-        if not self._has_room(mark, self.crowd, 1, LIMITS.crowds, "groups of people"):
+        if not self._has_room(mark, self.crowd, 1, CROWDS_MAX, "groups of people"):
             return
         shape = {PlacemarkShape.POINT: "point", PlacemarkShape.LINE: "line", PlacemarkShape.AREA: "polygon"}[mark.shape]
         places = _degrees(mark.places)
         where: object = places[0] if shape == "point" else places
-        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": ASSUMED.crowd_distance}
-        if mark.named is not Subject.CROWD:
+        self.crowd[_key(mark.name or "crowd", self._names)] = {shape: where, "distance_m": CROWD_DISTANCE}
+        if mark.named_subject is not Subject.CROWD:
             self._guess(mark, "people", "its name does not say")
 
     def _take_obstacle(self, mark: Placemark) -> None:
         """Take a mast, a box along every stretch of a line, or one around an area."""
-        found = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
-        named = (
-            float(found[1].replace(",", ".")) * (FOOT if found[2][0] in "fF" else 1.0)
-            if found
-            else ASSUMED.obstacle_height
-        )
-        height = min(max(named, ASSUMED.obstacle_height_min), SIZES.height_max)
+        match = HEIGHT.search(mark.name) or HEIGHT.search(mark.note)
+        stated = OBSTACLE_HEIGHT
+        if match:
+            stated = float(match[1].replace(",", ".")) * (FOOT if match[2][0] in "fF" else 1.0)
+        height = min(max(stated, OBSTACLE_HEIGHT_MIN), OBSTACLE_HEIGHT_MAX)
         points, what = self._points(mark.places), "an obstacle"
         boxes: list[dict[str, float]] = _degrees(mark.places) if mark.shape is PlacemarkShape.POINT else []
         if mark.shape is PlacemarkShape.LINE:
@@ -294,22 +277,20 @@ class _Sketch:
         elif mark.shape is PlacemarkShape.AREA:
             boxes, what = [_box_around(points)], "an obstacle, a box around it"
         longest = max(box.get(side, 0.0) for box in boxes for side in ("length_m", "width_m"))
-        if longest > SIZES.box_max:
-            reason = (
-                f"an obstacle is no longer than {SIZES.box_max / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
-            )
+        if longest > BOX_MAX:
+            reason = f"an obstacle is no longer than {BOX_MAX / 1000.0:g} km, and this is {longest / 1000.0:.1f} km"
             self._drop(mark, f"{reason}; draw it in parts")
             return
-        if not self._has_room(mark, self.obstacles, len(boxes), LIMITS.obstacles, "obstacles"):
+        if not self._has_room(mark, self.obstacles, len(boxes), OBSTACLES_MAX, "obstacles"):
             return
         for box in boxes:
             self.obstacles[_key(mark.name or "obstacle", self._names)] = {**box, "height_m": round(height, 1)}
-        if not found:
+        if not match:
             self._guess(mark, f"{what} {height:.0f} m high", "neither name nor note tells a height such as `60 m`")
-        elif height != named:
-            limits = f"the height of an obstacle is more than 0 and at most {SIZES.height_max:g} m"
-            self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {named:.4g} m are named")
-        elif mark.named is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
+        elif height != stated:
+            limits = f"the height of an obstacle is more than 0 and at most {OBSTACLE_HEIGHT_MAX:g} m"
+            self._guess(mark, f"{what} {height:g} m high", f"{limits}, and {stated:.4g} m are named")
+        elif mark.named_subject is not Subject.OBSTACLE or mark.shape is not PlacemarkShape.POINT:
             drawn = "a course knows masts, cylinders and boxes"
             self._guess(mark, what, "its name does not say" if mark.shape is PlacemarkShape.POINT else drawn)
 
@@ -320,30 +301,32 @@ class _Sketch:
         self.airspace = _degrees(mark.places)
         if mark.shape is PlacemarkShape.LINE:
             self._guess(mark, "the border of the airspace", "it is not closed")
-        elif mark.named is not Subject.AIRSPACE:
+        elif mark.named_subject is not Subject.AIRSPACE:
             self._guess(mark, "the airspace", "all gates and pylons lie within it, and its name does not say")
 
     def _take_safety_line(self, mark: Placemark) -> None:
         """Take a straight line, or every stretch of a bent one: on the side on which most elements stand."""
         points, places = self._points(mark.places), mark.places
-        if all(abs(polygons.to_right(points[0], points[-1], one)) <= ASSUMED.straight for one in points[1:-1]):
+        if all(abs(polygons.to_right(points[0], points[-1], point)) <= STRAIGHTNESS for point in points[1:-1]):
             points, places = (points[0], points[-1]), (places[0], places[-1])
-        if not self._has_room(mark, self.lines, len(points) - 1, LIMITS.safety_lines, "safety lines"):
+        if not self._has_room(mark, self.lines, len(points) - 1, SAFETY_LINES_MAX, "safety lines"):
             return
         for number, ((start, end), corners) in enumerate(zip(pairwise(points), pairwise(places), strict=True), start=1):
-            rights = [polygons.to_right(start, end, one.middle) > 0.0 for one in self.elements]
-            right = 2 * sum(rights) >= len(rights)
-            beside = [one is right for one in rights]
+            sides = [polygons.to_right(start, end, element.middle) > 0.0 for element in self.elements]
+            right = 2 * sum(sides) >= len(sides)
+            beside = [side is right for side in sides]
             legs = sum(a and b for a, b in pairwise(beside))
-            what = "a safety line" if len(points) == 2 else f"a safety line along its stretch {number}, without ends"
+            what, where = "a safety line", "it"
+            if len(points) > 2:
+                what, where = f"a safety line along its stretch {number}, without ends", f"its stretch {number}"
             if not legs:
-                self._drop(mark, f"no leg lies on one side of {'it' if len(points) == 2 else f'its stretch {number}'}")
+                self._drop(mark, f"no leg lies on one side of {where}")
                 continue
             key, (first, last) = _key(mark.name or "safety_line", self._names), _degrees(corners)
             self.lines[key] = {"from": first, "to": last, "keep": "right" if right else "left"}
-            if legs < len(rights) - 1:
+            if legs < len(sides) - 1:
                 self._sides[key] = beside
-                what += f" on {legs} of {len(rights) - 1} legs"
+                what += f" on {legs} of {len(sides) - 1} legs"
                 self._guess(mark, what, "the others begin or end on the other side, on which fewer elements stand")
             elif len(points) > 2:
                 self._guess(mark, what, "a safety line of a course is straight, and this one is bent")
@@ -356,11 +339,12 @@ class _Sketch:
     def _drop(self, mark: Placemark, reason: str) -> None:
         self._guess(mark, "", reason)
 
-    def _has_room(self, mark: Placemark, taken: Sized, more: int, most: int, what: str) -> bool:
-        """Return whether so many more things make no more than a course has room for; drop the placemark if not."""
-        if len(taken) + more > most:
-            self._drop(mark, f"a course has room for {most} {what}, and with it there were {len(taken) + more}")
-        return len(taken) + more <= most
+    def _has_room(self, mark: Placemark, members: Sized, more: int, most: int, what: str) -> bool:
+        """Return whether a course has room for so many more members of a group; drop the placemark if not."""
+        total = len(members) + more
+        if total > most:
+            self._drop(mark, f"a course has room for {most} {what}, and with it there were {total}")
+        return total <= most
 
     def _points(self, places: Sequence[tuple[float, float]]) -> tuple[Point, ...]:
         latitude, longitude = np.radians(np.array(places, np.float64)).T
@@ -369,7 +353,7 @@ class _Sketch:
 
 
 def _partners(marks: Sequence[Placemark]) -> dict[int, int]:
-    """Return the pairs of points that are called alike but for the side, the second by the first."""
+    """Return the pairs of points whose names differ by their side alone: the index of the second by the first."""
     partners: dict[int, int] = {}
     waiting: dict[tuple[tuple[str, ...], str], int] = {}
     for index, mark in enumerate(marks):
@@ -386,8 +370,8 @@ def _partners(marks: Sequence[Placemark]) -> dict[int, int]:
 
 def _side(mark: Placemark) -> str:
     """Return the side that a name tells: `l`, `r` or nothing."""
-    found = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
-    return found[0] if len(found) == 1 else ""
+    sides = [SIDES[word] for word in words_of(mark.name) if word in SIDES]
+    return sides[0] if len(sides) == 1 else ""
 
 
 def _box_around(points: Sequence[Point]) -> dict[str, float]:
@@ -396,14 +380,14 @@ def _box_around(points: Sequence[Point]) -> dict[str, float]:
     for a, b in polygons.edges(points, closed=True):
         heading = math.atan2(b.east - a.east, b.north - a.north)
         cos, sin = math.cos(heading), math.sin(heading)
-        along = [one.north * cos + one.east * sin for one in points]
-        across = [one.east * cos - one.north * sin for one in points]
+        along = [point.north * cos + point.east * sin for point in points]
+        across = [point.east * cos - point.north * sin for point in points]
         u, v = 0.5 * (min(along) + max(along)), 0.5 * (min(across) + max(across))
-        length, width = (max(max(each) - min(each), 2.0) for each in (along, across))
+        length, width = max(max(along) - min(along), 2.0), max(max(across) - min(across), 2.0)
         place = {"north_m": round(u * cos - v * sin, 2), "east_m": round(u * sin + v * cos, 2)}
         size = {"length_m": round(length, 2), "width_m": round(width, 2)}
         boxes.append((length * width, {**place, **size, "heading_deg": round(math.degrees(heading) % 360.0, 2)}))
-    return min(boxes, key=lambda one: one[0])[1]
+    return min(boxes, key=lambda box: box[0])[1]
 
 
 def _width(points: Sequence[Point]) -> float:
@@ -422,21 +406,23 @@ def _form(mark: Placemark) -> str:
             return "no point, line or area"
 
 
-def _outside(before: Point, here: Point, after: Point, way: Point) -> int:
+def _outside(before: Point, pylon: Point, after: Point, way: Point) -> int:
     """Return the azimuth away from the inside of the turn at a pylon, deg; to the right of a straight way."""
-    north = 2.0 * here.north - before.north - after.north
-    east = 2.0 * here.east - before.east - after.east
+    north = 2.0 * pylon.north - before.north - after.north
+    east = 2.0 * pylon.east - before.east - after.east
     if math.hypot(north, east) < 0.02 * math.hypot(way.north, way.east):
         north, east = -way.east, way.north
     return round(math.degrees(math.atan2(east, north)) % 360.0)
 
 
 def _degrees(places: Sequence[tuple[float, float]]) -> list[dict[str, float]]:
-    return [{"latitude_deg": round(one[0], 8), "longitude_deg": round(one[1], 8)} for one in places]
+    return [
+        {"latitude_deg": round(latitude, 8), "longitude_deg": round(longitude, 8)} for latitude, longitude in places
+    ]
 
 
 def _key(name: str, names: set[str]) -> str:
-    """Return a name as a key that nothing else bears."""
+    """Return a name as a unique key."""
     plain = "_".join(re.findall(r"[A-Za-z0-9]+", name))[:40] or "g"
     plain = f"g_{plain}" if plain[0].isdigit() else plain
     number, key = 2, plain

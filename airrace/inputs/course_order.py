@@ -10,7 +10,16 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import LIMITS, KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.nodes import (
+    PASSAGES_MAX,
+    SAFETY_LINES_MAX,
+    KeyPath,
+    MappingNode,
+    Node,
+    Reporter,
+    ScalarNode,
+    SequenceNode,
+)
 from airrace.inputs.schema import Schema, ShorthandSchema, optional
 from airrace.quantities import Interval
 from airrace.track.course import Direction, Passage, SafetyLine
@@ -29,14 +38,14 @@ class PassingReferenceEntry(ShorthandSchema):
     direction: DirectionName | None = optional(
         "which way a two-pylon gate is passed; `planned`: whichever makes the shorter race"
     )
-    safety_lines: Annotated[list[str], Field(max_length=LIMITS.safety_lines)] = Field(
+    safety_lines: Annotated[list[str], Field(max_length=SAFETY_LINES_MAX)] = Field(
         default_factory=list[str],
         description="names of `safety_lines` not to be crossed on the leg that leads here; one that no passing names "
         "is not to be crossed on any leg",
     )
 
 
-Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=LIMITS.passages)]
+Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
 
 
 class CourseEntry(Schema):
@@ -65,7 +74,11 @@ class CourseEntry(Schema):
 
 @dataclasses.dataclass(frozen=True)
 class CourseReference:
-    """A passing as the file asks for it, as far as it can be read; `path` is where. The start has lap 0."""
+    """A passing as it stands at a path of the file, as far as it can be read; the start has lap 0.
+
+    Attributes:
+        safety_lines: names, each with its index in the file's list.
+    """
 
     path: KeyPath
     lap: int
@@ -78,19 +91,19 @@ class CourseReference:
         return (*self.path, "direction") if self.lap else ("course", "start_direction")
 
 
-def _references(course: MappingNode) -> list[CourseReference]:
-    """Return all passings in race order; those of a lap that is repeated once."""
-    start = course.scalar("start_direction")
-    found = [dataclasses.replace(_reference(course.get("start"), ("course", "start"), 0), direction=_text(start))]
+def references_of(course: MappingNode) -> list[CourseReference]:
+    """Return all passings in race order; those of a repeated lap once."""
+    start = _reference(course.get("start"), ("course", "start"), 0)
+    references = [dataclasses.replace(start, direction=_text(course.scalar("start_direction")))]
     for index, node in enumerate(_items(course.get("lap"))):
-        found.append(_reference(node, ("course", "lap", index), 1))
+        references.append(_reference(node, ("course", "lap", index), 1))
     for lap, items in enumerate(_items(course.get("each_lap"))):
         for index, node in enumerate(_items(items)):
-            found.append(_reference(node, ("course", "each_lap", lap, index), lap + 1))
+            references.append(_reference(node, ("course", "each_lap", lap, index), lap + 1))
     if "finish" in course.entries:
         laps = len(_items(course.get("each_lap"))) or course.scalar("laps")
-        found.append(_reference(course.get("finish"), ("course", "finish"), laps if isinstance(laps, int) else 1))
-    return found
+        references.append(_reference(course.get("finish"), ("course", "finish"), laps if isinstance(laps, int) else 1))
+    return references
 
 
 def _reference(node: Node | None, path: KeyPath, lap: int) -> CourseReference:
@@ -98,10 +111,12 @@ def _reference(node: Node | None, path: KeyPath, lap: int) -> CourseReference:
         case ScalarNode(value=str(gate)):
             return CourseReference(path, lap, gate)
         case MappingNode():
-            items = enumerate(_items(node.get("safety_lines")))
-            texts = ((index, _text(one.value)) for index, one in items if isinstance(one, ScalarNode))
-            lines = tuple((index, text) for index, text in texts if text is not None)
-            return CourseReference(path, lap, _text(node.scalar("gate")), _text(node.scalar("direction")), lines)
+            lines: list[tuple[int, str]] = []
+            for index, item in enumerate(_items(node.get("safety_lines"))):
+                if isinstance(item, ScalarNode) and isinstance(item.value, str):
+                    lines.append((index, item.value))
+            gate, direction = _text(node.scalar("gate")), _text(node.scalar("direction"))
+            return CourseReference(path, lap, gate, direction, tuple(lines))
         case _:
             return CourseReference(path, lap, None)
 
@@ -117,19 +132,19 @@ def _text(value: object) -> str | None:
 def check_references(reporter: Reporter) -> None:
     """Report names of gates and safety lines that do not exist, and gates passed twice in a row.
 
-    The check works on the tree alone, so that a fault elsewhere hides nothing.
+    The check works on the tree, so that it does not depend on the rest of the document being valid.
     """
     course, gates = reporter.find(("course",)), reporter.find(("gates",))
     if not isinstance(course, MappingNode):
         return
-    references = _references(course)
-    if len(references) > LIMITS.passages:
+    references = references_of(course)
+    if len(references) > PASSAGES_MAX:
         return  # the schema reports that, and nothing else matters then
     if isinstance(gates, MappingNode):
-        for one in references:
-            if one.gate is not None and one.gate not in gates.entries:
-                meant = reporter.suggestion(one.gate, gates.entries.keys())
-                reporter.value(one.path, f"unknown gate `{one.gate}`{meant}")
+        for reference in references:
+            if reference.gate is not None and reference.gate not in gates.entries:
+                hint = reporter.suggestion(reference.gate, gates.entries.keys())
+                reporter.value(reference.path, f"unknown gate `{reference.gate}`{hint}")
         _check_neighbours(references, course, gates, reporter)
     if any(isinstance(course.get(key), SequenceNode) for key in ("lap", "each_lap")):
         _check_lines(references, reporter)
@@ -138,25 +153,31 @@ def check_references(reporter: Reporter) -> None:
 def _check_neighbours(
     references: Sequence[CourseReference], course: MappingNode, gates: MappingNode, reporter: Reporter
 ) -> None:
-    pairs = list(pairwise(references)) if any(len(one.path) > 2 for one in references) else []
+    has_laps = any(len(reference.path) > 2 for reference in references)
+    pairs = list(pairwise(references)) if has_laps else []
     laps = course.scalar("laps")
-    repeated = [one for one in references if one.path[:2] == ("course", "lap")]
-    if repeated and isinstance(laps, int) and laps > 1:
-        pairs.append((repeated[-1], repeated[0]))
-    twice = {after.path: after.gate for before, after in pairs if before.gate == after.gate}
-    for path, gate in twice.items():
+    lap = _of_lap(references)
+    if lap and isinstance(laps, int) and laps > 1:
+        pairs.append((lap[-1], lap[0]))
+    repeated = {after.path: after.gate for before, after in pairs if before.gate == after.gate}
+    for path, gate in repeated.items():
         if gate in gates.entries:
             reporter.value(path, f"`{gate}` is passed twice in a row; another element must come between")
 
 
+def _of_lap(references: Sequence[CourseReference]) -> list[CourseReference]:
+    """Return the passings of the lap that is repeated."""
+    return [reference for reference in references if reference.path[:2] == ("course", "lap")]
+
+
 def _check_lines(references: Sequence[CourseReference], reporter: Reporter) -> None:
     lines = reporter.find(("safety_lines",))
-    known = list(lines.entries) if isinstance(lines, MappingNode) else []
-    for one in references:
-        for index, name in one.safety_lines:
-            if name not in known:
-                meant = reporter.suggestion(name, known) or "; there are none in `safety_lines`"
-                reporter.value((*one.path, "safety_lines", index), f"unknown safety line `{name}`{meant}")
+    names = list(lines.entries) if isinstance(lines, MappingNode) else []
+    for reference in references:
+        for index, name in reference.safety_lines:
+            if name not in names:
+                hint = reporter.suggestion(name, names) or "; there are none in `safety_lines`"
+                reporter.value((*reference.path, "safety_lines", index), f"unknown safety line `{name}`{hint}")
 
 
 def build_passages(
@@ -166,16 +187,16 @@ def build_passages(
     start_speed: Interval,
     reporter: Reporter,
 ) -> tuple[Passage, ...]:
-    """Return every passage; they are only of use if nothing was reported. Names that do not exist are passed over.
+    """Return every passage; valid only if nothing was reported. Unknown names are skipped.
 
     A safety line that no passing names holds on all legs.
     """
     course = reporter.find(("course",))
     if not _check_laps(entry, reporter) or not isinstance(course, MappingNode):
         return ()
-    references = _references(course)
-    named = {name for one in references for _, name in one.safety_lines}
-    everywhere = tuple(line for name, line in lines.items() if name not in named)
+    references = references_of(course)
+    on_some_legs = {name for reference in references for _, name in reference.safety_lines}
+    everywhere = tuple(line for name, line in lines.items() if name not in on_some_legs)
     passages: list[Passage] = []
     seen: Counter[str] = Counter()
     checked: set[tuple[KeyPath, str]] = set()  # a remark on a repeated lap is made once
@@ -206,23 +227,23 @@ def build_passages(
                 )
             )
         before = element
-    _check_everywhere(
-        everywhere, [elements[one.gate] for one in references if one.gate and one.gate in elements], reporter
-    )
+    passed = [elements[reference.gate] for reference in references if reference.gate and reference.gate in elements]
+    _check_everywhere(everywhere, passed, reporter)
     return tuple(passages)
 
 
 def _flight(references: Sequence[CourseReference], laps: int) -> Iterator[CourseReference]:
     """Yield the passings with those of a repeated lap as often as there are laps."""
-    lap = [one for one in references if one.path[:2] == ("course", "lap")]
+    lap = _of_lap(references)
     yield references[0]
     for number in range(1, laps + 1):
-        yield from (dataclasses.replace(one, lap=number) for one in lap)
+        for reference in lap:
+            yield dataclasses.replace(reference, lap=number)
     yield from references[1 + len(lap) :]
 
 
 def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
-    """Return whether the course says its laps in one way, and not too many; report where it does not."""
+    """Return whether the course gives its laps in one way, and not too many; report if not."""
     if entry.lap is None and entry.each_lap is None:
         reporter.key(
             ("course", "lap"),
@@ -236,10 +257,10 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
                 return False
     laps = entry.laps or 1
     total = laps * len(entry.lap or ()) + sum(len(lap) for lap in entry.each_lap or ())
-    if total > LIMITS.passages:
+    if total > PASSAGES_MAX:
         path = ("course", "laps" if laps > 1 else "lap" if entry.lap else "each_lap")
-        reporter.value(path, f"{total} passings are too many; at most {LIMITS.passages}")
-    return total <= LIMITS.passages
+        reporter.value(path, f"{total} passings are too many; at most {PASSAGES_MAX}")
+    return total <= PASSAGES_MAX
 
 
 def _check_reference(reference: CourseReference, element: CompositeElement, reporter: Reporter) -> None:
@@ -272,13 +293,13 @@ def _check_everywhere(lines: Sequence[SafetyLine], passed: Sequence[CompositeEle
 
 
 def _where_beyond(line: SafetyLine, element: CompositeElement) -> str:
-    """Return in words where an element stands that is beyond a line or within its margin; nothing where it is not."""
+    """Return in words where an element stands that is beyond a line or within its margin; else nothing."""
     if element.position is None or line.start == line.end:
         return ""
-    room = line.room(element.position[0])
-    if not room < line.margin:
+    distance = line.room(element.position[0])
+    if not distance < line.margin:
         return ""
-    return f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"
+    return f"{-distance:.4g} m beyond it" if distance < 0.0 else f"{distance:.4g} m from it"
 
 
 def _check_sides(

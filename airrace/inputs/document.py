@@ -1,6 +1,5 @@
-"""Documents: the text of an input file with the path under which messages name it, and those that come along."""
+"""Documents: the texts of input files with the paths that messages name, and the shipped courses and aircraft."""
 
-import difflib
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from airrace.errors import Finding
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import SIZE_MAX, most_similar
 from airrace.resources import shipped_folder
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
@@ -46,11 +45,11 @@ def read_content(path: Path, findings: list[Finding], names: Sequence[str] = ())
     problem = ""
     try:
         if path == STANDARD or path.is_file():
-            content = read_bytes(path, LIMITS.size + 1)
+            content = read_bytes(path, SIZE_MAX + 1)
             logger.info("%s is read", name_of(path))
-            if len(content) <= LIMITS.size:
+            if len(content) <= SIZE_MAX:
                 return content
-            problem = f"is too large: at most {LIMITS.size} bytes are read"
+            problem = f"is too large: at most {SIZE_MAX} bytes are read"
         else:
             problem = "is not a file" if path.exists() else missing_file(path, names)
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
@@ -61,31 +60,27 @@ def read_content(path: Path, findings: list[Finding], names: Sequence[str] = ())
 
 
 def missing_file(path: Path, names: Sequence[str] = ()) -> str:
-    """Return the message that a file does not exist, with the most similar name beside it or among `names`."""
+    """Return the message that a file does not exist, with the most similar file beside it or else of `names`."""
     try:
         neighbours = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return f"no such file: {path} (its folder does not exist either)"
-    if similar := difflib.get_close_matches(path.name, neighbours, n=1):
-        return f"no such file: {path}; did you mean `{similar[0]}`?"
-    if similar := difflib.get_close_matches(path.name, names, n=1):
-        return f"no such file: {path}; did you mean `{similar[0]}`, which comes with airrace?"
+    if similar := most_similar(path.name, neighbours):
+        return f"no such file: {path}; did you mean `{similar}`?"
+    if similar := most_similar(path.name, names):
+        return f"no such file: {path}; did you mean `{similar}`, which comes with airrace?"
     return f"no such file: {path}"
 
 
 @dataclass(frozen=True)
 class Collection:
-    """A collection of documents of one kind that come along, each under the name of its file without the suffix.
-
-    Attributes:
-        folder: the name of their folder.
-    """
+    """The shipped documents of one kind, each named like its file without the suffix, in a folder of the package."""
 
     folder: str
 
     @property
     def path(self) -> Path:
-        """The folder in which the documents lie."""
+        """The folder of the documents."""
         return shipped_folder(self.folder)
 
     @property
@@ -93,56 +88,47 @@ class Collection:
         """The names of all documents, in alphabetical order."""
         return _names(self.path)
 
-    def file(self, named: Path, beside: Path = Path()) -> Path:
-        """Return the file that a path or a name stands for.
+    # `name` is a path, relative to the folder `beside`, or the bare name of a shipped document.
 
-        A file of that path comes first, then the same path with `.yaml`, then what comes along under that name. Where
-        there is none of them, the path itself is returned, so that whoever reads it says that it is missing.
-
-        Args:
-            named: a path, or the bare name of what comes along.
-            beside: the folder that a relative path starts from.
-        """
-        path = beside / named
-        spelt_out = path.with_name(path.name + SUFFIX) if path.name else path
-        for candidate in (path, spelt_out):
+    def file(self, name: Path, beside: Path = Path()) -> Path:
+        """Return the file: at the path, at the path with `.yaml`, or shipped; the path itself where there is none."""
+        path = beside / name
+        with_suffix = path.with_name(path.name + SUFFIX) if path.name else path
+        for candidate in (path, with_suffix):
             if _is_file(candidate):
                 return candidate
-        return self.path / spelt_out.name if self.has(named) else path
+        return self.path / with_suffix.name if self.has(name) else path
 
-    def has(self, named: Path) -> bool:
-        """Return whether a path is the bare name of something that comes along."""
-        return len(named.parts) == 1 and named.name in self.names
+    def has(self, name: Path) -> bool:
+        """Return whether a path is the bare name of a shipped document."""
+        return len(name.parts) == 1 and name.name in self.names
 
-    def read(self, named: Path, findings: list[Finding], beside: Path = Path()) -> Document | None:
-        """Read what a path or a name stands for; what is wrong with it becomes one finding, and the result None.
+    def read(self, name: Path, findings: list[Finding], beside: Path = Path()) -> Document | None:
+        """Read a document, `-` from stdin; what is wrong with it becomes one finding, and the result None.
 
-        What comes along is called by its name, everything else by the path of its file; `-` is stdin.
+        A shipped document is called by its name, any other by the path of its file.
         """
-        if named == STANDARD:
-            return read_document(named, findings)
-        document = read_document(self.file(named, beside), findings, self.names)
-        return None if document is None else Document(str(self.meant(named, beside)), document.text)
+        if name == STANDARD:
+            return read_document(name, findings)
+        document = read_document(self.file(name, beside), findings, self.names)
+        return None if document is None else Document(str(self.label(name, beside)), document.text)
 
-    def meant(self, named: Path, beside: Path = Path()) -> Path:
-        """Return what users call the file that a path or a name stands for.
+    def label(self, name: Path, beside: Path = Path()) -> Path:
+        """Return the name of a shipped document, and the path of any other file."""
+        file = self.file(name, beside)
+        return name if self.has(name) and file.parent == self.path else file
 
-        That is the name of what comes along, and the path of every other file.
-        """
-        file = self.file(named, beside)
-        return named if self.has(named) and file.parent == self.path else file
+    def finds(self, name: Path, beside: Path = Path()) -> bool:
+        """Return whether there is such a file."""
+        return _is_file(self.file(name, beside))
 
-    def finds(self, named: Path, beside: Path = Path()) -> bool:
-        """Return whether a path or a name stands for a file that exists."""
-        return _is_file(self.file(named, beside))
-
-    def missing(self, named: Path, beside: Path = Path()) -> str:
-        """Return the message that nothing is found under a path or a name."""
-        return missing_file(beside / named, self.names)
+    def missing(self, name: Path, beside: Path = Path()) -> str:
+        """Return the message that there is no such file."""
+        return missing_file(beside / name, self.names)
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether there is such a file; a path that the system does not even accept is none."""
+    """Return whether there is such a file; a path that the system refuses is none."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""All inputs of a run, read, checked and understood; what is wrong is reported all at once."""
+"""All inputs of a run, read, checked and built; all findings are reported at once."""
 
 import dataclasses
 import math
@@ -15,7 +15,7 @@ from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import AircraftEntry, build_aircraft, weight_not_carried
 from airrace.inputs.course_order import check_references
 from airrace.inputs.document import AIRCRAFT, TRACKS, Collection, Document, read_document
-from airrace.inputs.nodes import JSON, LIMITS, MappingNode, Place, Reporter, ScalarNode, dotted
+from airrace.inputs.nodes import FINDINGS_MAX, JSON, QUOTE_MAX, MappingNode, Place, Reporter, ScalarNode, dotted
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
@@ -76,9 +76,9 @@ def load_inputs(
     """Read and check the files of a run; a document stands for a file that is read already.
 
     Args:
-        track: the track file, or the name of a course that comes along; it names the aircraft likewise, with a path
-            relative to itself.
-        aircraft: an aircraft file, or the name of one that comes along, instead of the track's.
+        track: the track file, or the name of a shipped course; it names the aircraft likewise, with a path relative to
+            itself.
+        aircraft: an aircraft file, or the name of a shipped aircraft, instead of the track's.
         settings: a settings file.
         overrides: `key=value`; keys are the track's, or with `aircraft.` or `settings.` before them those documents'.
 
@@ -86,15 +86,15 @@ def load_inputs(
         InputError: the inputs are not valid; it carries all findings.
     """
     reader = DocumentReader(overrides)
-    opened, its_aircraft = reader.track_and_aircraft(track, aircraft)
+    parsed_track, aircraft_document = reader.track_and_aircraft(track, aircraft)
     settings_file = None if settings is None else read_document(Path(settings), reader.findings)
-    return _inputs(reader, opened, its_aircraft, settings_file)
+    return _inputs(reader, parsed_track, aircraft_document, settings_file)
 
 
 def read_documents(
     track: Path, *, aircraft: Path | None = None, overrides: Sequence[str] = ()
 ) -> tuple[Document, Document]:
-    """Return the track and the aircraft that flies it as texts, of which nothing else is understood yet.
+    """Return the texts of the track and of the aircraft that flies it, not validated yet.
 
     Args:
         track: see `load_inputs`; an override may name the aircraft, too.
@@ -104,22 +104,22 @@ def read_documents(
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
     """
-    opened, its_aircraft = DocumentReader(overrides).track_and_aircraft(track, aircraft)
-    if opened is None or its_aircraft is None:
+    parsed_track, aircraft_document = DocumentReader(overrides).track_and_aircraft(track, aircraft)
+    if parsed_track is None or aircraft_document is None:
         inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises with all findings
         return inputs.track, inputs.aircraft
-    return opened.document, its_aircraft
+    return parsed_track.document, aircraft_document
 
 
-def read_named(collection: Collection, named: str | Path | Document, findings: list[Finding]) -> Document | None:
-    """Return the document that a path or a name stands for; a document is handed back as it is."""
-    return named if isinstance(named, Document) else collection.read(Path(named), findings)
+def read_named(collection: Collection, name: str | Path | Document, findings: list[Finding]) -> Document | None:
+    """Return the document at a path or of a name; a document is returned unchanged."""
+    return name if isinstance(name, Document) else collection.read(Path(name), findings)
 
 
 def inputs_from_documents(
     track: Document, aircraft: Document, settings_file: Document | None, overrides: Sequence[str]
 ) -> Inputs:
-    """Understand and check documents that are read already, for resuming a run; no file is touched.
+    """Check documents that are read already, for resuming a run; no file is touched.
 
     Raises:
         InputError: the inputs are not valid; it carries all findings.
@@ -129,7 +129,7 @@ def inputs_from_documents(
 
 
 @dataclasses.dataclass(frozen=True)
-class OpenedDocument:
+class ParsedDocument:
     """A document that is YAML of the right schema, with the overrides made; one of objects has no keys at all."""
 
     document: Document
@@ -144,7 +144,7 @@ class DocumentReader:
         self.texts = tuple(overrides)
         self._overrides = parse_overrides(overrides, self.findings)
 
-    def open(self, document: Document | None, kind: str) -> OpenedDocument | None:
+    def open(self, document: Document | None, kind: str) -> ParsedDocument | None:
         """Read the YAML; return None if the document is missing or cannot be trusted to be what it should be.
 
         Args:
@@ -153,59 +153,61 @@ class DocumentReader:
         """
         if document is None:
             return None
-        mine = [override for override in self._overrides if override.document == kind]
+        overrides = [override for override in self._overrides if override.document == kind]
         if is_of_objects(document):
             message = "cannot be set here: this was built in Python, so change it there"
-            self.findings.extend(Finding(PLACE.file, 0, 0, dotted(one.path), message) for one in mine)
-            return OpenedDocument(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
+            for override in overrides:
+                self.findings.append(Finding(PLACE.file, 0, 0, dotted(override.path), message))
+            return ParsedDocument(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
         models: dict[str, type[Schema]] = {"aircraft": AircraftEntry, "settings": SettingsEntry}
         model = models.get(kind) or track_language()
         with gather(self.findings):
-            root = apply_overrides(read_mapping(document, model), mine, self.findings, model)
-            prefix, others = (f"{kind}.", ()) if kind in PREFIXED else ("", tuple(f"{one}." for one in PREFIXED))
-            reporter = Reporter(root, self.findings, prefix=prefix, others=others)
-            language, found = language_of(model), root.scalar("schema")
-            if found in languages_of(model):
-                return OpenedDocument(document, reporter)
+            root = apply_overrides(read_mapping(document, model), overrides, self.findings, model)
+            if kind in PREFIXED:
+                reporter = Reporter(root, self.findings, prefix=f"{kind}.")
+            else:
+                reporter = Reporter(root, self.findings, other_prefixes=tuple(f"{name}." for name in PREFIXED))
+            language, actual = language_of(model), root.scalar("schema")
+            if actual in languages_of(model):
+                return ParsedDocument(document, reporter)
             if "schema" in root.entries:
-                reporter.value(("schema",), f"expected `schema: {language}`, found `{found}`")
+                reporter.value(("schema",), f"expected `schema: {language}`, found `{actual}`")
             else:
                 reporter.key(("schema",), f"missing; the file must begin with `schema: {language}`")
         return None
 
     def track_and_aircraft(
         self, track: str | Path | Document, aircraft: str | Path | Document | None
-    ) -> tuple[OpenedDocument | None, Document | None]:
-        """Return the track, and the aircraft that is given or else named there; None stands for what is not found.
+    ) -> tuple[ParsedDocument | None, Document | None]:
+        """Return the track, and the given aircraft or else the one that the track names; None for a missing one.
 
-        The name of an aircraft is that of a file, by a path relative to the track's folder, or that of one that comes
-        along.
+        A track names a file by its path relative to the track's folder, or a shipped aircraft.
         """
-        opened = self.open(read_named(TRACKS, track, self.findings), "track")
+        parsed = self.open(read_named(TRACKS, track, self.findings), "track")
         if aircraft is not None:
-            return opened, read_named(AIRCRAFT, aircraft, self.findings)
-        if opened is None:
+            return parsed, read_named(AIRCRAFT, aircraft, self.findings)
+        if parsed is None:
             return None, None
-        if is_of_objects(opened.document):
+        if is_of_objects(parsed.document):
             message = "a course that was built in Python names no aircraft"
-            self.findings.append(Finding(opened.document.path, 0, 0, "", message))
-            return opened, None
-        node = opened.reporter.root.get("aircraft")
+            self.findings.append(Finding(parsed.document.path, 0, 0, "", message))
+            return parsed, None
+        node = parsed.reporter.root.get("aircraft")
         if node is None:
-            opened.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
+            parsed.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
-            return opened, None  # the schema reports what is no text
+            return parsed, None  # the schema reports what is no text
         folder = (Path(track.path) if isinstance(track, Document) else TRACKS.file(Path(track))).parent
-        named = Path(node.value)
-        if not AIRCRAFT.finds(named, folder):
-            opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
-            return opened, None
-        return opened, AIRCRAFT.read(named, self.findings, folder)
+        name = Path(node.value)
+        if not AIRCRAFT.finds(name, folder):
+            parsed.reporter.value(("aircraft",), AIRCRAFT.missing(name, folder))
+            return parsed, None
+        return parsed, AIRCRAFT.read(name, self.findings, folder)
 
 
 @contextmanager
 def gather(findings: list[Finding]) -> Generator[None]:
-    """Add what is wrong with an input to the findings instead of raising it."""
+    """Add the findings of an InputError to others instead of raising it."""
     try:
         yield
     except InputError as error:
@@ -213,35 +215,35 @@ def gather(findings: list[Finding]) -> Generator[None]:
 
 
 def _inputs(
-    reader: DocumentReader, track: OpenedDocument | None, aircraft: Document | None, settings_file: Document | None
+    reader: DocumentReader, track: ParsedDocument | None, aircraft: Document | None, settings_file: Document | None
 ) -> Inputs:
-    """Understand all documents.
+    """Validate and build all documents.
 
     Raises:
         InputError: the inputs are not valid; it carries all findings.
     """
-    opened_aircraft = reader.open(aircraft, "aircraft")
-    opened_settings = reader.open(settings_file or NO_SETTINGS, "settings")
+    parsed_aircraft = reader.open(aircraft, "aircraft")
+    parsed_settings = reader.open(settings_file or NO_SETTINGS, "settings")
     entry: TrackEntry | None = None
-    scene: CourseAndAir | None = None
+    course_and_air: CourseAndAir | None = None
     model: Aircraft | None = None
     settings: Settings | None = None
     with gather(reader.findings):
         if track and is_of_objects(track.document):
-            scene = course_and_air_of(track.document)
+            course_and_air = course_and_air_of(track.document)
         elif track:
             entry = validate(track_language(), track.reporter)
             check_references(track.reporter)
-            scene = build_course_and_air(entry, track.reporter) if entry else None
+            course_and_air = build_course_and_air(entry, track.reporter) if entry else None
     with gather(reader.findings):
-        if opened_aircraft and is_of_objects(opened_aircraft.document):
-            model = aircraft_of(opened_aircraft.document)
-        elif opened_aircraft:
-            model = read_aircraft(opened_aircraft.reporter)
-    if opened_settings and (settings_entry := validate(SettingsEntry, opened_settings.reporter)):
-        settings = build_settings(settings_entry, opened_settings.reporter)
-    if track and aircraft and scene and model and settings and not reader.findings:
-        race = Race(scene.course, model, scene.air)
+        if parsed_aircraft and is_of_objects(parsed_aircraft.document):
+            model = aircraft_of(parsed_aircraft.document)
+        elif parsed_aircraft:
+            model = read_aircraft(parsed_aircraft.reporter)
+    if parsed_settings and (settings_entry := validate(SettingsEntry, parsed_settings.reporter)):
+        settings = build_settings(settings_entry, parsed_settings.reporter)
+    if track and aircraft and course_and_air and model and settings and not reader.findings:
+        race = Race(course_and_air.course, model, course_and_air.air)
         if entry:
             check_reserve(entry.rules.reserve, entry.margins, race, track.reporter)
             race = tightened(race, entry.margins, track.reporter)
@@ -261,43 +263,37 @@ def _inputs(
                 reserve=entry.rules.reserve if entry else None,
                 margins=entry.margins.by_key() if entry else {},
                 remark=entry.remark if entry else "",
-                pilot=pilot_name(scene.course.rules.pilot, entry.pilot_preset if entry else "none"),
+                pilot=pilot_name(course_and_air.course.rules.pilot, entry.pilot_preset if entry else "none"),
             )
     raise InputError(shorten(reader.findings), len(reader.findings))
 
 
 def build_course_and_air(entry: TrackEntry, reporter: Reporter) -> CourseAndAir:
-    """Return the course and the air of a track; they are only of use if nothing was reported."""
+    """Return the course and the air of a track; valid only if nothing was reported."""
     return CourseAndAir(build_course(entry, reporter), entry.environment.build(Places(entry.origin, reporter)))
 
 
 def read_aircraft(reporter: Reporter) -> Aircraft | None:
-    """Return the aircraft of a document; it is only of use if nothing was reported."""
+    """Return the aircraft of a document; valid only if nothing was reported."""
     entry = validate(AircraftEntry, reporter)
     return build_aircraft(entry, reporter) if entry else None
 
 
 def shorten(findings: Sequence[Finding]) -> list[Finding]:
-    """Return at most `LIMITS.findings` findings per document, in its order.
-
-    Where there are more, one more finding says how many.
-    """
+    """Return at most `FINDINGS_MAX` findings per document, sorted, and one more that counts the rest."""
     shortened: list[Finding] = []
-    findings = [dataclasses.replace(one, message=_with_short_quotes(one.message)) for one in findings]
+    findings = [dataclasses.replace(finding, message=_with_short_quotes(finding.message)) for finding in findings]
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
-        mine = list(group)
-        shortened.extend(mine[: LIMITS.findings])
-        if len(mine) > LIMITS.findings:
-            rest = len(mine) - LIMITS.findings
-            shortened.append(
-                dataclasses.replace(mine[LIMITS.findings], message=f"and {rest} more findings from here on")
-            )
+        of_file = list(group)
+        shortened += of_file[:FINDINGS_MAX]
+        if rest := of_file[FINDINGS_MAX:]:
+            shortened.append(dataclasses.replace(rest[0], message=f"and {len(rest)} more findings from here on"))
     return shortened
 
 
 def _with_short_quotes(message: str) -> str:
     parts = message.split("`")  # every second part is quoted
-    parts[1::2] = [part if len(part) <= LIMITS.quote else part[: LIMITS.quote] + "..." for part in parts[1::2]]
+    parts[1::2] = [part if len(part) <= QUOTE_MAX else part[:QUOTE_MAX] + "..." for part in parts[1::2]]
     return "`".join(parts)
 
 
@@ -321,37 +317,37 @@ def check_together(race: Race, track: Reporter) -> None:
         track.value(("rules", *key.split(".")), text)
     gates = {passage.element.name: passage.element for passage in race.course.passages}
     pilot, n_z_max = rules.pilot, min(aircraft.envelope.n_z.upper, rules.n_z.upper)
-    low = next((one.name for one in gates.values() if one.heights.upper <= pilot.low_height), None)
+    low = next((gate.name for gate in gates.values() if gate.heights.upper <= pilot.low_height), None)
     if pilot.n_z_low > n_z_max and low is not None:  # else it might be flown above that height
         text = f"must be at most {n_z_max:g}, the largest load factor, for `{low}` is passed near the ground; "
         track.value(("rules", "pilot", "n_z_min_low"), f"{text}is {pilot.n_z_low:g}")
-    remarked: set[str] = set()
+    reported: set[str] = set()  # the passings of a quad share its numbers
     for gate in gates.values():
-        name, misfit = gate.base_name, gate.misfit(aircraft.airframe.b, aircraft.name)
-        if misfit is not None and name not in remarked:
+        misfit = gate.misfit(aircraft.airframe.b, aircraft.name)
+        if misfit is not None and gate.base_name not in reported:
+            reported.add(gate.base_name)
             key, text = misfit
-            track.value(("gates", name, key), text)
-            remarked.add(name)
+            track.value(("gates", gate.base_name, key), text)
 
 
 def sources_of(inputs: Inputs) -> tuple[tuple[str, str, str], ...]:
-    """Return what numbers are of, the schema of their file, and where they come from.
+    """Return the sources of the numbers of course and aircraft, and of the rules of a season.
 
-    They are those of the course, of the aircraft, and of the rules if these are a season's.
+    They are what the numbers are of, the schema of their file, and where they come from.
     """
-    found: list[tuple[str, str, str]] = []
+    sources: list[tuple[str, str, str]] = []
     reader = DocumentReader(inputs.overrides)
-    for what, document in (("track", inputs.track), ("aircraft", inputs.aircraft)):
-        opened = None if is_of_objects(document) else reader.open(document, what)
-        if opened is None:
-            found.append((what, "", "built in Python: no file says it"))
+    for kind, document in (("track", inputs.track), ("aircraft", inputs.aircraft)):
+        parsed = None if is_of_objects(document) else reader.open(document, kind)
+        if parsed is None:
+            sources.append((kind, "", "built in Python: no file says it"))
             continue
-        root = opened.reporter.root
+        root = parsed.reporter.root
         source, rules = root.scalar("source"), root.get("rules")
-        unnamed = "the file names none as a whole; see the comments beside its numbers"
-        found.append((what, str(root.scalar("schema")), str(source) if source else unnamed))
+        default = "the file names none as a whole; see the comments beside its numbers"
+        sources.append((kind, str(root.scalar("schema")), str(source or default)))
         preset = rules.scalar("preset") if isinstance(rules, MappingNode) else root.scalar("rules")
         if preset:
             entry = read_preset(str(preset))
-            found.append((f"rules {preset}", entry.schema_, entry.source))
-    return tuple(found)
+            sources.append((f"rules {preset}", entry.schema_, entry.source))
+    return tuple(sources)

@@ -76,8 +76,8 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     for key, numbers in (("scale", entry.scale), ("offset", entry.offset)):
         for name in numbers:
             if name not in FIELDS or name == "time":
-                known = ", ".join(one for one in FIELDS if one != "time")
-                reporter.value((key, name), f"`{name}` is nothing that is read as a number; known are {known}")
+                numeric = ", ".join(field for field in FIELDS if field != "time")
+                reporter.value((key, name), f"`{name}` is nothing that is read as a number; known are {numeric}")
     if reporter.findings:
         raise InputError(reporter.findings)
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
@@ -129,9 +129,9 @@ def _problem(name: str, text: str) -> str:
 def _zone(text: str) -> tzinfo | None:
     if text.upper() in ("UTC", "Z"):
         return UTC
-    if found := _OFFSET.fullmatch(text):
-        offset = timedelta(hours=int(found[2]), minutes=int(found[3]))
-        return timezone(-offset if found[1] == "-" else offset) if offset < timedelta(hours=15) else None
+    if match := _OFFSET.fullmatch(text):
+        offset = timedelta(hours=int(match[2]), minutes=int(match[3]))
+        return timezone(-offset if match[1] == "-" else offset) if offset < timedelta(hours=15) else None
     try:
         return ZoneInfo(text)
     except (ZoneInfoNotFoundError, ValueError, OSError):

@@ -1,4 +1,4 @@
-"""The tree of a YAML text between reader and schemas, in which every key and value keeps its place."""
+"""The tree of a YAML text between reader and schemas, in which every key and value keeps its place in the file."""
 
 import difflib
 from collections.abc import Collection, Mapping
@@ -6,46 +6,32 @@ from dataclasses import dataclass, field
 
 from airrace.errors import Finding
 
-
-@dataclass(frozen=True)
-class DocumentLimits:
-    """The largest documents that are read; the largest real course needs a hundredth of it.
-
-    Attributes:
-        size: of a file, bytes, and of a text, characters.
-        depth: of lists and mappings within one another.
-        values: in a document; ten thousand gates, each with ten keys, have half of them.
-        key: characters of a key.
-        reread: characters up to which a text that is no YAML is read again by PyYAML's own parser, whose messages are
-            the clearer ones.
-        findings: that are reported for one document.
-        quote: characters of a quoted word in a message.
-        names: that are listed where none is similar.
-        comparisons: of names for one document, about a second's work.
-        gates, passages, crowds, obstacles, corners, safety_lines, thermals: of a course, the corners of one area.
-        placemarks: of which a course is sketched.
-    """
-
-    size: int = 2 * 1024 * 1024
-    depth: int = 32
-    values: int = 200_000
-    key: int = 100
-    reread: int = 65_536
-    findings: int = 100
-    quote: int = 100
-    names: int = 20
-    comparisons: int = 50_000
-    gates: int = 10_000
-    passages: int = 10_000
-    crowds: int = 20
-    obstacles: int = 50
-    corners: int = 50
-    safety_lines: int = 100
-    thermals: int = 100
-    placemarks: int = 1000
-
-
-LIMITS = DocumentLimits()
+# The largest documents that are read; the largest real course needs a hundredth of it.
+SIZE_MAX = 2 * 1024 * 1024
+"""The size of a file, bytes, and of a text, characters."""
+DEPTH_MAX = 32
+"""Lists and mappings within one another."""
+VALUES_MAX = 200_000
+"""Values in a document; ten thousand gates, each with ten keys, have half of them."""
+KEY_LENGTH_MAX = 100
+REREAD_MAX = 65_536
+"""Characters up to which invalid YAML is parsed again by PyYAML's own parser, whose messages are clearer."""
+FINDINGS_MAX = 100
+"""Findings that are reported for one document."""
+QUOTE_MAX = 100
+"""Characters of a quoted word in a message."""
+NAMES_MAX = 20
+"""Names that are listed where none is similar."""
+COMPARISONS_MAX = 50_000
+"""Comparisons of names for one document, about a second's work."""
+GATES_MAX = PASSAGES_MAX = 10_000
+CROWDS_MAX = 20
+OBSTACLES_MAX = 50
+CORNERS_MAX = 50
+"""Corners of one area."""
+SAFETY_LINES_MAX = THERMALS_MAX = 100
+PLACEMARKS_MAX = 1000
+"""Placemarks of which a course is sketched."""
 
 ScalarValue = str | int | float | bool | None
 JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
@@ -117,46 +103,51 @@ Node = ScalarNode | SequenceNode | MappingNode
 
 def dotted(path: KeyPath) -> str:
     """Return a path of keys as messages name it, e.g. `gates.g4.heading_deg`; items of lists count from 0."""
-    return ".".join(str(part) for part in path)
+    return ".".join(map(str, path))
+
+
+def most_similar(word: str, names: Collection[str]) -> str:
+    """Return the name that a misspelt word may stand for; empty if none is similar."""
+    return next(iter(difflib.get_close_matches(word[:100], names, n=1)), "")
 
 
 @dataclass
 class Reporter:
-    """A reporter that turns remarks about entries of one document into findings with their place.
+    """Collects findings about entries of one document, each with its place in the file.
 
     Attributes:
         root: the document.
-        findings: where the findings are gathered.
-        prefix: what the keys begin with on the command line ("settings."); added where the value came from there.
-        others: prefixes of the other documents, where keys without one belong to this.
+        findings: the findings of all documents.
+        prefix: of keys on the command line ("settings."), added to those that come from there.
+        other_prefixes: those of the other documents, if this one has none.
     """
 
     root: MappingNode
     findings: list[Finding]
     prefix: str = ""
-    others: tuple[str, ...] = ()
+    other_prefixes: tuple[str, ...] = ()
     _comparisons: int = 0
 
     def value(self, path: KeyPath, message: str) -> None:
-        """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
+        """Report a value; where the entry is absent, the innermost element that should hold it."""
         self._add(self._place(path, at_key=False), path, message)
 
     def key(self, path: KeyPath, message: str) -> None:
-        """Remark on the key itself, or on an absent one."""
+        """Report a key, also an absent one."""
         self._add(self._place(path, at_key=True), path, message)
 
-    def suggestion(self, word: str, known: Collection[str]) -> str:
+    def suggestion(self, word: str, names: Collection[str]) -> str:
         """Return `; did you mean ...?` or `; known here: ...`, to be appended to a message.
 
-        It is empty where nothing is known, and after thousands of names of one document.
+        It is empty without names, and after thousands of names of one document.
         """
-        self._comparisons += len(known)
-        if not known or self._comparisons > LIMITS.comparisons:
+        self._comparisons += len(names)
+        if not names or self._comparisons > COMPARISONS_MAX:
             return ""
-        if similar := difflib.get_close_matches(word[:100], known, n=1):
-            return f"; did you mean `{similar[0]}`?"
-        first = list(known)[: LIMITS.names]
-        more = f" and {len(known) - len(first)} more" if len(known) > len(first) else ""
+        if similar := most_similar(word, names):
+            return f"; did you mean `{similar}`?"
+        first = list(names)[:NAMES_MAX]
+        more = f" and {len(names) - len(first)} more" if len(names) > len(first) else ""
         return f"; known here: {', '.join(first)}{more}"
 
     def is_set(self, path: KeyPath) -> bool:

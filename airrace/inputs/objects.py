@@ -1,8 +1,7 @@
-"""Courses and aircraft built in Python, as documents: what a run stores of them, and reads back exactly.
+"""Courses and aircraft built in Python, as documents that a run stores and reads back exactly.
 
-The document is JSON as pydantic writes it, in SI and radians; an element stands behind the name of its class, since
-kinds of elements differ in their fields. Only classes that courses, air and aircraft consist of are ever built from
-such a text.
+The document is JSON as pydantic writes it, in SI and radians; an element is tagged with the name of its class, as kinds
+of elements differ in their fields. Only classes of which courses, air and aircraft consist are built from such a text.
 """
 
 import json
@@ -26,14 +25,14 @@ from airrace.track.element import Element
 
 OBJECTS_SCHEMA = "airrace/objects/2"
 BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
-"""The text with which such a document begins."""
+"""The beginning of such a document."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class CourseAndAir:
-    """A course and the air of the day: what a track file says of a race."""
+    """A course and the air of the day: the contents of a track file."""
 
     course: Course
     air: Air
@@ -44,7 +43,7 @@ def document_of_objects(objects: CourseAndAir | Aircraft, name: str) -> Document
 
     Args:
         objects: a course with its air, or an aircraft.
-        name: what the document is called; runs are named after that of their course.
+        name: of the document; runs are named after that of their course.
 
     Raises:
         InputError: they hold something that is no part of a course or an aircraft.
@@ -61,7 +60,7 @@ def document_of_objects(objects: CourseAndAir | Aircraft, name: str) -> Document
 
 
 def is_of_objects(document: Document) -> bool:
-    """Return whether a document holds objects, and no text that a person wrote."""
+    """Return whether a document holds objects, not YAML."""
     return document.text.startswith(BEGIN)
 
 
@@ -71,20 +70,20 @@ def course_and_air_of(document: Document) -> CourseAndAir:
     Raises:
         InputError: they are not there, or the course cannot be raced.
     """
-    found = _read(document, CourseAndAir)
-    passages = found.course.passages
+    course_and_air = _read(document, CourseAndAir)
+    passages = course_and_air.course.passages
     names = [passage.name for passage in passages]
-    twice = next((name for name in names if names.count(name) > 1), "")
+    duplicate = next((name for name in names if names.count(name) > 1), "")
     problem = ""
     if len(passages) < 2:
         problem = "a course needs at least two passages: the first is the start, the last the finish"
-    elif twice:
-        problem = f"two passages are called `{twice}`; their names must differ"
+    elif duplicate:
+        problem = f"two passages are called `{duplicate}`; their names must differ"
     elif passages[0].element.position is None:
         problem = f"a race must start somewhere: `{passages[0].element.name}` has no position"
     if problem:
         raise InputError([Finding(document.path, 0, 0, "", problem)])
-    return found
+    return course_and_air
 
 
 def aircraft_of(document: Document) -> Aircraft:
@@ -136,6 +135,6 @@ def _reader(kind: Any) -> TypeAdapter[list[Any]]:  # Any: a class, and its insta
 def _elements(kind: type[Element]) -> dict[str, type[Element]]:
     """Return the classes of elements that have fields, by name."""
     classes = {kind.__name__: kind} if hasattr(kind, "__dataclass_fields__") else {}
-    for heir in kind.__subclasses__():
-        classes |= _elements(heir)
+    for subclass in kind.__subclasses__():
+        classes |= _elements(subclass)
     return classes

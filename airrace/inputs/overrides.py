@@ -48,9 +48,9 @@ def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Overr
 def apply_overrides(
     root: MappingNode, overrides: Sequence[Override], findings: list[Finding], schema: type[Schema]
 ) -> MappingNode:
-    """Return the document with the replacements made, in order; mappings on the way are made where absent.
+    """Return the document with the replacements made, in order; missing mappings on the way are created.
 
-    Where a shorthand stands, which the `schema` tells, replacements reach into what it stands for.
+    A shorthand of the `schema` is expanded where a replacement reaches into it.
     """
     for override in overrides:
         try:
@@ -65,7 +65,7 @@ def apply_overrides(
 
 
 def value_text(value: str | int | float | bool) -> str:
-    """Return a value as `--set` would be given it: text that looks like something else is quoted."""
+    """Return a value as `--set` takes it: text that looks like something else is quoted."""
     if isinstance(value, bool):
         return str(value).lower()
     if not isinstance(value, str):
@@ -104,12 +104,13 @@ def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Anno
         node = MappingNode(node.place, {schema.shorthand: MappingEntry(node.place, node)})
     if isinstance(node, MappingNode):
         entries = dict(node.entries)
-        known, within = entries.get(name), inner(tags_of(expected).get(str(node.scalar("type")), expected), name)
+        entry, annotation = entries.get(name), tags_of(expected).get(str(node.scalar("type")), expected)
         if value.value is None and not rest:
             entries.pop(name, None)
         else:
-            place = known.key_place if known and rest else PLACE
-            entries[name] = MappingEntry(place, _replace(known.value if known else None, rest, value, within))
+            place = entry.key_place if entry and rest else PLACE
+            child = _replace(entry.value if entry else None, rest, value, inner(annotation, name))
+            entries[name] = MappingEntry(place, child)
         return MappingNode(node.place, entries)
     if isinstance(node, SequenceNode):
         if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):

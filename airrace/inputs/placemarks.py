@@ -1,8 +1,7 @@
 """Placemarks of other programs: points, lines and areas with names, from KML, KMZ, GPX and GeoJSON.
 
 Parts of a geometry of several (`MultiGeometry`, `MultiPolygon`, ...) are placemarks of the same name; two points are a
-line. What has no geometry of these kinds, and the holes of areas, is returned as such, so that nobody loses it without
-a word.
+line. What has no geometry of these kinds, and the holes of areas, is returned as such, so that it can be reported.
 """
 
 import io
@@ -14,13 +13,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import read_content
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import PLACEMARKS_MAX, SIZE_MAX
 from airrace.logs.reading import DAMAGES, archive_entry, xml_tree
 from airrace.logs.recording import refuse
 from airrace.standard_streams import name_of
@@ -112,21 +112,21 @@ class Placemark:
     note: str = ""
 
     @cached_property
-    def named(self) -> Subject | None:
-        """What its name says that it is; None where that says nothing."""
+    def named_subject(self) -> Subject | None:
+        """The subject by the name alone; None where that does not tell."""
         element = _LABEL.fullmatch(" ".join(word for word in words_of(self.name) if word not in SIDES))
         return subject_in(self.name) or (Subject.ELEMENT if element else None)
 
     @cached_property
     def subject(self) -> Subject | None:
-        """What a word of its name says that it is, else what stands beside it; a mere number does not outweigh that."""
+        """The subject by a word of the name, else by the hint; a mere number as a name does not outweigh a flight."""
         hinted = subject_in(self.hint)
-        return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named or hinted)
+        return subject_in(self.name) or (hinted if hinted is Subject.FLIGHT else self.named_subject or hinted)
 
 
 @dataclass(frozen=True)
 class _Label:
-    """What is said of a placemark: by which messages name its file, its name, what hints at its kind, and its note."""
+    """The words of a placemark: the path of its file for messages, its name, hints at its subject, and a note."""
 
     path: str
     name: str = ""
@@ -135,7 +135,7 @@ class _Label:
 
     @classmethod
     def of(cls, path: str, name: object, *hints: object, note: object = None) -> "_Label":
-        return cls(path, _one_line(name), _one_line(" / ".join(str(one) for one in hints if one)), _one_line(note))
+        return cls(path, _one_line(name), _one_line(" / ".join(str(hint) for hint in hints if hint)), _one_line(note))
 
     def shaped(self, shape: PlacemarkShape, places: Sequence[Sequence[object]]) -> Iterator[Placemark]:
         """Yield a placemark if its places (longitude first) make one.
@@ -143,7 +143,7 @@ class _Label:
         The outline of an area is opened, and a line that ends where it begins is an area.
         """
         corners = [_place(self.path, place[1::-1]) for place in places]
-        corners = [one for one, before in zip(corners, [None, *corners], strict=False) if one != before]
+        corners = [corner for corner, _ in groupby(corners)]  # repeated ones once
         closed = len(corners) > 1 and corners[0] == corners[-1]
         if shape is PlacemarkShape.LINE and closed and len(corners) > 3:
             shape = PlacemarkShape.AREA
@@ -174,25 +174,25 @@ def read_placemarks(path: Path) -> list[Placemark]:
         content = _unpack(name, content)
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<", b"\xff\xfe<", b"\xfe\xff\0<")):
         root = xml_tree(name, content)
-        found = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
+        marks = list(_of_gpx(name, root) if root.tag == "gpx" else _of_kml(name, root))
     else:
-        found = list(_of_geojson(name, content))
-    if all(one.shape is PlacemarkShape.OTHER for one in found):
+        marks = list(_of_geojson(name, content))
+    if all(mark.shape is PlacemarkShape.OTHER for mark in marks):
         refuse(name, 0, "holds no placemarks; expected KML, KMZ, GPX or GeoJSON with points, lines or areas")
-    if len(found) > LIMITS.placemarks:
-        refuse(name, 0, f"holds {len(found)} placemarks; at most {LIMITS.placemarks} are read")
-    return found
+    if len(marks) > PLACEMARKS_MAX:
+        refuse(name, 0, f"holds {len(marks)} placemarks; at most {PLACEMARKS_MAX} are read")
+    return marks
 
 
 def _unpack(path: str, content: bytes) -> bytes:
     """Return the document of a KMZ, the first of its KML files."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(LIMITS.size + 1)
+            unpacked = archive.open(archive_entry(path, archive, (".kml",), "a KML document")).read(SIZE_MAX + 1)
     except DAMAGES as error:
         refuse(path, 0, f"is a damaged archive: {error}")
-    if len(unpacked) > LIMITS.size:
-        refuse(path, 0, f"is too large unpacked: at most {LIMITS.size} bytes are read")
+    if len(unpacked) > SIZE_MAX:
+        refuse(path, 0, f"is too large unpacked: at most {SIZE_MAX} bytes are read")
     return unpacked
 
 
@@ -200,34 +200,34 @@ def _unpack(path: str, content: bytes) -> bytes:
 
 
 def _of_kml(path: str, root: Element, folders: str = "") -> Iterator[Placemark]:
-    for one in root:
-        if one.tag == "Placemark":
-            yield from _of_mark(path, one, folders)
-        elif one.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
-            yield _Label.of(path, one.findtext("name")).other(one.tag)
+    for element in root:
+        if element.tag == "Placemark":
+            yield from _of_mark(path, element, folders)
+        elif element.tag in ("NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"):
+            yield _Label.of(path, element.findtext("name")).other(element.tag)
         else:
-            inside = f"{one.findtext('name') or ''} / {folders}" if one.tag == "Folder" else folders
-            yield from _of_kml(path, one, inside)
+            inside = f"{element.findtext('name') or ''} / {folders}" if element.tag == "Folder" else folders
+            yield from _of_kml(path, element, inside)
 
 
 def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
-    attributes = {one.get("name", "").lower(): one.text for one in mark.iter("SimpleData")}
-    attributes |= {one.get("name", "").lower(): one.findtext("value") for one in mark.iter("Data")}
+    attributes = {data.get("name", "").lower(): data.text for data in mark.iter("SimpleData")}
+    attributes |= {data.get("name", "").lower(): data.findtext("value") for data in mark.iter("Data")}
     name = mark.findtext("name") or _first(attributes, NAMES)
     note = mark.findtext("description") or _first(attributes, NOTES)
     label = _Label.of(path, name, *_all(attributes, HINTS), mark.findtext("styleUrl"), folders, note=note)
     shapes = {"Point": PlacemarkShape.POINT, "LineString": PlacemarkShape.LINE, "LinearRing": PlacemarkShape.AREA}
     holes = {ring for hole in mark.iter("innerBoundaryIs") for ring in hole.iter("LinearRing")}
     parts: list[tuple[PlacemarkShape, list[list[str]]]] = []
-    for one in mark.iter():
-        if one in holes:
+    for element in mark.iter():
+        if element in holes:
             yield label.other("hole in an area", ", a hole")
-        elif one.tag in shapes:
-            text = re.sub(r"\s*,\s*", ",", one.findtext("coordinates") or "")
-            parts.append((shapes[one.tag], [place.split(",") for place in text.split()]))
-        elif one.tag in ("Track", "Model"):
-            yield label.other("track of a flight" if one.tag == "Track" else "three-dimensional model")
-    if not parts and not any(one.tag in ("Track", "Model") for one in mark.iter()):
+        elif element.tag in shapes:
+            text = re.sub(r"\s*,\s*", ",", element.findtext("coordinates") or "")
+            parts.append((shapes[element.tag], [place.split(",") for place in text.split()]))
+        elif element.tag in ("Track", "Model"):
+            yield label.other("track of a flight" if element.tag == "Track" else "three-dimensional model")
+    if not parts and not any(element.tag in ("Track", "Model") for element in mark.iter()):
         yield label.other("placemark without a geometry")
     if [shape for shape, _ in parts] == [PlacemarkShape.POINT] * 2:
         parts = [(PlacemarkShape.LINE, [place for _, places in parts for place in places])]
@@ -239,29 +239,24 @@ def _of_mark(path: str, mark: Element, folders: str) -> Iterator[Placemark]:
 
 
 def _of_gpx(path: str, root: Element) -> Iterator[Placemark]:
-    def label(one: Element) -> _Label:
-        return _Label.of(
-            path, one.findtext("name"), one.findtext("type"), one.findtext("sym"), note=one.findtext("desc")
-        )
+    def shaped(element: Element, shape: PlacemarkShape, points: Sequence[Element]) -> Iterator[Placemark]:
+        name, *hints, note = (element.findtext(tag) for tag in ("name", "type", "sym", "desc"))
+        places = [(point.get("lon", ""), point.get("lat", "")) for point in points]
+        return _Label.of(path, name, *hints, note=note).shaped(shape, places)
 
-    for one in root:
-        if one.tag == "wpt":
-            yield from label(one).shaped(PlacemarkShape.POINT, [_gpx_place(one)])
-        elif one.tag == "rte":
-            points = list(one.iter("rtept"))
-            if subject_in(one.findtext("name") or "") in (None, Subject.ELEMENT):
+    for element in root:
+        if element.tag == "wpt":
+            yield from shaped(element, PlacemarkShape.POINT, [element])
+        elif element.tag == "rte":
+            points = list(element.iter("rtept"))
+            if subject_in(element.findtext("name") or "") in (None, Subject.ELEMENT):
                 for point in points:
-                    yield from label(point).shaped(PlacemarkShape.POINT, [_gpx_place(point)])
+                    yield from shaped(point, PlacemarkShape.POINT, [point])
             else:
-                yield from label(one).shaped(PlacemarkShape.LINE, [_gpx_place(point) for point in points])
-        elif one.tag == "trk":
-            for segment in one.iter("trkseg"):
-                places = [_gpx_place(point) for point in segment.iter("trkpt")]
-                yield from label(one).shaped(PlacemarkShape.LINE, places)
-
-
-def _gpx_place(one: Element) -> tuple[str, str]:
-    return one.get("lon", ""), one.get("lat", "")
+                yield from shaped(element, PlacemarkShape.LINE, points)
+        elif element.tag == "trk":
+            for segment in element.iter("trkseg"):
+                yield from shaped(element, PlacemarkShape.LINE, list(segment.iter("trkpt")))
 
 
 # GeoJSON
@@ -274,8 +269,8 @@ def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
         if kind not in ("FeatureCollection", "Feature"):
             root = {"geometry": root}
         for entry in root["features"] if kind == "FeatureCollection" else [root]:
-            known: Any = entry.get("properties") or {}
-            properties = {str(key).lower(): value for key, value in known.items()}
+            values: Any = entry.get("properties") or {}
+            properties = {str(key).lower(): value for key, value in values.items()}
             hints, note = _all(properties, HINTS), _first(properties, NOTES)
             label = _Label.of(path, _first(properties, NAMES), *hints, note=note)
             geometry: Any = entry.get("geometry")
@@ -303,11 +298,11 @@ def _geometry(label: _Label, geometry: Any) -> Iterator[Placemark]:  # Any: JSON
             for _ in places[1:]:
                 yield label.other("hole in an area", ", a hole")
         case "MultiPoint" | "MultiLineString" | "MultiPolygon":
-            for one in places:
-                yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": one})
+            for part in places:
+                yield from _geometry(label, {"type": kind.removeprefix("Multi"), "coordinates": part})
         case "GeometryCollection":
-            for one in geometry["geometries"]:
-                yield from _geometry(label, one)
+            for part in geometry["geometries"]:
+                yield from _geometry(label, part)
         case _:
             yield label.other(f"geometry of the type `{_one_line(kind)[:40]}`")
 

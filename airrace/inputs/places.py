@@ -64,21 +64,21 @@ def radians_or_none(degrees: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Places:
-    """The positions of one document; what is wrong with them goes to the reporter."""
+    """The positions of one document, by its origin; what is wrong with them goes to the reporter."""
 
     entry: OriginEntry
     reporter: Reporter
 
     @property
     def origin(self) -> Origin:
-        o = self.entry
-        return Origin(radians_or_none(o.latitude_deg), radians_or_none(o.longitude_deg), o.elevation_m)
+        entry = self.entry
+        return Origin(radians_or_none(entry.latitude_deg), radians_or_none(entry.longitude_deg), entry.elevation_m)
 
     def check_origin(self) -> None:
         """Report an origin that has only one of its coordinates."""
-        given = (self.entry.latitude_deg, self.entry.longitude_deg)
-        if given.count(None) == 1:
-            self._report_missing(("origin",), GEODETIC, given)
+        coordinates = (self.entry.latitude_deg, self.entry.longitude_deg)
+        if coordinates.count(None) == 1:
+            self._report_missing(("origin",), GEODETIC, coordinates)
 
     def point(self, entry: PlacedEntry, path: KeyPath) -> Point:
         """Return the position of an element; `NOWHERE` if it was refused."""
@@ -108,17 +108,16 @@ class Places:
             message = "needs the `latitude_deg` and `longitude_deg` of the track's `origin`; or use north_m"
             self.reporter.key((*path, first), message)
         else:
-            coordinates = metres(np.radians(latitude), np.radians(longitude), self.origin)
-            north, east, down = (float(one) for one in coordinates)
-            away = math.hypot(north, east, down)
-            if away <= REACH_M:
+            north, east, down = map(float, metres(np.radians(latitude), np.radians(longitude), self.origin))
+            distance = math.hypot(north, east, down)
+            if distance <= REACH_M:
                 return Point(north, east)
             limit = f"at most {REACH_M / 1000.0:g} km, for the frame is flat"
-            self.reporter.value((*path, GEODETIC[0]), f"lies {away / 1000.0:.4g} km from the origin; {limit}")
+            self.reporter.value((*path, GEODETIC[0]), f"lies {distance / 1000.0:.4g} km from the origin; {limit}")
         return None
 
     def _report_twice(self, path: KeyPath, geodetic: str, metric: str) -> None:
-        """Report a position that is given in both ways, by the way that was added on the command line if one was."""
+        """Report a position that is given in both ways, at the one that was set on the command line if any was."""
         key, message = geodetic, "the position is given twice; keep north and east, or latitude and longitude"
         if self.reporter.is_set((*path, metric)):
             key = metric
@@ -127,6 +126,6 @@ class Places:
             message = "the file gives this position by north and east; set `north_m` and `east_m`"
         self.reporter.key((*path, key), message)
 
-    def _report_missing(self, path: KeyPath, keys: tuple[str, str], given: tuple[float | None, float | None]) -> None:
-        absent, present = keys if given[0] is None else keys[::-1]
+    def _report_missing(self, path: KeyPath, keys: tuple[str, str], values: tuple[float | None, float | None]) -> None:
+        absent, present = keys if values[0] is None else keys[::-1]
         self.reporter.key((*path, absent), f"missing; `{present}` needs `{absent}` beside it")

@@ -1,9 +1,8 @@
 """The rules of a race in a track file: limits, those of the pilot, margins, a reserve, penalties; presets of seasons.
 
-A preset is a file of the language `airrace/rules/1` that comes along.
+A preset is a shipped file of the language `airrace/rules/1`.
 """
 
-import difflib
 import math
 from collections.abc import Iterator
 from functools import cache
@@ -15,13 +14,14 @@ from pydantic import Field
 
 from airrace.inputs.document import SUFFIX, Document
 from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
-from airrace.inputs.nodes import Reporter
+from airrace.inputs.nodes import Reporter, most_similar
 from airrace.inputs.places import Height
 from airrace.inputs.schema import Schema, ShorthandSchema, optional, read_entry
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.planning.parameters import course_limits, with_margins
 from airrace.quantities import Interval
 from airrace.race import Race
+from airrace.safety.disturbances import PILOT_DELAY
 from airrace.track.course import ClearanceRule, Course, PilotLimits, Roll, Rules, StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Tolerant
@@ -73,23 +73,23 @@ class PilotEntry(ShorthandSchema):
     )
 
     def complete(self, default: PilotPreset) -> "PilotEntry":
-        """Return the entry as if the file gave every number of its preset, which is `default` where it names none."""
+        """Return the entry with every number of its preset, by default `default`, that it does not give itself."""
         own = {key: getattr(self, key) for key in self.model_fields_set}
         return PILOT_PRESETS[self.preset or default].model_copy(update=own)
 
     def build(self) -> PilotLimits:
         """Return the limits of a complete entry."""
-        given = self.arguments()
+        arguments = self.arguments()
         low = LOW_HEIGHT if self.low_height_m is None else self.low_height_m
         return PilotLimits(
             n_z_min=-math.inf if self.n_z_min is None else self.n_z_min,
             n_z_low=-math.inf if self.n_z_min_low is None else self.n_z_min_low,
             low_height=0.0 if self.n_z_min_low is None else low,
             n_z_ends=-math.inf if self.n_z_min_ends is None else self.n_z_min_ends,
-            onset=given.get("gate_onset_max_g_s", math.inf),
-            roll_rate=given.get("gate_roll_rate_max_deg_s", math.inf),
-            sideslip=given.get("gate_sideslip_max_deg", math.inf),
-            n_y=given.get("gate_n_y_max", math.inf),
+            onset=arguments.get("gate_onset_max_g_s", math.inf),
+            roll_rate=arguments.get("gate_roll_rate_max_deg_s", math.inf),
+            sideslip=arguments.get("gate_sideslip_max_deg", math.inf),
+            n_y=arguments.get("gate_n_y_max", math.inf),
             settled_start=self.settled in ("start", "both"),
             settled_finish=self.settled in ("finish", "both"),
             steady_start=self.steady_turn in ("start", "both"),
@@ -213,6 +213,7 @@ class ReserveEntry(Schema):
     gusts: Literal["none", "light", "moderate", "severe"] = Field(
         default="light", description="turbulence of MIL-F-8785C"
     )
+    # A reserve is one against gusts alone unless the course names more, for every further disturbance costs race time.
     wind_error_kt: Annotated[float, Ge(0), Le(30)] = Field(
         default=0.0, description="standard deviation of the wind to the north and to the east"
     )
@@ -222,16 +223,20 @@ class ReserveEntry(Schema):
     roll_timing_s: Annotated[float, Ge(0), Le(0.2)] = Field(
         default=0.0, description="that of the time by which rolls are late or early"
     )
-    delay_s: Annotated[float, Ge(0), Le(1)] = Field(default=0.1, description="from what the pilot sees to the stick")
+    delay_s: Annotated[float, Ge(0), Le(1)] = Field(
+        default=PILOT_DELAY, description="from what the pilot sees to the stick"
+    )
     found: FoundEntry | None = optional("what the search has found; written with its flight")
 
     def texts(self) -> list[str]:
         """Return what sets this reserve, as `key=value`."""
-        plain = self.model_dump(exclude_none=True)
-        found = plain.pop("found", {})
-        values = {**plain, **{f"found.{key}": value for key, value in found.items()}}
-        words = {key: str(value).lower() if isinstance(value, bool) else value for key, value in values.items()}
-        return ["rules.reserve=null", *(f"rules.reserve.{key}={value}" for key, value in words.items())]
+        values = self.model_dump(exclude_none=True)
+        for key, value in values.pop("found", {}).items():
+            values[f"found.{key}"] = value
+        texts = ["rules.reserve=null"]
+        for key, value in values.items():
+            texts.append(f"rules.reserve.{key}={str(value).lower() if isinstance(value, bool) else value}")
+        return texts
 
 
 class RulesEntry(LimitsEntry, ShorthandSchema):
@@ -326,10 +331,9 @@ def with_preset(
         preset = read_preset(rules.preset)
         limits, defaults = _overlay(preset.rules, rules), _overlay(defaults, preset.gate_defaults)
     elif rules.preset is not None:
-        similar = difflib.get_close_matches(rules.preset[:100], names, n=1)
-        meant = f" did you mean `{similar[0]}`?" if similar else ""  # and all names: seasons are too alike
-        message = f"unknown preset `{rules.preset}`;{meant} known are {', '.join(names)}"
-        reporter.value(("rules", "preset"), message)
+        similar = most_similar(rules.preset, names)
+        hint = f" did you mean `{similar}`?" if similar else ""  # and all names: seasons are too alike
+        reporter.value(("rules", "preset"), f"unknown preset `{rules.preset}`;{hint} known are {', '.join(names)}")
     return limits.model_copy(update={"pilot": limits.pilot.complete(default_pilot)}), _overlay(defaults, gate_defaults)
 
 
@@ -340,24 +344,24 @@ def _overlay(below: Keys, above: Schema) -> Keys:
 
 
 def build_rules(entry: LimitsEntry, preset: str | None, reporter: Reporter) -> Rules:
-    """Return the limits along the flight; they are only of use if nothing was reported."""
+    """Return the limits along the flight; valid only if nothing was reported."""
     if entry.n_z_max is None and preset is None:
         reporter.key(("rules", "n_z_max"), "missing; a rule book needs `n_z_max`: the largest load factor")
-    given = entry.arguments()
+    arguments = entry.arguments()
     rules = Rules(
         n_z=Interval.between(entry.n_z_min, entry.n_z_max),
-        alpha_A=Interval.between(given.get("alpha_min_deg"), given.get("alpha_max_deg")),
+        alpha_A=Interval.between(arguments.get("alpha_min_deg"), arguments.get("alpha_max_deg")),
         C_L=Interval.between(None, entry.C_L_max),
-        p=given.get("roll_rate_max_deg_s", math.inf),
-        beta_A=given.get("sideslip_max_deg", math.inf),
+        p=arguments.get("roll_rate_max_deg_s", math.inf),
+        beta_A=arguments.get("sideslip_max_deg", math.inf),
         height=Interval.between(entry.floor_m, entry.ceiling_m),
         clearance=ClearanceRule(entry.clearance),
         start_speed=StartSpeed(entry.start_speed),
         pilot=entry.pilot.build(),
     )
-    for key, needed in (("low_height_m", "n_z_min_low"), ("turn_tolerance_g", "steady_turn")):
-        if getattr(entry.pilot, key) is not None and getattr(entry.pilot, needed) in (None, "none"):
-            reporter.value(("rules", "pilot", key), f"says nothing without `{needed}`")
+    for key, condition in (("low_height_m", "n_z_min_low"), ("turn_tolerance_g", "steady_turn")):
+        if getattr(entry.pilot, key) is not None and getattr(entry.pilot, condition) in (None, "none"):
+            reporter.value(("rules", "pilot", key), f"has no effect without `{condition}`")
     if rules.alpha_A.empty:
         reporter.value(("rules", "alpha_min_deg"), f"must not exceed `alpha_max_deg`, {entry.alpha_max_deg:g}")
     if rules.height.empty:
@@ -403,20 +407,21 @@ class MarginsEntry(Schema):
 
 
 def tightened(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:
-    """Return a race with the margins of its track; it is only of use if nothing was reported."""
+    """Return a race with the margins of its track; valid only if nothing was reported."""
     margins = entry.by_key()
-    known = {one.key for one in course_limits(race) if math.isfinite(one.value)}
+    limits = sorted({limit.key for limit in course_limits(race) if math.isfinite(limit.value)})
     for key in margins:
-        if key not in known:
-            limits = ", ".join(f"`{one}`" for one in sorted(known) if one.rpartition(".")[0] == key.rpartition(".")[0])
-            meant = f"known there are {limits}" if limits else "the course has no limits there"
-            reporter.value(("margins", *key.split(".")), f"is no limit that a flight could keep a margin from; {meant}")
+        if key not in limits:
+            group = key.rpartition(".")[0]
+            siblings = ", ".join(f"`{limit}`" for limit in limits if limit.rpartition(".")[0] == group)
+            hint = f"known there are {siblings}" if siblings else "the course has no limits there"
+            reporter.value(("margins", *key.split(".")), f"is no limit that a flight could keep a margin from; {hint}")
             return race
-    found = with_margins(race, margins)
+    tighter = with_margins(race, margins)
     if margins:
-        for path, reason in _without_room(found.course):
+        for path, reason in _without_room(tighter.course):
             reporter.value(("margins", *path), reason)
-    return found
+    return tighter
 
 
 def _without_room(course: Course) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -430,10 +435,10 @@ def _without_room(course: Course) -> Iterator[tuple[tuple[str, ...], str]]:
         if text:
             yield ("rules",), f"the margins leave no room: `{passage.element.base_name}` {text}"
             break  # the others would say the same of the same margins
-    for element in {one.element.name: one.element for one in course.passages}.values():
-        bounds = element.conditions(element.axis or 0.0).values()
+    for element in {passage.element.name: passage.element for passage in course.passages}.values():
+        conditions = element.conditions(element.axis or 0.0).values()
         angles = (element.tolerances.bank, element.tolerances.crossing) if isinstance(element, Tolerant) else ()
-        if any(one.empty for one in bounds) or any(one <= 0.0 for one in angles):
+        if any(bounds.empty for bounds in conditions) or any(angle <= 0.0 for angle in angles):
             yield ("gates", element.base_name), none_left
 
 

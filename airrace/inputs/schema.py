@@ -1,6 +1,5 @@
 """The base of all schemas, and the validation of documents: errors name file, line, key and what would be right."""
 
-import difflib
 import re
 from collections.abc import Iterator
 from types import NoneType, UnionType
@@ -13,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
-from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode, most_similar
 from airrace.inputs.yaml_reader import read_yaml
 from airrace.quantities import DEGREE, KNOT
 
@@ -24,7 +23,12 @@ SI = {"_deg": DEGREE, "_deg_s": DEGREE, "_kt": KNOT, "_kW": 1000.0, "_hPa": 100.
 """The SI value of units, by the ending of the key; all other units are SI."""
 DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 """A number as it is written in many countries, but not in YAML."""
-LIMITS = {Gt: ("gt", "above"), Ge: ("ge", "at least"), Lt: ("lt", "below"), Le: ("le", "at most")}
+RANGE_WORDS: dict[type, tuple[str, str]] = {
+    Gt: ("gt", "above"),
+    Ge: ("ge", "at least"),
+    Lt: ("lt", "below"),
+    Le: ("le", "at most"),
+}
 
 
 class Schema(BaseModel):
@@ -103,8 +107,8 @@ def inner(annotation: Annotation, part: str | int) -> Annotation:
     plain = bare(annotation)
     schema = schema_of(plain)
     if schema is not None:
-        found = field_of(schema, str(part))
-        return found.annotation if found else None
+        field = field_of(schema, str(part))
+        return field.annotation if field else None
     if get_origin(plain) is dict:
         return get_args(plain)[1]
     return get_args(plain)[0] if get_origin(plain) is list else None
@@ -116,10 +120,10 @@ def bare(annotation: Annotation) -> Annotation:
         if get_origin(annotation) is Annotated:
             annotation = get_args(annotation)[0]
             continue
-        found = members(annotation)
-        if len(found) != 1:
+        alternatives = members(annotation)
+        if len(alternatives) != 1:
             return annotation
-        annotation = found[0]
+        annotation = alternatives[0]
     return annotation
 
 
@@ -134,9 +138,9 @@ def tags_of(annotation: Annotation) -> dict[str, Annotation]:
     """Return the members of a tagged union by their tags."""
     tags: dict[str, Annotation] = {}
     for member in members(bare(annotation)):
-        found = field_of(schema_of(member), "type")
-        if found and get_origin(found.annotation) is Literal:
-            tags |= dict.fromkeys(get_args(found.annotation), member)
+        field = field_of(schema_of(member), "type")
+        if field and get_origin(field.annotation) is Literal:
+            tags |= dict.fromkeys(get_args(field.annotation), member)
     return tags
 
 
@@ -157,7 +161,7 @@ def read_mapping(document: Document, model: type[Schema]) -> MappingNode:
 
 
 def read_entry(model: type[Model], document: Document) -> tuple[Model, Reporter]:
-    """Return the content of a document, and the reporter for what else is found to be wrong with it.
+    """Return the content of a document, and the reporter for further findings about it.
 
     Raises:
         InputError: the document is not valid; it carries all findings.
@@ -205,17 +209,16 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
     name = str(path[-1]) if path else ""
     match error["type"]:
         case "missing":
-            found = field_of(owner, name)
-            text = f": {found.description}" if found and found.description else ""
+            field = field_of(owner, name)
+            text = f": {field.description}" if field and field.description else ""
             reporter.key(path, f"missing; {owner.what if owner else 'it'} needs `{name}`{text}")
         case "extra_forbidden":
-            known = keys_of(owner)
-            nested = [(key, schema_of(inner(owner, key))) for key in known]
-            places = [f"; it belongs in `{key}`" for key, schema in nested if name in keys_of(schema)]
-            # on the command line the prefix of another document may be missing
-            others = reporter.others if len(path) == 1 and reporter.is_set(path) else ()
-            meant = places[0] if places else reporter.suggestion(name, [*known, *others])
-            reporter.key(path, f"unknown key `{name}`{meant}")
+            keys = keys_of(owner)
+            parents = [key for key in keys if name in keys_of(schema_of(inner(owner, key)))]
+            # On the command line the prefix of another document may be missing.
+            prefixes = reporter.other_prefixes if len(path) == 1 and reporter.is_set(path) else ()
+            hint = f"; it belongs in `{parents[0]}`" if parents else reporter.suggestion(name, [*keys, *prefixes])
+            reporter.key(path, f"unknown key `{name}`{hint}")
         case "union_tag_not_found":
             reporter.key((*path, "type"), f"missing; `type` is one of: {', '.join(tags_of(annotation))}")
         case "union_tag_invalid":
@@ -228,29 +231,29 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
 def _mismatch(error: ErrorDetails, annotation: Annotation, limits: str) -> str:
     """Return what should stand here, and what does."""
     value = error["input"]
-    found = _description(value)
+    actual = _description(value)
     match error["type"]:
         case "float_type" | "int_type" | "int_from_float":
             whole = "a whole number" if error["type"].startswith("int") else "a number"
             comma = isinstance(value, str) and DECIMAL_COMMA.fullmatch(value)
             point = f"; write it with a decimal point, {value.replace(',', '.')}" if comma else ""
-            return f"must be {whole}{limits}, not {found}{point}"
+            return f"must be {whole}{limits}, not {actual}{point}"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
-            return f"must be{limits}, not {found}"
+            return f"must be{limits}, not {actual}"
         case "string_type":
             quote = "; quote it if it is meant as text" if isinstance(value, (int, float)) else ""
-            return f"must be text, not {found}{quote}"
+            return f"must be text, not {actual}{quote}"
         case "bool_type":
-            return f"must be true or false, not {found}"
+            return f"must be true or false, not {actual}"
         case "literal_error":
             choices = [str(choice) for choice in get_args(bare(annotation))]
-            similar = difflib.get_close_matches(str(value), choices, n=1)
-            meant = f"; did you mean `{similar[0]}`?" if similar else ""
-            return f"must be one of {', '.join(choices)}, not {found}{meant}"
+            similar = most_similar(str(value), choices)
+            hint = f"; did you mean `{similar}`?" if similar else ""
+            return f"must be one of {', '.join(choices)}, not {actual}{hint}"
         case "model_type" | "dict_type" | "model_attributes_type":
-            return f"must be {(schema_of(annotation) or Schema).form}, not {found}"
+            return f"must be {(schema_of(annotation) or Schema).form}, not {actual}"
         case "list_type":
-            return f"must be a list (`[a, b]` or `- a` lines), not {found}"
+            return f"must be a list (`[a, b]` or `- a` lines), not {actual}"
         case "string_too_short" | "too_short":
             return "must not be empty"
         case "too_long":
@@ -279,12 +282,16 @@ def _description(value: object) -> str:
 
 def _limits(owner: type[Schema] | None, name: str, annotation: Annotation) -> str:
     """Return the range that a field, or an entry of a mapping, declares, e.g. ` above 0 and at most 85`."""
-    found = field_of(owner, name)
-    expected = members(found.annotation) if found else [annotation]
-    optional_types = [one for one in expected if get_origin(one) is Annotated]
-    declared = [*(found.metadata if found else ()), *(limit for one in optional_types for limit in get_args(one)[1:])]
-    known = [(limit, LIMITS[type(limit)]) for limit in declared if type(limit) in LIMITS]
-    texts = [f"{word} {getattr(limit, key)}" for limit, (key, word) in known]
+    field = field_of(owner, name)
+    declared: list[object] = list(field.metadata) if field else []
+    for expected in members(field.annotation) if field else [annotation]:
+        if get_origin(expected) is Annotated:
+            declared += get_args(expected)[1:]
+    texts: list[str] = []
+    for limit in declared:
+        if type(limit) in RANGE_WORDS:
+            key, word = RANGE_WORDS[type(limit)]
+            texts.append(f"{word} {getattr(limit, key)}")
     return " " + " and ".join(texts) if texts else ""
 
 

@@ -79,12 +79,12 @@ class CertificateEntry(Schema):
         """Return the limits; one that is looser than the default is reported."""
         defaults, tightened = CertificateLimits(), self.arguments()
         for name, value in tightened.items():
-            loosest, given = getattr(defaults, name), getattr(self, name)
+            loosest, number = getattr(defaults, name), getattr(self, name)
             if value > loosest * (1.0 + 1e-12):  # the default itself, written in degrees, is allowed
                 key = type(self).model_fields[name].alias or name
-                limit = loosest * given / value  # in the unit of the key
+                limit = loosest * number / value  # in the unit of the key
                 reporter.value(
-                    ("certificate", key), f"limits can only be tightened: must be at most {limit:g}, not {given:g}"
+                    ("certificate", key), f"limits can only be tightened: must be at most {limit:g}, not {number:g}"
                 )
         return dataclasses.replace(defaults, **tightened)
 
@@ -118,12 +118,12 @@ class SettingsEntry(Schema):
 
 
 def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
-    """Return the settings of a run; they are only of use if nothing was reported."""
-    given = entry.arguments()
+    """Return the settings of a run; valid only if nothing was reported."""
+    arguments = entry.arguments()
     choices = {"guess": GuessKind, "search": SearchEffort, "mesh_check": MeshCheck}
     return Settings(
-        **{name: kind(given[name]) for name, kind in choices.items() if name in given},
-        **{name: given[name] for name in ("alternatives", "regularisation") if name in given},
+        **{name: kind(arguments[name]) for name, kind in choices.items() if name in arguments},
+        **{name: arguments[name] for name in ("alternatives", "regularisation") if name in arguments},
         mesh=MeshSettings(**entry.mesh.arguments()),
         solver=SolverSettings(**entry.solver.arguments()),
         certificate=entry.certificate.build(reporter),
@@ -140,7 +140,7 @@ class BatchEntry(Schema):
     what: ClassVar[str] = "a batch"
     schema_: Literal["airrace/batch/1"] = Field(alias="schema", description="the language of this file and its version")
     notes: str = Field(default="", description="whatever a reader should know")
-    courses: Files = Field(description="track files, patterns such as `tracks/*.yaml`, or courses that come along")
+    courses: Files = Field(description="track files, patterns such as `tracks/*.yaml`, or names of shipped courses")
     aircraft: Files | None = optional("aircraft files, each of which flies every course; without them the tracks' own")
     settings: str | None = optional("a settings file")
     set: dict[str, Value] = Field(default_factory=dict[str, Value], description="single values, as `--set` gives them")

@@ -7,7 +7,6 @@ its border will do. Up to a length of 1 km they reach less than 5 m beyond its s
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
@@ -15,7 +14,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.inputs.kinds.kind import CompositeElement
-from airrace.inputs.nodes import LIMITS, KeyPath, Reporter
+from airrace.inputs.nodes import CORNERS_MAX, KeyPath, Reporter
 from airrace.inputs.places import NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema, optional
@@ -23,35 +22,22 @@ from airrace.track import polygons
 from airrace.track.course import Crowd, CrowdShape, Obstacle, SafetyLine
 from airrace.track.polygons import Point
 
+SAME_PLACE = 0.01
+"""The distance below which two corners are one, m."""
+ROUNDING = 1e-6
+"""The excess over a distance that is put down to rounding and not reported, m."""
+SQUARE_SIDE, SQUARES_MAX = 10.0, 100
+"""The side of the squares of a box, m, and the largest number of them along one of its sides.
 
-@dataclass(frozen=True)
-class SurroundingsLimits:
-    """The sizes of what surrounds a course.
-
-    Attributes:
-        same_place: the distance below which two corners are one, m.
-        rounding: the excess over a distance that is put down to rounding and not reported, m.
-        square: the side of the squares of a box, m; those of a long one are larger, so that there are no more
-            than `squares_max`. At most they are 1.7 times as long, as the number of them is rounded.
-        squares_max: the largest number of squares along one side of a box.
-        height_max: the greatest height of an obstacle, m.
-        box_max: the greatest length and width of a box, m.
-    """
-
-    same_place: float = 0.01
-    rounding: float = 1e-6
-    square: float = 10.0
-    squares_max: int = 100
-    height_max: float = 1000.0
-    box_max: float = 5000.0
-
-
-SIZES = SurroundingsLimits()
-
-
+Squares of a long box are larger, so that there are no more. At most they are 1.7 times as long, as their number is
+rounded.
+"""
+OBSTACLE_HEIGHT_MAX = 1000.0
+BOX_MAX = 5000.0
+"""The greatest length and width of a box, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
-Corners = Annotated[list[PlaceEntry], Field(max_length=LIMITS.corners)]
+Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
 
 
 class SafetyLineEntry(Schema):
@@ -62,7 +48,7 @@ class SafetyLineEntry(Schema):
     margin_m: Annotated[float, Ge(0), Le(1000)] = Field(default=0.0, description="required distance from the line")
 
     def build(self, name: str, places: Places) -> SafetyLine:
-        """Return the line; it is only of use if nothing was reported."""
+        """Return the line; valid only if nothing was reported."""
         path: KeyPath = ("safety_lines", name)
         start, end = places.point(self.from_, (*path, "from")), places.point(self.to, (*path, "to"))
         if _same(start, end):
@@ -88,17 +74,17 @@ class CrowdEntry(Schema):
     def build(self, name: str, distance: float | None, places: Places) -> Crowd:
         """Return the crowd; `distance` (m) holds if it does not say its own."""
         path: KeyPath = ("crowd", name)
-        given = [key for key in SHAPES if getattr(self, key) is not None]
-        if not given:
+        shapes = [key for key in SHAPES if getattr(self, key) is not None]
+        if not shapes:
             places.reporter.key(path, "a crowd needs one of `point`, `line` and `polygon`")
-        if len(given) > 1:
-            places.reporter.key((*path, given[1]), f"not together with `{given[0]}`; a crowd has one shape")
+        if len(shapes) > 1:
+            places.reporter.key((*path, shapes[1]), f"not together with `{shapes[0]}`; a crowd has one shape")
         if self.distance_m is None and distance is None:
             message = "missing; say it here, or for every crowd as `crowd_distance_m` of the rules"
             places.reporter.key((*path, "distance_m"), message)
         return Crowd(
             name=name,
-            shape=SHAPES[given[0] if given else "point"],
+            shape=SHAPES[shapes[0] if shapes else "point"],
             corners=self._corners(path, places),
             distance=self.distance_m or distance or 0.0,
             height=self.height_m,
@@ -121,12 +107,12 @@ class ObstacleEntry(PlacedEntry):
     """An obstacle: a mast, a cylinder with a `radius_m`, or a box with `length_m` and `width_m`."""
 
     what: ClassVar[str] = "an obstacle"
-    height_m: Annotated[float, Gt(0), Le(SIZES.height_max)] = Field(description="height of its top above the origin")
+    height_m: Annotated[float, Gt(0), Le(OBSTACLE_HEIGHT_MAX)] = Field(description="height of its top above the origin")
     radius_m: Annotated[float, Ge(0), Le(500)] | None = optional("radius of a cylinder; 0 by default, for a mast")
-    length_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
+    length_m: Annotated[float, Gt(0), Le(BOX_MAX)] | None = optional(
         "length of a box, along its heading; with `width_m`"
     )
-    width_m: Annotated[float, Gt(0), Le(SIZES.box_max)] | None = optional(
+    width_m: Annotated[float, Gt(0), Le(BOX_MAX)] | None = optional(
         "width of a box, across its heading; with `length_m`"
     )
     heading_deg: Azimuth | None = optional("direction of a box's length; 0 by default")
@@ -135,12 +121,13 @@ class ObstacleEntry(PlacedEntry):
     )
 
     def build(self, name: str, places: Places) -> Obstacle:
-        """Return the obstacle; it is only of use if nothing was reported."""
+        """Return the obstacle; valid only if nothing was reported."""
         path: KeyPath = ("obstacles", name)
         middle = places.point(self, path)
         box = {"length_m": self.length_m, "width_m": self.width_m}
+        is_box = self.length_m is not None or self.width_m is not None or self.heading_deg is not None
         for key, value in box.items():
-            if value is None and any(other is not None for other in (*box.values(), self.heading_deg)):
+            if is_box and value is None:
                 places.reporter.key((*path, key), "missing; a box has `length_m` and `width_m`")
         if self.length_m is None or self.width_m is None:
             return Obstacle(name, (middle,), self.radius_m or 0.0, self.height_m, self.clearance_m)
@@ -160,28 +147,26 @@ def _box(
         cos, sin = math.cos(heading), math.sin(heading)
         return Point(middle.north + along * cos - across * sin, middle.east + along * sin + across * cos)
 
-    side = max(min(length, width, SIZES.square), max(length, width) / SIZES.squares_max)
+    side = max(min(length, width, SQUARE_SIDE), max(length, width) / SQUARES_MAX)
     # Round lengths are far from those with one square more.
-    rows, columns = (max(1, math.floor(one / side + 0.3)) for one in (length, width))
+    rows, columns = max(1, math.floor(length / side + 0.3)), max(1, math.floor(width / side + 0.3))
     a, b = length / rows, width / columns
-    inside = tuple(
-        point((row + 0.5) * a - 0.5 * length, (column + 0.5) * b - 0.5 * width)
-        for row in range(rows)
-        for column in range(columns)
-        if row in (0, rows - 1) or column in (0, columns - 1)
-    )
-    half = 0.5 * length, 0.5 * width
-    corners = tuple(point(i * half[0], j * half[1]) for i, j in ((1, -1), (1, 1), (-1, 1), (-1, -1)))
-    return corners, inside, 0.5 * math.hypot(a, b)
+    middles: list[Point] = []
+    for row in range(rows):
+        for column in range(columns):
+            if row in (0, rows - 1) or column in (0, columns - 1):
+                middles.append(point((row + 0.5) * a - 0.5 * length, (column + 0.5) * b - 0.5 * width))
+    corners = tuple(point(i * 0.5 * length, j * 0.5 * width) for i, j in ((1, -1), (1, 1), (-1, 1), (-1, -1)))
+    return corners, tuple(middles), 0.5 * math.hypot(a, b)
 
 
 def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
     """Return the corners of the convex area of the race; empty if there is none, or none to rely on."""
     if entries is None:
         return ()
-    known = len(places.reporter.findings)
+    before = len(places.reporter.findings)
     corners = _polygon(entries, ("airspace",), places)
-    if len(places.reporter.findings) > known:
+    if len(places.reporter.findings) > before:
         return ()  # the corners form no area that could be checked
     dent = polygons.dent(corners)
     if dent is not None:
@@ -196,7 +181,7 @@ def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tupl
 
 def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
     """Return the corners of a simple polygon; report one that is none."""
-    known = len(places.reporter.findings)
+    reported = len(places.reporter.findings)
     corners = _points(entries, path, places)
     if len(entries) < 3:
         places.reporter.value(path, f"an area needs at least three corners, not {len(entries)}")
@@ -204,38 +189,37 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
     if _same(corners[0], corners[-1]):
         message = "is the first corner again; leave it out, an area closes by itself"
         places.reporter.value((*path, len(corners) - 1), message)
-    if len(places.reporter.findings) > known:
+    if len(places.reporter.findings) > reported:
         return corners
-    farthest = max(corners, key=lambda one: polygons.distance(one, corners[:1], closed=False))
-    if all(abs(polygons.to_right(corners[0], farthest, one)) < SIZES.same_place for one in corners):
+    farthest = max(corners, key=lambda corner: polygons.distance(corner, corners[:1], closed=False))
+    if all(abs(polygons.to_right(corners[0], farthest, corner)) < SAME_PLACE for corner in corners):
         places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
         return corners
     for index, corner in enumerate(corners):
         before, after = corners[index - 1], corners[(index + 1) % len(corners)]
-        to_edges = [(after, (before, corner)), (before, (corner, after))]
-        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SIZES.same_place:
+        beside = polygons.distance(after, (before, corner), closed=False)
+        if min(beside, polygons.distance(before, (corner, after), closed=False)) < SAME_PLACE:
             places.reporter.value((*path, index), "the border turns back on itself at this corner; leave it out")
             return corners
     crossing = polygons.crossing_edges(corners)
     if crossing is not None:
-        one, other = (f"from corner {index} to corner {(index + 1) % len(corners)}" for index in crossing)
-        places.reporter.value(
-            path, f"the border crosses itself: {one} and {other} (counted from 0); give the corners in order"
-        )
+        edges = " and ".join(f"from corner {index} to corner {(index + 1) % len(corners)}" for index in crossing)
+        message = f"the border crosses itself: {edges} (counted from 0); give the corners in order"
+        places.reporter.value(path, message)
     return corners
 
 
 def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
     """Return the corners; report neighbours at the same place."""
     corners = tuple(places.point(entry, (*path, index)) for index, entry in enumerate(entries))
-    for index, (before, here) in enumerate(pairwise(corners), start=1):
-        if _same(before, here):
+    for index, (before, corner) in enumerate(pairwise(corners), start=1):
+        if _same(before, corner):
             places.reporter.value((*path, index), "is the same place as the corner before; leave one of them out")
     return corners
 
 
 def _same(a: Point, b: Point) -> bool:
-    return bool(polygons.distance(a, (b,), closed=False) < SIZES.same_place)
+    return bool(polygons.distance(a, (b,), closed=False) < SAME_PLACE)
 
 
 def check_room(
@@ -250,20 +234,20 @@ def check_room(
         if element.position is None:
             continue
         place, height = element.position
-        away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
-        if away > SIZES.rounding:
-            reporter.key(element.path, f"stands {away:.4g} m outside of the `airspace`")
+        excess = polygons.distance(place, airspace, closed=True) if airspace else 0.0
+        if excess > ROUNDING:
+            reporter.key(element.path, f"stands {excess:.4g} m outside of the `airspace`")
         for crowd in crowds:
-            away = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
-            away = math.hypot(away, height - crowd.height) if crowd.slant else away
-            if away < crowd.distance - SIZES.rounding:
+            distance = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
+            distance = math.hypot(distance, height - crowd.height) if crowd.slant else distance
+            if distance < crowd.distance - ROUNDING:
                 how = "in space" if crowd.slant else "over ground"
-                reporter.key(
-                    element.path,
-                    f"is {away:.4g} m from the crowd `{crowd.name}`, measured {how}; at least {crowd.distance:g} m",
-                )
-        for one in obstacles:
-            away = min(polygons.distance(place, (axis,), closed=False) for axis in one.places) - one.radius
-            if away < one.clearance - SIZES.rounding and height < one.height + one.clearance:
-                message = f"is {away:.4g} m from the obstacle `{one.name}`; at least {one.clearance:g} m"
+                message = f"is {distance:.4g} m from the crowd `{crowd.name}`, measured {how}"
+                reporter.key(element.path, f"{message}; at least {crowd.distance:g} m")
+        for obstacle in obstacles:
+            distance = (
+                min(polygons.distance(place, (axis,), closed=False) for axis in obstacle.places) - obstacle.radius
+            )
+            if distance < obstacle.clearance - ROUNDING and height < obstacle.height + obstacle.clearance:
+                message = f"is {distance:.4g} m from the obstacle `{obstacle.name}`; at least {obstacle.clearance:g} m"
                 reporter.key(element.path, message)

@@ -14,7 +14,7 @@ from airrace.inputs.air import EnvironmentEntry
 from airrace.inputs.course_order import CourseEntry, build_passages
 from airrace.inputs.kinds import gates, manoeuvres
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
-from airrace.inputs.nodes import LIMITS, Reporter
+from airrace.inputs.nodes import CROWDS_MAX, GATES_MAX, OBSTACLES_MAX, SAFETY_LINES_MAX, Reporter
 from airrace.inputs.places import OriginEntry, Places
 from airrace.inputs.rules import (
     MarginsEntry,
@@ -37,7 +37,7 @@ from airrace.quantities import Interval
 from airrace.track.course import Course, EndState
 
 BUILT_IN = (gates, manoeuvres)
-"""The modules that register the kinds of elements that come along."""
+"""The modules that register the built-in kinds of elements."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -63,17 +63,17 @@ class TrackEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    gates: Annotated[dict[str, KindEntry], Field(max_length=LIMITS.gates)] = Field(
+    gates: Annotated[dict[str, KindEntry], Field(max_length=GATES_MAX)] = Field(
         description="what stands on the course, by name"
     )
-    obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=LIMITS.obstacles)] = Field(
+    obstacles: Annotated[dict[str, ObstacleEntry], Field(max_length=OBSTACLES_MAX)] = Field(
         default_factory=dict[str, ObstacleEntry], description="what stands in the way, by name; to be cleared all along"
     )
-    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LIMITS.safety_lines)] = Field(
+    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=SAFETY_LINES_MAX)] = Field(
         default_factory=dict[str, SafetyLineEntry],
         description="lines not to be crossed, by name: on the legs whose passings name them, else on all",
     )
-    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=LIMITS.crowds)] = Field(
+    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=CROWDS_MAX)] = Field(
         default_factory=dict[str, CrowdEntry], description="where people are, by name; avoided all along"
     )
     airspace: Corners | None = optional("corners of the convex area of the race, in order")
@@ -91,7 +91,7 @@ class TrackEntry(Schema):
 
     @property
     def remark(self) -> str:
-        """What a reader should know of a file of the previous language; empty where there is nothing."""
+        """A warning about a file of the previous language; empty for others."""
         if self.default_pilot == "race" or "pilot" in self.rules.model_fields_set:
             return ""
         return (
@@ -106,20 +106,21 @@ def track_language() -> type[TrackEntry]:
 
 
 @lru_cache(maxsize=4)
-def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
-    described = TrackEntry.model_fields["gates"]
-    element: Annotation = Annotated[Union[known], Field(discriminator="type")]  # noqa: UP007  # made at run time
-    entries: Annotation = Annotated[dict[str, element], Field(max_length=LIMITS.gates)]
+def _track_language(entries_of_kinds: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
+    description = TrackEntry.model_fields["gates"].description
+    kind: Annotation = Union[entries_of_kinds]  # noqa: UP007  # made at run time
+    element: Annotation = Annotated[kind, Field(discriminator="type")]
+    entries: Annotation = Annotated[dict[str, element], Field(max_length=GATES_MAX)]
     return create_model(
         TrackEntry.__name__,
         __base__=TrackEntry,
         __doc__=TrackEntry.__doc__,
-        gates=(entries, Field(description=described.description)),
+        gates=(entries, Field(description=description)),
     )
 
 
 def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
-    """Return the course of a track file; it is only of use if nothing was reported."""
+    """Return the course of a track file; valid only if nothing was reported."""
     limits, gate_defaults = with_preset(entry.rules, entry.gate_defaults, entry.default_pilot, reporter)
     rules = build_rules(limits, entry.rules.preset, reporter)
     places = Places(entry.origin, reporter)
@@ -132,14 +133,14 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
         elements[name] = gate.build(name, gate_defaults, places)
     for element in elements.values():
         _check_heights(element, rules.height, reporter)
-    crowd = tuple(one.build(name, limits.crowd_distance_m, places) for name, one in entry.crowd.items())
+    crowd = tuple(group.build(name, limits.crowd_distance_m, places) for name, group in entry.crowd.items())
     airspace = build_airspace(entry.airspace, places)
-    obstacles = tuple(one.build(name, places) for name, one in entry.obstacles.items())
+    obstacles = tuple(obstacle.build(name, places) for name, obstacle in entry.obstacles.items())
     for name in entry.obstacles:
         if name in entry.gates:
             reporter.key(("obstacles", name), "is the name of a gate, too; an obstacle needs its own")
     check_room(elements.values(), crowd, obstacles, airspace, reporter)
-    lines = {name: one.build(name, places) for name, one in entry.safety_lines.items()}
+    lines = {name: line.build(name, places) for name, line in entry.safety_lines.items()}
     start_speed = Interval.between(None, limits.arguments().get("start_speed_max_kt"))
     return Course(
         name=entry.name,

@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.aircraft import AircraftEntry, PublishedEntry
 from airrace.inputs.inputs import DocumentReader, Inputs, build_course_and_air, check_together, read_aircraft
-from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
+from airrace.inputs.kinds.kind import GateDefaultsEntry, KindEntry, PassingEntry, height_band
 from airrace.inputs.nodes import KeyPath, Reporter, ScalarNode, dotted
 from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides
 from airrace.inputs.rules import LimitsEntry, ReserveEntry, tightened, with_preset
@@ -48,17 +48,19 @@ class Variation:
     def parameters(self) -> dict[str, Parameter[Race]]:
         """The parameters of track and aircraft by the key that `--set` takes.
 
-        Numbers that the files leave to a preset or to the language are among them; limits that nobody sets, and whole
-        numbers that count, are not.
+        They include numbers that a preset or the language provides, but neither absent limits nor whole numbers that
+        count.
         """
         reporter = Reporter(self._track, [])
         track = validate(track_language(), reporter)
         aircraft = validate(AircraftEntry, Reporter(self._aircraft, reporter.findings))
         if track is None or aircraft is None:
             raise InputError(reporter.findings)
-        numbers = [*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))]
-        found = [(dotted(path), value) for path, value in numbers]
-        return {key: Parameter(key, value, partial(self._set, key)) for key, value in found}
+        parameters: dict[str, Parameter[Race]] = {}
+        for path, value in (*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))):
+            key = dotted(path)
+            parameters[key] = Parameter(key, value, partial(self._set, key))
+        return parameters
 
     def _set(self, key: str, race: Race, value: float) -> Race:
         return self.race(key, value)
@@ -76,17 +78,17 @@ class Variation:
         findings: list[Finding] = []
         path: KeyPath = tuple(key.split("."))
         kind = AIRCRAFT if path[0] in PREFIXED else "track"
-        own = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
+        override = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
         race, entry, track = self._race.by_rules, self._entry, Reporter(self._track, findings)
         if kind == AIRCRAFT:
-            changed = apply_overrides(self._aircraft, own, findings, AircraftEntry)
+            changed = apply_overrides(self._aircraft, override, findings, AircraftEntry)
             aircraft = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}."))
             race = replace(race, aircraft=aircraft or race.aircraft)
         else:
-            track = Reporter(apply_overrides(self._track, own, findings, track_language()), findings)
+            track = Reporter(apply_overrides(self._track, override, findings, track_language()), findings)
             if entry := validate(track_language(), track):
-                scene = build_course_and_air(entry, track)
-                race = replace(race, course=scene.course, air=scene.air)
+                course_and_air = build_course_and_air(entry, track)
+                race = replace(race, course=course_and_air.course, air=course_and_air.air)
         if entry and not findings:
             race = tightened(race, entry.margins, track)
             check_together(race, track)
@@ -115,8 +117,7 @@ def _with_heights(defaults: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -
     height = defaults.height_m
     if height is None or any(isinstance(gate, PassingEntry) and gate.height_m is not None for gate in gates.values()):
         return defaults
-    band = {"height_min_m": max(0.0, height - HEIGHT_BAND_M), "height_max_m": height + HEIGHT_BAND_M}
-    return _fill(defaults, band)
+    return _fill(defaults, height_band(height))
 
 
 def _fill(entry: AnySchema, numbers: Mapping[str, float | None]) -> AnySchema:
@@ -135,10 +136,10 @@ def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
             for key, info in type(value).model_fields.items():
                 yield from _numbers(getattr(value, key), (*path, info.alias or key))
         case dict():
-            for key, one in cast(dict[str, object], value).items():
-                yield from _numbers(one, (*path, key))
+            for key, entry in cast(dict[str, object], value).items():
+                yield from _numbers(entry, (*path, key))
         case list():
-            for index, one in enumerate(cast(list[object], value)):
-                yield from _numbers(one, (*path, index))
+            for index, item in enumerate(cast(list[object], value)):
+                yield from _numbers(item, (*path, index))
         case _:
             return

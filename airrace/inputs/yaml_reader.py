@@ -1,7 +1,7 @@
-"""A reader of YAML that is safe and strict, and constructs no Python objects from the text.
+"""A safe and strict reader of YAML, which constructs no Python objects from the text.
 
-The text is taken event by event with a limit on depth and size, by libyaml where PyYAML brings it along (several times
-faster), else by PyYAML's own parser. libyaml's composer, which recurses without limit, is never asked. Anchors, aliases
+The text is parsed event by event with a limit on depth and size, by libyaml where PyYAML includes it (several times
+faster), else by PyYAML's own parser; libyaml's composer, which recurses without limit, is not used. Anchors, aliases
 and tags are refused, a duplicate key is an error, and plain scalars follow the core schema of YAML 1.2 (`1e3` is a
 number; `no`, `on` and `12:30` are text) instead of PyYAML's YAML 1.1. `012`, `.nan` and `.inf` are refused.
 """
@@ -14,7 +14,11 @@ import yaml
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import (
-    LIMITS,
+    DEPTH_MAX,
+    KEY_LENGTH_MAX,
+    REREAD_MAX,
+    SIZE_MAX,
+    VALUES_MAX,
     KeyPath,
     MappingEntry,
     MappingNode,
@@ -92,8 +96,8 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     Raises:
         InputError: the text is refused; it carries every finding, up to a syntax error, which ends the reading.
     """
-    if len(text) > LIMITS.size:
-        raise InputError([Finding(file, 0, 0, "", f"is too large: at most {LIMITS.size} characters are read")])
+    if len(text) > SIZE_MAX:
+        raise InputError([Finding(file, 0, 0, "", f"is too large: at most {SIZE_MAX} characters are read")])
     _check_characters(file, text)
     reader = _TreeBuilder(file)
     try:
@@ -101,7 +105,7 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     except _Abort:
         raise InputError(reader.findings) from None
     except yaml.MarkedYAMLError as error:
-        if loader is not PURE and len(text) <= LIMITS.reread:
+        if loader is not PURE and len(text) <= REREAD_MAX:
             read_yaml(file, text, PURE)
         raise InputError([*reader.findings, _syntax_error(file, error)]) from None
     if reader.findings:
@@ -111,14 +115,11 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
 
 def _check_characters(file: str, text: str) -> None:
     """Refuse control characters, byte order marks and the like, which are no part of YAML."""
-    found = _FORBIDDEN.search(text)
-    if found is None:
-        return
-    position = found.start()
-    line = text.count("\n", 0, position) + 1
-    column = position - text.rfind("\n", 0, position)
-    message = f"the character U+{ord(found.group()):04X} is not allowed in YAML"
-    raise InputError([Finding(file, line, column, "", message)])
+    if match := _FORBIDDEN.search(text):
+        line = text.count("\n", 0, match.start()) + 1
+        column = match.start() - text.rfind("\n", 0, match.start())
+        message = f"the character U+{ord(match.group()):04X} is not allowed in YAML"
+        raise InputError([Finding(file, line, column, "", message)])
 
 
 def _events(text: str, loader: Loader) -> Iterator[yaml.Event]:
@@ -165,8 +166,8 @@ class _TreeBuilder:
     def _node(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Node:
         place = self._place(event)
         self._nodes += 1
-        if self._nodes > LIMITS.values:
-            self._refuse(event, (), f"more than {LIMITS.values} values; nothing behind this one is read")
+        if self._nodes > VALUES_MAX:
+            self._refuse(event, (), f"more than {VALUES_MAX} values; nothing behind this one is read")
             raise _Abort
         if isinstance(event, yaml.AliasEvent):
             self._refuse(event, path, f"aliases (`*{event.anchor}`) are not supported; write the value out")
@@ -174,8 +175,8 @@ class _TreeBuilder:
         self._refuse_decoration(event, path)
         if isinstance(event, yaml.ScalarEvent):
             return ScalarNode(place, self._scalar(event, path))
-        if len(path) >= LIMITS.depth:
-            self._refuse(event, (), f"nested more than {LIMITS.depth} levels deep")
+        if len(path) >= DEPTH_MAX:
+            self._refuse(event, (), f"nested more than {DEPTH_MAX} levels deep")
             raise _Abort
         if isinstance(event, yaml.SequenceStartEvent):
             return SequenceNode(place, tuple(self._items(events, path)))
@@ -204,9 +205,9 @@ class _TreeBuilder:
             self._refuse_decoration(event, path)
             if not event.value:
                 self._refuse(event, path, "a key is empty")
-            if len(event.value) > LIMITS.key:
-                self._refuse(event, path, f"a key is longer than {LIMITS.key} characters")
-                return event.value[: LIMITS.key]
+            if len(event.value) > KEY_LENGTH_MAX:
+                self._refuse(event, path, f"a key is longer than {KEY_LENGTH_MAX} characters")
+                return event.value[:KEY_LENGTH_MAX]
             return event.value
         self._refuse(event, path, "a key must be plain text, not a list, a mapping or an alias")
         self._node(event, events, (*path, "?"))

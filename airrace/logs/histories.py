@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment import atmosphere_parameters, density, g0
+from airrace.frames import QUATERNION
 from airrace.logs.passings import MEASURED
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import Path
@@ -13,7 +14,7 @@ from airrace.quantities import Quantity
 from airrace.race import Race
 from airrace.results import attitude
 from airrace.results.derivation import complete_histories, wind_along
-from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE, Basis, Histories, History
+from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Histories, History
 from airrace.trajectory import Array
 
 
@@ -45,7 +46,7 @@ DECLARATIONS = {
     "C_L": Quantity("C_L", "1", text="lift coefficient"),
     "beta_A": Quantity("beta_A", "rad", text="aerodynamic sideslip"),
     "beta_K": Quantity("beta_K", "rad", text="kinematic sideslip of the body, by which its wing is turned in the path"),
-    **{name: Quantity(name, "1", text="attitude of the flight path") for name in PATH_ATTITUDE},
+    **{name: Quantity(name, "1", text="attitude of the flight path") for name in QUATERNION},
 }
 """Declarations of all histories of a recorded flight, by name."""
 _DOWN = np.array([[1.0], [1.0], [-1.0]])  # turns up into down
@@ -62,7 +63,7 @@ def log_histories(race: Race, recording: Recording, path: Path, time: Array) -> 
     """
     position, velocity, acceleration = path.at(time)
     derived = path_histories(race, position, velocity, acceleration)
-    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in QUATERNION]))
     fillings = {**derived, "V_G": np.hypot(*velocity[:2]), "phi": mu, "theta": gamma, "psi": chi}
     measured: dict[str, Array] = {}
     for name in MEASURED:
@@ -107,7 +108,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
     body = race.aircraft.airframe
     C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, HISTORIES.slowest) ** 2 * body.S)
     values = {"x": north, "y": east, "height": up, "z": -up, "V_K": speed, "n_z": n_z, "n_x": along / g0}
-    values |= zip(PATH_ATTITUDE, attitude.quaternions(R), strict=True)
+    values |= zip(QUATERNION, attitude.quaternions(R), strict=True)
     return values | {"V_A": V_A, "C_L": C_L, "beta_A": np.zeros_like(C_L)}
 
 
@@ -123,7 +124,7 @@ def _recorded_attitude(
         tan(phi) = cos(gamma) sin(mu) / (cos(alpha) cos(gamma) cos(mu) - sin(alpha) sin(gamma))
     """
     psi, theta, phi = (_interpolate(recording, name, time) for name in ("psi", "theta", "phi"))
-    axes = attitude.path_axes([derived[name] for name in PATH_ATTITUDE])
+    axes = attitude.path_axes([derived[name] for name in QUATERNION])
     _, gamma, mu = attitude.euler_angles(axes)
     full, roll = np.isfinite(psi + theta + phi), np.isfinite(phi)
     alpha = np.clip(
@@ -142,7 +143,7 @@ def _recorded_attitude(
     z = np.where(full, np.cross(x, wing, axis=0), z)
     q = attitude.quaternions(np.stack([x, y, z], axis=1))
     found: dict[str, Array] = {}
-    found.update(zip(PATH_ATTITUDE, q, strict=True))
+    found.update(zip(QUATERNION, q, strict=True))
     if full.all():
         found.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
         found["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))

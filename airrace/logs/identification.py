@@ -287,7 +287,7 @@ def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
     start, power = aircraft_parameters(aircraft), ca.exp(values[2])
     polar = {"C_D0": start.C_D0 * ca.exp(values[0]), "k": start.k * ca.exp(values[1])}
     numbers = AircraftParameters[ca.SX](**(vars(start) | polar | {"P": start.P * power, "V_s": start.V_s * power}))
-    field, atmosphere, down = WindField.of(air), atmosphere_parameters(air), ca.DM([0.0, 0.0, 1.0])
+    field, atmosphere, down = WindField.from_air(air), atmosphere_parameters(air), ca.DM([0.0, 0.0, 1.0])
 
     def rates(s: ca.SX) -> ca.SX:
         r, v, u, j = s[:3], s[3:6], s[6:9], s[9:]

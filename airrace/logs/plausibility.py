@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.frames import QUATERNION
 from airrace.logs.csv_log import FIELDS
 from airrace.logs.histories import HISTORIES, path_histories, samples_of
 from airrace.logs.passings import HEIGHTS, CourseRun
@@ -16,7 +17,6 @@ from airrace.logs.violations import beyond, height_window
 from airrace.quantities import Interval
 from airrace.race import Race
 from airrace.results import Flight, attitude
-from airrace.results.flight import PATH_ATTITUDE
 from airrace.trajectory import Array
 
 
@@ -134,7 +134,7 @@ def roll_offsets(
     """
     time = path.time[(path.time >= run.begin) & (path.time <= run.end)]
     derived = path_histories(race, *path.at(time))
-    _, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    _, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in QUATERNION]))
     turning = (derived["n_z"] > PLAUSIBLE.turning) & (np.abs(gamma) < HISTORIES.steep)
     if not turning.any():
         return (0.0, 0.0), ()
@@ -178,7 +178,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
     inside = np.flatnonzero((part.time >= path.time[0]) & (part.time <= path.time[-1]))
     rows = inside[:: max(1, len(inside) // PLAUSIBLE.rows)]
     derived = path_histories(race, *path.at(part.time[rows]))
-    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in PATH_ATTITUDE]))
+    chi, gamma, mu = attitude.euler_angles(attitude.path_axes([derived[name] for name in QUATERNION]))
     fast, turning = derived["V_K"] > PLAUSIBLE.slowest, derived["n_z"] > PLAUSIBLE.turning
     columns, remarks = dict(part.columns), list[str]()
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from airrace.dynamics.observations import crossing_values
-from airrace.frames import angle_between
+from airrace.frames import QUATERNION, angle_between
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.race import Race
 from airrace.results import Flight, TimedCrossing
 from airrace.results.clearances import at_row, distances
-from airrace.results.flight import PATH_ATTITUDE, legs_of
+from airrace.results.flight import legs_of
 from airrace.track.course import StartSpeed
 from airrace.track.element import Element
 from airrace.track.gates import Passing, Tolerant
@@ -227,7 +227,7 @@ def _passing_violations(
     measured = crossing_values(
         position=(value("x"), value("y"), value("z")),
         V_K=value("V_K"),
-        q=[value(name) for name in PATH_ATTITUDE],
+        q=[value(name) for name in QUATERNION],
         place=crossing_parameters(element.frame(axis=axis, bank=bank, span=race.aircraft.airframe.b)),
         beta_K=crossing.values.get("beta_K", 0.0),
     )

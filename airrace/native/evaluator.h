@@ -52,7 +52,7 @@ struct evaluator {
         const struct interior_program *program, const double *point, const double *residuals, double *step);
     void (*interior_predictor_corrector)(
         const struct interior_program *program, const struct interior_corrections *corrections, const double *point,
-        const double *residuals, double least_barrier, double *step, double *lengths);
+        const double *residuals, double barrier_min, double *step, double *lengths);
     /* see riccati.c */
     int (*null_space_riccati)(
         int stages, int m, const int *sizes, const double *H, const double *F, const int *rows, const double *C,

@@ -20,8 +20,8 @@ typedef const struct interior_program *Program;
 static inline int y_of(Program p) { return p->unknowns; }
 static inline int e_of(Program p) { return y_of(p) + p->gaps; }
 static inline int s_of(Program p) { return e_of(p) + p->equalities; }
-static inline int z_of(Program p) { return s_of(p) + p->sides; }
-static inline int size_of(Program p) { return z_of(p) + p->sides; }
+static inline int z_of(Program p) { return s_of(p) + p->inequalities; }
+static inline int size_of(Program p) { return z_of(p) + p->inequalities; }
 
 static inline double larger(double a, double b) { return b > a || b != b ? b : a; } /* NaN if either is */
 
@@ -44,16 +44,16 @@ static void bound_multipliers(Program p, const double *point, double *multiplier
 {
     const double *e = point + e_of(p), *z = point + z_of(p);
     memset(multipliers, 0, sizeof(double) * (p->rows + p->unknowns));
-    for (int i = 0; i < p->sides; i++) multipliers[p->side[i]] -= p->sign[i] * z[i];
+    for (int i = 0; i < p->inequalities; i++) multipliers[p->inequality[i]] -= p->sign[i] * z[i];
     for (int i = 0; i < p->equalities; i++) multipliers[p->equality[i]] += e[i];
 }
 
 void interior_multipliers(Program p, const double *point, double *multipliers)
 {
-    bound_multipliers(p, point, p->bounded);
+    bound_multipliers(p, point, p->values);
     memset(multipliers, 0, sizeof(double) * p->constraints);
     for (int i = 0; i < p->gaps; i++) multipliers[p->gap_index[i]] = point[y_of(p) + i];
-    for (int i = 0; i < p->rows; i++) multipliers[p->row_index[i]] = p->bounded[i];
+    for (int i = 0; i < p->rows; i++) multipliers[p->row_index[i]] = p->values[i];
 }
 
 void interior_residuals(
@@ -62,18 +62,18 @@ void interior_residuals(
 {
     const double *y = point + y_of(p), *s = point + s_of(p), *z = point + z_of(p);
     double *gaps = residuals + y_of(p), *equalities = residuals + e_of(p), *slacks = residuals + s_of(p);
-    bound_multipliers(p, point, p->bounded);
-    const double constraint_multipliers = sum_of_sizes(p->gaps, y) + sum_of_sizes(p->rows, p->bounded);
+    bound_multipliers(p, point, p->values);
+    const double constraint_multipliers = sum_of_sizes(p->gaps, y) + sum_of_sizes(p->rows, p->values);
     measures[CONSTRAINT_MULTIPLIER] = p->constraints ? constraint_multipliers / p->constraints : 0.0;
-    measures[BOUND_MULTIPLIER] = sum_of_sizes(p->unknowns, p->bounded + p->rows) / p->unknowns;
-    for (int i = 0; i < p->unknowns; i++) residuals[i] = gradient[i] + p->bounded[p->rows + i];
+    measures[BOUND_MULTIPLIER] = sum_of_sizes(p->unknowns, p->values + p->rows) / p->unknowns;
+    for (int i = 0; i < p->unknowns; i++) residuals[i] = gradient[i] + p->values[p->rows + i];
     for (int i = 0; i < p->gaps; i++) gaps[i] = constraints[p->gap_index[i]] - p->jump[i];
-    for (int i = 0; i < p->rows; i++) p->bounded[i] = constraints[p->row_index[i]];
-    memcpy(p->bounded + p->rows, point, sizeof(double) * p->unknowns);
-    for (int i = 0; i < p->equalities; i++) equalities[i] = p->bounded[p->equality[i]] - p->target[i];
+    for (int i = 0; i < p->rows; i++) p->values[i] = constraints[p->row_index[i]];
+    memcpy(p->values + p->rows, point, sizeof(double) * p->unknowns);
+    for (int i = 0; i < p->equalities; i++) equalities[i] = p->values[p->equality[i]] - p->target[i];
     double complementarity = 0.0, most = 0.0, least = HUGE_VAL, products = 0.0;
-    for (int i = 0; i < p->sides; i++) {
-        const double room = p->sign[i] * (p->bounded[p->side[i]] - p->bound[i]);
+    for (int i = 0; i < p->inequalities; i++) {
+        const double room = p->sign[i] * (p->values[p->inequality[i]] - p->bound[i]);
         slacks[i] = room - s[i];
         complementarity = larger(complementarity, fabs(room * z[i]));
         const double product = s[i] * z[i];
@@ -87,7 +87,7 @@ void interior_residuals(
     measures[COMPLEMENTARITY] = complementarity;
     measures[LARGEST_PRODUCT] = most;
     measures[LEAST_PRODUCT] = least;
-    measures[MEAN_PRODUCT] = p->sides ? products / p->sides : 0.0;
+    measures[MEAN_PRODUCT] = p->inequalities ? products / p->inequalities : 0.0;
     measures[INFEASIBILITY] = sum_of_sizes(primal, gaps);
 }
 
@@ -95,7 +95,8 @@ int interior_factorise(Program p, const double *point, double damping)
 {
     double *weights = p->weights;
     memset(weights, 0, sizeof(double) * (p->rows + p->unknowns));
-    for (int i = 0; point && i < p->sides; i++) weights[p->side[i]] += point[z_of(p) + i] / point[s_of(p) + i];
+    for (int i = 0; point && i < p->inequalities; i++)
+        weights[p->inequality[i]] += point[z_of(p) + i] / point[s_of(p) + i];
     for (int i = 0; i < p->equalities; i++) weights[p->equality[i]] = p->equality_weight;
     for (int i = 0; i < p->unknowns; i++) weights[p->rows + i] += damping;
     return riccati_factorise(
@@ -114,27 +115,29 @@ void interior_solve(Program p, const double *point, const double *residuals, dou
 {
     const double *s = point + s_of(p), *z = point + z_of(p), *slacks = residuals ? residuals + s_of(p) : NULL;
     const double *equalities = residuals ? residuals + e_of(p) : NULL;
-    double *de = step + e_of(p), *ds = step + s_of(p), *dz = step + z_of(p), *pull = p->pull, *gaps = step + y_of(p);
-    memset(pull, 0, sizeof(double) * (p->rows + p->unknowns));
-    for (int i = 0; i < p->sides; i++) {
+    double *de = step + e_of(p), *ds = step + s_of(p), *dz = step + z_of(p), *gaps = step + y_of(p);
+    double *multipliers = p->multipliers;
+    memset(multipliers, 0, sizeof(double) * (p->rows + p->unknowns));
+    for (int i = 0; i < p->inequalities; i++) {
         dz[i] = (slacks ? dz[i] - z[i] * slacks[i] : dz[i]) / s[i];
-        pull[p->side[i]] += p->sign[i] * dz[i];
+        multipliers[p->inequality[i]] += p->sign[i] * dz[i];
     }
-    for (int i = 0; equalities && i < p->equalities; i++) pull[p->equality[i]] -= equalities[i] * p->equality_weight;
+    for (int i = 0; equalities && i < p->equalities; i++)
+        multipliers[p->equality[i]] -= equalities[i] * p->equality_weight;
     for (int i = 0; i < p->unknowns; i++) p->right_hand[i] = residuals ? -residuals[i] : 0.0;
     for (int i = 0; i < p->gaps; i++) p->changes[i] = residuals ? -residuals[y_of(p) + i] : 0.0;
-    add_transposed(p, pull, p->right_hand);
+    add_transposed(p, multipliers, p->right_hand);
     riccati_solve(
-        p->stages, p->states, p->sizes, p->dynamics, p->factors, p->first, p->right_hand, p->changes, p->lead, p->costs,
-        step, gaps);
+        p->stages, p->states, p->sizes, p->dynamics, p->factors, p->first, p->right_hand, p->changes,
+        p->feedforward, p->cost_gradients, step, gaps);
     riccati_rows(p->stages, p->sizes, p->row_counts, p->gradients, step, p->changes);
     memcpy(p->changes + p->rows, step, sizeof(double) * p->unknowns);
     for (int i = 0; i < p->equalities; i++)
         de[i] = (p->changes[p->equality[i]] + (equalities ? equalities[i] : 0.0)) * p->equality_weight;
-    for (int i = 0; i < p->sides; i++) {
-        const double moved = p->sign[i] * p->changes[p->side[i]];
-        ds[i] = slacks ? moved + slacks[i] : moved;
-        dz[i] -= z[i] / s[i] * moved;
+    for (int i = 0; i < p->inequalities; i++) {
+        const double change = p->sign[i] * p->changes[p->inequality[i]];
+        ds[i] = slacks ? change + slacks[i] : change;
+        dz[i] -= z[i] / s[i] * change;
     }
 }
 
@@ -151,8 +154,8 @@ static double length(int n, const double *values, const double *changes, double 
 
 static void step_lengths(Program p, const double *point, const double *step, double reach, double *lengths)
 {
-    lengths[0] = length(p->sides, point + s_of(p), step + s_of(p), reach);
-    lengths[1] = length(p->sides, point + z_of(p), step + z_of(p), reach);
+    lengths[0] = length(p->inequalities, point + s_of(p), step + s_of(p), reach);
+    lengths[1] = length(p->inequalities, point + z_of(p), step + z_of(p), reach);
 }
 
 /* the product of slack and multiplier i after parts of a step */
@@ -169,28 +172,28 @@ static inline double within(double value, double least, double most)
 
 void interior_predictor_corrector(
     Program p, const struct interior_corrections *of, const double *point, const double *residuals,
-    double least_barrier, double *step, double *lengths)
+    double barrier_min, double *step, double *lengths)
 {
     const double *s = point + s_of(p), *z = point + z_of(p);
     double *predicted = p->predicted, average = 0.0, ahead = 0.0;
-    if (!p->sides) { /* Newton's method */
+    if (!p->inequalities) { /* Newton's method */
         interior_solve(p, point, residuals, step);
         lengths[0] = lengths[1] = 1.0;
         return;
     }
-    for (int i = 0; i < p->sides; i++) predicted[z_of(p) + i] = -s[i] * z[i];
+    for (int i = 0; i < p->inequalities; i++) predicted[z_of(p) + i] = -s[i] * z[i];
     interior_solve(p, point, residuals, predicted);
     step_lengths(p, point, predicted, 1.0, lengths);
-    for (int i = 0; i < p->sides; i++) {
+    for (int i = 0; i < p->inequalities; i++) {
         average += s[i] * z[i];
         ahead += product_after(p, point, predicted, lengths, i);
     }
-    average /= p->sides, ahead /= p->sides;
+    average /= p->inequalities, ahead /= p->inequalities;
     const double share = ahead / average, centring = share * share * share;
     double barrier = (centring < 1.0 ? centring : 1.0) * average;
-    if (!(barrier > least_barrier)) barrier = least_barrier;
+    if (!(barrier > barrier_min)) barrier = barrier_min;
     const double most = of->spread * of->spread * (average > barrier ? average : barrier);
-    for (int i = 0; i < p->sides; i++) {
+    for (int i = 0; i < p->inequalities; i++) {
         const double product = s[i] * z[i], half = 0.5 * product;
         const double least = -(half > barrier ? half : barrier); /* less would keep a product that is too large */
         step[z_of(p) + i] = barrier - product - within(predicted[s_of(p) + i] * predicted[z_of(p) + i], least, most);
@@ -199,19 +202,19 @@ void interior_predictor_corrector(
 
     const double reach = 1.0 - barrier > of->boundary_fraction ? 1.0 - barrier : of->boundary_fraction;
     step_lengths(p, point, step, reach, lengths);
-    for (int turn = 0; turn < of->most; turn++) {
-        if ((lengths[0] < lengths[1] ? lengths[0] : lengths[1]) > of->long_enough) break;
+    for (int round = 0; round < of->count; round++) {
+        if ((lengths[0] < lengths[1] ? lengths[0] : lengths[1]) > of->length_enough) break;
         const double tried[2] = {fmin(1.0, lengths[0] + of->gain), fmin(1.0, lengths[1] + of->gain)};
-        for (int i = 0; i < p->sides; i++) {
+        for (int i = 0; i < p->inequalities; i++) {
             const double product = product_after(p, point, step, tried, i);
-            const double wanted = within(product, barrier / of->spread, of->spread * barrier) - product;
-            p->correction[z_of(p) + i] = wanted > -of->spread * barrier ? wanted : -of->spread * barrier;
+            const double target = within(product, barrier / of->spread, of->spread * barrier) - product;
+            p->correction[z_of(p) + i] = target > -of->spread * barrier ? target : -of->spread * barrier;
         }
         interior_solve(p, point, NULL, p->correction);
         for (int i = 0; i < size_of(p); i++) p->candidate[i] = step[i] + p->correction[i];
         double longer[2];
         step_lengths(p, point, p->candidate, reach, longer);
-        if (longer[0] + longer[1] < lengths[0] + lengths[1] + of->least_gain) break;
+        if (longer[0] + longer[1] < lengths[0] + lengths[1] + of->gain_min) break;
         memcpy(step, p->candidate, sizeof(double) * size_of(p));
         memcpy(lengths, longer, sizeof longer);
     }

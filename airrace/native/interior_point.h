@@ -17,24 +17,24 @@
 
 /* In the order of `_ProgramArrays` in bounded_program.py. Bounded are (rows, unknowns), numbered one behind the other. */
 struct interior_program {
-    int stages, states, unknowns, gaps, rows, equalities, sides, constraints;
+    int stages, states, unknowns, gaps, rows, equalities, inequalities, constraints;
     const int *sizes, *row_counts;               /* of each stage */
     const double *hessian, *dynamics, *gradients; /* of the stages; gradients of the rows */
     const int64_t *gap_index, *row_index;        /* among the constraints */
     const int64_t *equality;                     /* places of equalities */
     const double *jump, *target;                 /* values of gaps and of equalities */
-    const int64_t *side;                         /* places of one-sided bounds */
+    const int64_t *inequality;                   /* places of one-sided bounds */
     const double *sign, *bound;                  /* 1 where the bound is a lower one, -1 where an upper one */
     double equality_weight;
-    double *factors, *first, *lead, *costs;      /* of the recursion */
-    double *bounded, *pull, *changes, *weights;  /* numbers of (rows, unknowns) */
+    double *factors, *first, *feedforward, *cost_gradients;  /* of the recursion */
+    double *values, *multipliers, *changes, *weights;        /* numbers of (rows, unknowns) */
     double *right_hand, *predicted, *correction, *candidate; /* a stationarity; points */
 };
 
 /* What Gondzio's corrections may do, `StepParameters` in bounded_program.py. */
 struct interior_corrections {
-    int most;
-    double gain, least_gain, long_enough, spread, boundary_fraction;
+    int count;
+    double gain, gain_min, length_enough, spread, boundary_fraction;
 };
 
 /* The measures of a point: largest violations of the gaps, equalities and slacks (primal), of stationarity, largest
@@ -65,6 +65,6 @@ void interior_solve(
 /* A step by Mehrotra's predictor and corrector with Gondzio's corrections, and its primal and dual lengths. */
 void interior_predictor_corrector(
     const struct interior_program *program, const struct interior_corrections *corrections, const double *point,
-    const double *residuals, double least_barrier, double *step, double *lengths);
+    const double *residuals, double barrier_min, double *step, double *lengths);
 
 #endif

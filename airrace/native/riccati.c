@@ -123,21 +123,22 @@ int riccati_factorise(int stages, int m, const int *sizes, const double *H, cons
     return wrong + cholesky(m, m, first);
 }
 
-/* Solve with the factors; `lead` has room for all unknowns, `costs` for the states of all stages. */
+/* Solve with the factors; `feedforward` has room for all unknowns, `cost_gradients` for the states of all stages. */
 void riccati_solve(int stages, int m, const int *sizes, const double *F, const double *factors, const double *first,
-                   const double *r, const double *s, double *lead, double *costs, double *step, double *y)
+                   const double *r, const double *s, double *feedforward, double *cost_gradients, double *step,
+                   double *y)
 {
     int64_t h = 0, z = 0;
     for (int k = 0; k < stages; k++) h += (int64_t)sizes[k] * sizes[k], z += sizes[k];
     int64_t f = (z - sizes[stages - 1]) * m;
     for (int k = stages - 1; k >= 0; k--) {
         const int n = sizes[k], u = n - m;
-        double *q = lead + (z -= n), ahead[MOST];
+        double *q = feedforward + (z -= n), ahead[MOST];
         memcpy(q, r + z, sizeof(double) * n);
         if (k < stages - 1) {
             const double *P = factors + h, *gap = s + (int64_t)k * m;
             const int width = sizes[k + 1];
-            memcpy(ahead, costs + (int64_t)(k + 1) * m, sizeof(double) * m);
+            memcpy(ahead, cost_gradients + (int64_t)(k + 1) * m, sizeof(double) * m);
             for (int j = 0; j < m; j++) add(m, -gap[j], P + j * width, ahead);
             f -= (int64_t)m * n;
             for (int j = 0; j < n; j++) q[j] += dot(m, F + f + j * m, ahead);
@@ -145,9 +146,9 @@ void riccati_solve(int stages, int m, const int *sizes, const double *F, const d
         h -= (int64_t)n * n;
         const double *M = factors + h;
         solve_lower(u, n, M + m * n + m, q + m);
-        for (int j = 0; j < m; j++) costs[(int64_t)k * m + j] = q[j] - dot(u, M + j * n + m, q + m);
+        for (int j = 0; j < m; j++) cost_gradients[(int64_t)k * m + j] = q[j] - dot(u, M + j * n + m, q + m);
     }
-    memcpy(step, costs, sizeof(double) * m);
+    memcpy(step, cost_gradients, sizeof(double) * m);
     solve_lower(m, m, first, step);
     solve_upper(m, m, first, step);
     for (int k = 0; k < stages; k++) {
@@ -156,10 +157,10 @@ void riccati_solve(int stages, int m, const int *sizes, const double *F, const d
         double *x = step + z, *to = x + m;
         if (k > 0) {
             double *multiplier = y + (int64_t)(k - 1) * m;
-            memcpy(multiplier, costs + (int64_t)k * m, sizeof(double) * m);
+            memcpy(multiplier, cost_gradients + (int64_t)k * m, sizeof(double) * m);
             for (int j = 0; j < m; j++) add(m, -x[j], M + j * n, multiplier);
         }
-        memcpy(to, lead + z + m, sizeof(double) * u);
+        memcpy(to, feedforward + z + m, sizeof(double) * u);
         for (int j = 0; j < m; j++) add(u, -x[j], M + j * n + m, to);
         solve_upper(u, n, M + m * n + m, to);
         if (k < stages - 1) {
@@ -207,17 +208,17 @@ static void orthogonalise(int rows, int width, int first, double *D)
         rotated = 0;
         for (int p = 0; p < rows - 1; p++)
             for (int q = p + 1; q < rows; q++) {
-                double *one = D + p * width, *other = D + q * width;
-                const double product = dot(n, one + first, other + first);
-                const double a = dot(n, one + first, one + first), b = dot(n, other + first, other + first);
+                double *row_p = D + p * width, *row_q = D + q * width;
+                const double product = dot(n, row_p + first, row_q + first);
+                const double a = dot(n, row_p + first, row_p + first), b = dot(n, row_q + first, row_q + first);
                 if (!(fabs(product) > ORTHOGONAL * sqrt(a * b) + NEGLIGIBLE)) continue;
                 const double zeta = (b - a) / (2.0 * product);
                 const double tangent = (zeta < 0.0 ? -1.0 : 1.0) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
                 const double cosine = 1.0 / sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
                 for (int i = 0; i < width; i++) {
-                    const double before = one[i];
-                    one[i] = cosine * before - sine * other[i];
-                    other[i] = sine * before + cosine * other[i];
+                    const double before = row_p[i];
+                    row_p[i] = cosine * before - sine * row_q[i];
+                    row_q[i] = sine * before + cosine * row_q[i];
                 }
                 rotated = 1;
             }
@@ -286,7 +287,7 @@ static void gather(const struct unknowns *of, const double *row, double *to)
 
 /* Solve `rows` for the free controls: u = G (x, v), v free. What binds x alone is added to `ahead`.
  * G has free_controls rows of m + *free numbers; returns the number of rows that are solved. */
-static int eliminate(const struct unknowns *of, int rows, double *D, double *G, int *free, double *ahead, int *waiting)
+static int eliminate(const struct unknowns *of, int rows, double *D, double *G, int *free, double *ahead, int *pending)
 {
     const int m = of->m, u = of->free_controls, width = m + u;
     double basis[MOST * MOST];
@@ -304,7 +305,7 @@ static int eliminate(const struct unknowns *of, int rows, double *D, double *G, 
             for (int j = 0; j < m; j++) D[rank * width + j] = of_row[j] / length; /* rank <= row: read before */
             rank++;
         } else {
-            memcpy(ahead + (*waiting)++ * m, of_row, sizeof(double) * m);
+            memcpy(ahead + (*pending)++ * m, of_row, sizeof(double) * m);
         }
     }
     complete(rank, u, basis);
@@ -336,8 +337,8 @@ static void reduce(const struct unknowns *of, int free, const double *G, const d
 }
 
 /* Take the squares of changes of the states off the costs as long as one costs more than STIFF, and let these changes
- * be zero, as rows that wait. */
-static void hold_stiff(int m, double *costs, double *ahead, int *waiting)
+ * be zero, as rows that are handed on. */
+static void hold_stiff(int m, double *costs, double *ahead, int *pending)
 {
     for (int turn = 0; turn < m; turn++) {
         int most = 0;
@@ -349,8 +350,8 @@ static void hold_stiff(int m, double *costs, double *ahead, int *waiting)
         for (int i = 0; i < m; i++) change[i] = costs[most * m + i] / sqrt(largest);
         for (int i = 0; i < m; i++) add(m, -change[i], change, costs + i * m);
         const double length = sqrt(dot(m, change, change));
-        for (int i = 0; i < m; i++) ahead[*waiting * m + i] = change[i] / length;
-        (*waiting)++;
+        for (int i = 0; i < m; i++) ahead[*pending * m + i] = change[i] / length;
+        (*pending)++;
     }
 }
 
@@ -374,7 +375,7 @@ int null_space_riccati(int stages, int m, const int *sizes, const double *H, con
     }
     const unsigned char *held = kept + r;
     int64_t f = (z - sizes[stages - 1]) * m;
-    int waiting = 0;
+    int pending = 0;
     memset(costs, 0, sizeof(double) * m * m);
     for (int k = stages - 1; k >= 0; k--) {
         const int n = sizes[k], last = k == stages - 1;
@@ -386,18 +387,18 @@ int null_space_riccati(int stages, int m, const int *sizes, const double *H, con
         int chosen = 0;
         for (int row = 0; row < rows[k]; row++)
             if (kept[r + row]) gather(&of, C + c + (int64_t)row * n, D + chosen++ * (m + of.free_controls));
-        for (int row = 0; row < waiting; row++) {
+        for (int row = 0; row < pending; row++) {
             double before[MOST];
             for (int j = 0; j < n; j++) before[j] = last ? 0.0 : dot(m, ends + j * m, ahead + row * m);
             gather(&of, before, D + chosen++ * (m + of.free_controls));
         }
-        waiting = 0;
+        pending = 0;
         for (int i = 0; i < m; i++)
             if (of.held[i]) {
-                memset(ahead + waiting * m, 0, sizeof(double) * m);
-                ahead[waiting++ * m + i] = 1.0;
+                memset(ahead + pending * m, 0, sizeof(double) * m);
+                ahead[pending++ * m + i] = 1.0;
             }
-        eliminate(&of, chosen, D, G, free, ahead, &waiting);
+        eliminate(&of, chosen, D, G, free, ahead, &pending);
 
         const int v = *free, width = m + v;
         memcpy(whole, H + h, sizeof(double) * n * n);
@@ -432,8 +433,8 @@ int null_space_riccati(int stages, int m, const int *sizes, const double *H, con
             for (int i = j; i < m; i++)
                 costs[i * m + j] = costs[j * m + i] =
                     M[j * width + i] - dot(v, M + i * width + m, M + j * width + m);
-        hold_stiff(m, costs, ahead, &waiting);
+        hold_stiff(m, costs, ahead, &pending);
     }
-    *free = waiting;
+    *free = pending;
     return -1;
 }

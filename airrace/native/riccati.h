@@ -16,7 +16,7 @@ int riccati_factorise(
 
 void riccati_solve(
     int stages, int m, const int *sizes, const double *F, const double *factors, const double *first, const double *r,
-    const double *s, double *lead, double *costs, double *step, double *y);
+    const double *s, double *feedforward, double *cost_gradients, double *step, double *y);
 
 void riccati_rows(int stages, const int *sizes, const int *rows, const double *C, const double *z, double *values);
 

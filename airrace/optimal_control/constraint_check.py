@@ -104,7 +104,7 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
             seen = at_points(measure, states.reshape(len(states), -1), np.asarray(watch.values, dtype=np.float64))
             for quantity, values in zip(watch.observation.quantities, seen, strict=True):
                 bounds = watch.bounds.get(quantity.name, Interval())
-                if bounds.bounded:
+                if bounds.constrained:
                     _require_tolerance(quantity, bounds, known)
                     largest = np.zeros(problem.intervals)
                     samples = values.reshape(states.shape[1:])
@@ -115,7 +115,7 @@ def _excesses(problem: Problem, replay: Replay, known: Mapping[str, Tolerance]) 
 
 def _require_tolerance(quantity: Quantity, bounds: Interval, known: Mapping[str, Tolerance]) -> None:
     """Refuse a bounded quantity whose unit has no tolerance, rather than pass over it in silence."""
-    if bounds.bounded and quantity.unit not in known:
+    if bounds.constrained and quantity.unit not in known:
         raise ValueError(f"no tolerance for {quantity.name} in {quantity.unit!r}")
 
 
@@ -152,4 +152,4 @@ def boundary_values(problem: Problem, boundary: Boundary, x: Array) -> list[tupl
         declared += boundary.observation.quantities
         values += np.asarray(boundary.observation.values(x, np.asarray(boundary.values))).ravel().tolist()
     by_name = {quantity.name: (quantity, value) for quantity, value in zip(declared, values, strict=True)}
-    return [(by_name[name][0], at, by_name[name][1]) for name, at in boundary.bounds.items() if at.bounded]
+    return [(by_name[name][0], at, by_name[name][1]) for name, at in boundary.bounds.items() if at.constrained]

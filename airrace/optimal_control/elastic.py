@@ -256,7 +256,7 @@ def _elastic(place: Place, moves: Moves, owner: Owner, system: System) -> Place:
                 sides.append((name, end))
                 amounts.append(amount)
                 bounds[f"{name}{end}"] = limit
-        if stays.bounded:
+        if stays.constrained:
             bounds[name] = stays
     if place.observation is None and not sides:
         return place

@@ -7,10 +7,11 @@ Each kernel is called for all intervals at once; constraints and derivatives are
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from functools import cached_property
 
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
+from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty, StageMatrices
 from airrace.optimal_control.kernels import BoundCall, Part, bind
 from airrace.trajectory import Array
 
@@ -47,6 +48,11 @@ class Evaluation:
         self._evaluated_at: Array | None = None
         self._curved_at: tuple[float, Array] | None = None
         self._curved: list[Array] = []
+
+    @cached_property
+    def stage_matrices(self) -> StageMatrices:
+        """The matrices of the program's stages, for whoever writes them."""
+        return StageMatrices(self.assembly)
 
     def forget(self) -> None:
         """Forget what was evaluated, because parameters have changed."""

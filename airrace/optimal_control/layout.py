@@ -96,7 +96,7 @@ class ConstraintRows:
 def limits_on(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) -> list[LimitedQuantity]:
     """Return the limits on those of the quantities that have a bounded range."""
     known = [LimitedQuantity(place, one, ranges.get(one.name, Interval())) for place, one in enumerate(quantities)]
-    return [one for one in known if one.bounds.bounded]
+    return [one for one in known if one.bounds.constrained]
 
 
 def rows_of(blocks: Sequence[RowBlock]) -> ConstraintRows:

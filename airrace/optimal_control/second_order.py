@@ -92,13 +92,10 @@ def second_order(problem: Problem, iterate: Iterate, constraint_multipliers: Arr
     """
     layout = Layout(problem)
     functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme)))
-    matrices, p = StageMatrices(functions.assembly), layout.parameter_values()
-    return judge(functions, matrices, layout, layout.pack(iterate), p, constraint_multipliers)
+    return judge(functions, layout, layout.pack(iterate), layout.parameter_values(), constraint_multipliers)
 
 
-def judge(
-    functions: Evaluation, matrices: StageMatrices, layout: Layout, w: Array, p: Array, lam_g: Array
-) -> tuple[SecondOrder, Array] | None:
+def judge(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Array) -> tuple[SecondOrder, Array] | None:
     """Judge a point that satisfies the conditions of first order.
 
     A limit is an equality where its scaled multiplier exceeds its scaled slack. An interior point method leaves
@@ -108,8 +105,7 @@ def judge(
     saddle only where it is left with all weakly active limits as equalities.
 
     Args:
-        functions: of the program.
-        matrices: of its stages, written anew.
+        functions: of the program, whose stage matrices are written anew.
         layout: with the bounds of the problem that was solved.
         w: scaled unknowns, shape (n_w,).
         p: the parameters.
@@ -124,6 +120,7 @@ def judge(
     """
     functions.at(w, p)
     functions.lam_f, functions.lam_g[:] = 1.0, lam_g
+    matrices = functions.stage_matrices
     if not matrices.write(functions.jacobian_sources(), functions.hessian_sources()):
         return None
     rows, lam_x = layout.row_index, -functions.gradient

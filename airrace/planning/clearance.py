@@ -30,31 +30,17 @@ from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point, area, beside, distance, edges, inside
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class ClearanceSearch:
-    """The numbers by which the least distances are searched for.
-
-    Attributes:
-        least_clearance: the clearance of pylons whose element asks for no more, m: that of the rules of 2014 to
-            2019.
-        near: the distance, m, beyond clearance and wing, at which a pylon counts as near.
-        parts: the number of parts into which a step is divided to find the least distance, and again the part
-            with the least.
-        abeam_max: the longest time, s, between the moment abeam and that of the least distance; on a leg that
-            ends before, or where the wing hits, it could be longer.
-        level: the extent of a wing, m, below which it has none in a direction; other points of it are the
-            nearest then.
-    """
-
-    least_clearance: float = 0.5
-    near: float = 10.0
-    parts: int = 48
-    abeam_max: float = 0.1
-    level: float = 1e-9
-
-
-SEARCH = ClearanceSearch()
+LEAST_CLEARANCE = 0.5
+"""The clearance of pylons whose element asks for no more, m: that of the rules of 2014 to 2019."""
+NEAR = 10.0
+"""The distance beyond clearance and wing at which a pylon counts as near, m."""
+PARTS = 48
+"""The number of parts into which a step is divided to find the least distance, and again the part with the least."""
+ABEAM_MAX = 0.1
+"""The longest time between the moment abeam and that of the least distance, s; on a leg that ends before, or where the
+wing hits, it could be longer."""
+NO_EXTENT = 1e-9
+"""The extent of a wing below which it has none in a direction, m; other points of it are the nearest then."""
 
 
 Place = tuple[float, float]
@@ -147,7 +133,7 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     """Return all pylons of a course, in the order of the first passings of their elements, and those of obstacles."""
     found: dict[Place, PylonPost] = {}
     for element in {one.element.name: one.element for one in course.passages}.values():
-        drawing, required = element.drawing(), SEARCH.least_clearance
+        drawing, required = element.drawing(), LEAST_CLEARANCE
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
         for number, post in enumerate(drawing.posts):
@@ -206,9 +192,9 @@ def nearest_points(pylon: PylonPost, centre: Array, half: Array) -> tuple[Array,
     d = centre - np.array([pylon.north, pylon.east, pylon.height]).reshape(3, *(1,) * (centre.ndim - 1))
     level, whole = (np.sum(half[:rows] ** 2, axis=0) for rows in (2, 3))
     vertices = (
-        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > SEARCH.level**2, level, 1.0),
-        -np.sum(d * half, axis=0) / np.where(whole > SEARCH.level**2, whole, 1.0),
-        -d[2] / np.where(np.abs(half[2]) > SEARCH.level, half[2], np.inf),
+        -np.sum(d[:2] * half[:2], axis=0) / np.where(level > NO_EXTENT**2, level, 1.0),
+        -np.sum(d * half, axis=0) / np.where(whole > NO_EXTENT**2, whole, 1.0),
+        -d[2] / np.where(np.abs(half[2]) > NO_EXTENT, half[2], np.inf),
     )
     least, nearest = np.full(level.shape, np.inf), np.zeros(level.shape)
     for vertex in vertices:
@@ -229,15 +215,15 @@ def closest_in_steps(wing: Wing, pylon: PylonPost) -> tuple[Array, Array]:
     later = away[1:] < away[:-1]
     distance, time = np.where(later, away[1:], away[:-1]), np.where(later, wing.time[1:], wing.time[:-1])
     moved = np.linalg.norm(np.diff(wing.centre, axis=1), axis=0)
-    near = np.flatnonzero(distance < pylon.required + SEARCH.near + 2.0 * moved)
+    near = np.flatnonzero(distance < pylon.required + NEAR + 2.0 * moved)
     if len(near):
-        shares = np.broadcast_to(np.linspace(0.0, 1.0, SEARCH.parts + 1), (len(near), SEARCH.parts + 1))
-        for part in (0.5 / SEARCH.parts, 0.0):
+        shares = np.broadcast_to(np.linspace(0.0, 1.0, PARTS + 1), (len(near), PARTS + 1))
+        for part in (0.5 / PARTS, 0.0):
             values = wing_distance(pylon, *_between(wing, near, shares))
             best = np.argmin(values, axis=1)[:, None]
             share = np.take_along_axis(shares, best, axis=1)
             if part:
-                shares = np.clip(share + 2.0 * part * np.linspace(-1.0, 1.0, SEARCH.parts + 1), 0.0, 1.0)
+                shares = np.clip(share + 2.0 * part * np.linspace(-1.0, 1.0, PARTS + 1), 0.0, 1.0)
         distance[near] = np.take_along_axis(values, best, axis=1)[:, 0]
         time[near] = wing.time[near] + share[:, 0] * np.diff(wing.time)[near]
     return distance, time
@@ -253,14 +239,14 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
     """
     for pylon in pylons:
         distance, time = closest_in_steps(wing, pylon)
-        near = pylon.required + SEARCH.near
+        near = pylon.required + NEAR
         of_legs = [begin + _passings(distance[begin:end], near) for begin, end in pairwise(legs)]
         steps = np.concatenate(of_legs)
         (velocity, centre), (turning, half) = _motion(wing, time[steps])
         along, beside, _ = _seen_from(pylon, velocity, centre)
         _, nearest = nearest_points(pylon, centre, half)
         ahead, _, speed = _seen_from(pylon, velocity + nearest * turning, centre + nearest * half)
-        abeam = time[steps] - np.clip(ahead / speed, -SEARCH.abeam_max, SEARCH.abeam_max)
+        abeam = time[steps] - np.clip(ahead / speed, -ABEAM_MAX, ABEAM_MAX)
         leg = np.repeat(np.arange(len(of_legs)), [len(one) for one in of_legs])
         columns = (leg, distance[steps], time[steps], abeam, along, beside)
         for numbers in zip(*(column.tolist() for column in columns), strict=True):

@@ -18,56 +18,43 @@ from airrace.dynamics.flight_manual import top_speed
 from airrace.environment import g0
 from airrace.frames import angle_between
 from airrace.planning.plan import ONE_PLACE, plan
-from airrace.planning.planning_model import ASSUMED, PlanningModel, cruise
+from airrace.planning.planning_model import AIR_DENSITY, PlanningModel, cruise
 from airrace.planning.route_decisions import PLANNED_MAX, place
 from airrace.quantities import KNOT
 from airrace.race import Race
 from airrace.track.course import Course, Direction, Passage, StartSpeed
 from airrace.track.polygons import Point, inside
 
-
-@dataclass(frozen=True)
-class LintSettings:
-    """The thresholds of remarks.
-
-    Attributes:
-        wind_max: of the race rules 2014-2019, m/s: no race in more wind.
-        load_factor_min: of the tightest turns, g; with less an aircraft flies straight on, and there is no turn.
-        turn_samples: number of points at which a turn is measured.
-        headings_min: number of headings that tell whether positions fit them.
-        exchange_gain: by which headings must fit better with north and east exchanged, as a mean cosine. Those of the
-            shipped courses fit worse by 0.31 at least.
-        pylon_clearance: distance from a pylon at which the straight line between its neighbours passes on the side
-            asked for, m. On the shipped courses it is 17 m at most, and most lines pass on the other side.
-        near_seconds: time of flight at the least speed below which two elements may be meant as one, s.
-        same_direction: largest angle between the axes of two elements that may be meant as one, rad; those of a quad
-            stand across.
-        height_band: least room between floor and ceiling that needs no remark, m: the legal heights of a gate span
-            10 m.
-        energy_share: part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it.
-        loop: a way that turns by this much more than straight lines do goes round a loop, rad.
-        same_place: passings nearer than that, as of a quad, are meant to be joined by a loop, m.
-        aside: a gate that points further away from both of its neighbours points the wrong way, rad.
-        back: likewise a start or finish, which has but one.
-    """
-
-    wind_max: float = 30.0 * KNOT
-    load_factor_min: float = 1.01
-    turn_samples: int = 65
-    headings_min: int = 4
-    exchange_gain: float = 0.25
-    pylon_clearance: float = 20.0
-    near_seconds: float = 0.1
-    same_direction: float = math.radians(30.0)
-    height_band: float = 5.0
-    energy_share: float = 0.5
-    loop: float = math.pi
-    same_place: float = 1.0
-    aside: float = math.radians(90.0)
-    back: float = math.radians(135.0)
-
-
-SETTINGS = LintSettings()
+WIND_MAX = 30.0 * KNOT
+"""The most wind of a race by the rules of 2014 to 2019, m/s."""
+TURN_LOAD_FACTOR_LEAST = 1.01
+"""The least load factor of the tightest turns, g: with less an aircraft flies straight on, and there is no turn."""
+TURN_SAMPLES = 65
+"""The number of points at which a turn is measured."""
+HEADINGS_MIN = 4
+"""The number of headings that tell whether positions fit them."""
+EXCHANGE_GAIN = 0.25
+"""By how much headings must fit better with north and east exchanged, as a mean cosine; those of the shipped courses
+fit worse by 0.31 at least."""
+IDLE_PYLON_DISTANCE = 20.0
+"""The distance from a pylon at which the straight line between its neighbours passes on the side asked for, m. On the
+shipped courses it is 17 m at most, and most lines pass on the other side."""
+SAME_ELEMENT_SECONDS = 0.1
+"""The time of flight at the least speed below which two elements may be meant as one, s."""
+SAME_ELEMENT_ANGLE = math.radians(30.0)
+"""The largest angle between their axes then, rad; those of a quad stand across."""
+HEIGHT_BAND = 5.0
+"""The least room between floor and ceiling that needs no remark, m: the legal heights of a gate span 10 m."""
+ENERGY_SHARE = 0.5
+"""The part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it."""
+LOOP_TURN = math.pi
+"""A way that turns by this much more than straight lines do goes round a loop, rad."""
+SAME_PLACE = 1.0
+"""Passings nearer than this, as of a quad, are meant to be joined by a loop, m."""
+WRONG_WAY = math.radians(90.0)
+"""A gate that points further away from both of its neighbours points the wrong way, rad."""
+WRONG_WAY_END = math.radians(135.0)
+"""Likewise a start or finish, which has but one neighbour, rad."""
 
 
 class RemarkKind(Enum):
@@ -92,7 +79,7 @@ class RemarkKind(Enum):
     LANGUAGE = "language"
 
     @classmethod
-    def of(cls, subject: str) -> "RemarkKind":
+    def from_subject(cls, subject: str) -> "RemarkKind":
         """Return the kind of a remark that an element makes about itself."""
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
@@ -158,7 +145,7 @@ def _race_remarks(race: Race) -> Iterator[Remark]:
     if not top_speed(aircraft):
         text = f"{aircraft.name} cannot fly level: its power balances the drag of carrying its weight at no speed"
         yield Remark("", RemarkKind.AIRCRAFT, text)
-    if wind is not None and wind.speed > SETTINGS.wind_max + 1e-9:
+    if wind is not None and wind.speed > WIND_MAX + 1e-9:
         text = f"the wind blows at {wind.speed / KNOT:.0f} kt; races are held in 30 kt at most"
         yield Remark("", RemarkKind.WIND, text)
     allowed, able = rules.n_z, aircraft.envelope.n_z
@@ -197,7 +184,7 @@ def _element_remarks(course: Course) -> Iterator[Remark]:
     for passage in {one.element.name: one for one in reversed(course.passages)}.values():
         element, name, ceiling = passage.element, passage.name, ""
         for subject, text in element.remarks(name):
-            yield Remark(name, RemarkKind.of(subject), text)
+            yield Remark(name, RemarkKind.from_subject(subject), text)
         if element.heights.lower > allowed.upper:
             ceiling = f"`{name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
         elif element.heights.upper < allowed.lower:
@@ -207,7 +194,7 @@ def _element_remarks(course: Course) -> Iterator[Remark]:
             ceiling += f"there are {room:.0f} m between floor and ceiling"
         if ceiling:
             yield Remark(name, RemarkKind.CEILING, ceiling)
-    if room < SETTINGS.height_band:
+    if room < HEIGHT_BAND:
         text = (
             f"there are {room:.3g} m between the floor at {allowed.lower:g} m and the ceiling at {allowed.upper:g} m; "
             "hardly anyone keeps a height so closely"
@@ -225,7 +212,7 @@ def _axis_remarks(course: Course) -> Iterator[Remark]:
         if not passage.element.directed or heading is None or key in seen:
             continue
         ways = [_bearing(a, b) for a, b in ((before, passage), (passage, after)) if a is not None and b is not None]
-        limit = SETTINGS.aside if len(ways) == 2 else SETTINGS.back
+        limit = WRONG_WAY if len(ways) == 2 else WRONG_WAY_END
         against = [abs(angle_between(heading, way)) > limit + 1e-9 for way in ways if way is not None]
         if len(against) == len(ways) and all(against):
             seen.add(key)
@@ -240,7 +227,7 @@ def _axis_remarks(course: Course) -> Iterator[Remark]:
 def _bearing(a: Passage, b: Passage) -> float | None:
     """Return the bearing from place to place, rad; None if one is free or both are the same."""
     start, end = place(a), place(b)
-    if start is None or end is None or math.dist(start[:2], end[:2]) < SETTINGS.same_place:
+    if start is None or end is None or math.dist(start[:2], end[:2]) < SAME_PLACE:
         return None
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
@@ -262,12 +249,12 @@ def _mistakes(course: Course) -> Iterator[Remark]:
         seen.add(element.name)
         north, east = end[0] - start[0], end[1] - start[1]
         length = math.hypot(north, east)
-        if length < SETTINGS.same_place:
+        if length < SAME_PLACE:
             continue
         along = ((at[0] - start[0]) * north + (at[1] - start[1]) * east) / length**2
         aside = (start[0] + along * north - at[0], start[1] + along * east - at[1])
         margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
-        if 0.0 < along < 1.0 and margin > SETTINGS.pylon_clearance:
+        if 0.0 < along < 1.0 and margin > IDLE_PYLON_DISTANCE:
             text = (
                 f"the straight line from `{before.name}` to `{after.name}` passes `{passage.name}` {margin:.0f} m away "
                 "on the side that is asked for; is its `pass_side_deg` reversed?"
@@ -284,7 +271,7 @@ def swapped_axes(passages: Sequence[Passage]) -> bool:
             heading = passage.element.course(passage.direction) if passage.element.directed else None
             if way is not None and heading is not None:
                 gains.append(math.cos(angle_between(heading, 0.5 * math.pi - way)) - math.cos(heading - way))
-    return len(gains) >= SETTINGS.headings_min and sum(gains) / len(gains) > SETTINGS.exchange_gain
+    return len(gains) >= HEADINGS_MIN and sum(gains) / len(gains) > EXCHANGE_GAIN
 
 
 # The legs.
@@ -316,9 +303,9 @@ def tightest(race: Race) -> PlanningModel:
     """
     aircraft, rules = race.aircraft, race.course.rules
     V = min(top_speed(aircraft) or cruise(aircraft, rules).V, aircraft.envelope.V.upper)
-    lift = 0.5 * ASSUMED.air_density * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
-    return PlanningModel(V, max(n, SETTINGS.load_factor_min), 0.5 * min(aircraft.point_mass.p, rules.p))
+    return PlanningModel(V, max(n, TURN_LOAD_FACTOR_LEAST), 0.5 * min(aircraft.point_mass.p, rules.p))
 
 
 def legs(race: Race) -> list[ReviewedLeg]:
@@ -328,7 +315,7 @@ def legs(race: Race) -> list[ReviewedLeg]:
     turns: list[tuple[float, float, float] | None] = [None] * (len(passages) - 1)
     for index, leg in enumerate(plan(race.course, tightest(race)).legs if len(passages) <= PLANNED_MAX else ()):
         if leg.path is not None:
-            _, _, heading = leg.path.points(np.linspace(0.0, leg.path.length, SETTINGS.turn_samples))
+            _, _, heading = leg.path.points(np.linspace(0.0, leg.path.length, TURN_SAMPLES))
             turns[index] = float(heading[0]), float(heading[-1]), float(np.abs(np.diff(heading)).sum())
     found: list[ReviewedLeg] = []
     for (before, after), turn in zip(itertools.pairwise(passages), turns, strict=True):
@@ -349,7 +336,7 @@ def _leg_remarks(race: Race) -> Iterator[Remark]:
     for leg in different.values():
         yield from _climb_remarks(leg, race.aircraft, rate)
         yield from _remarks_on_one_place(leg, race.aircraft)
-        if pace.n > SETTINGS.load_factor_min:
+        if pace.n > TURN_LOAD_FACTOR_LEAST:
             yield from _turn_remarks(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
 
 
@@ -374,7 +361,7 @@ def _climb_remarks(leg: ReviewedLeg, aircraft: Aircraft, rate: float) -> Iterato
     if not V or not math.isfinite(up):
         return
     engine, speed = rate * leg.length / V, V**2 / (2.0 * g0)
-    if up > engine + SETTINGS.energy_share * speed:
+    if up > engine + ENERGY_SHARE * speed:
         text = (
             f"{from_to} {up:.0f} m are to be climbed: on the straight line {aircraft.name} gains {engine:.0f} m by its "
             f"engine, and all of its speed yields {speed:.0f} m"
@@ -386,7 +373,7 @@ def climb_rate(aircraft: Aircraft) -> float:
     """Return the best rate of climb at full power, m/s (ISA, sea level); 0 for an aircraft that cannot fly level."""
     propulsion, drag, m, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.m, aircraft.airframe.S
     V = np.linspace(max(aircraft.envelope.V.lower, 1.0), aircraft.envelope.V.upper, 50)
-    pressure = 0.5 * ASSUMED.air_density * V**2
+    pressure = 0.5 * AIR_DENSITY * V**2
     C_D = drag.C_D0 + drag.k * (m * g0 / (pressure * S) - drag.C_L_minD) ** 2
     spare = propulsion.eta_p * propulsion.P_max - pressure * S * C_D * V
     return max(0.0, float(spare.max()) / (m * g0))
@@ -396,7 +383,7 @@ def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Rema
     """Yield a remark on two elements so close together that one of them may be meant."""
     before, after = leg.before.element, leg.after.element
     across = before.axis is not None and after.axis is not None and abs(math.sin(after.axis - before.axis))
-    if before.base_name == after.base_name or across > math.sin(SETTINGS.same_direction):
+    if before.base_name == after.base_name or across > math.sin(SAME_ELEMENT_ANGLE):
         return  # passed twice on purpose, as a quad is
     slowest = aircraft.envelope.V.lower
     if leg.length < ONE_PLACE:
@@ -405,7 +392,7 @@ def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Rema
             "the one to the other; are they one gate?"
         )
         yield Remark(leg.after.name, RemarkKind.CLOSE, text)
-    elif leg.length < SETTINGS.near_seconds * slowest:
+    elif leg.length < SAME_ELEMENT_SECONDS * slowest:
         text = (
             f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that takes "
             f"{leg.length / slowest:.2g} s at the slowest; are they one gate?"
@@ -415,14 +402,14 @@ def _remarks_on_one_place(leg: ReviewedLeg, aircraft: Aircraft) -> Iterator[Rema
 
 def _turn_remarks(leg: ReviewedLeg, radius: float, pace: str) -> Iterator[Remark]:
     """Yield a remark on a turn for which there is no room at a pace; slower, or through space, there may be."""
-    if leg.turn is None or leg.length < SETTINGS.same_place:
+    if leg.turn is None or leg.length < SAME_PLACE:
         return
     heading, end_heading, turning = leg.turn
     needed = abs(angle_between(leg.bearing, heading)) + abs(angle_between(end_heading, leg.bearing))
     change = abs(angle_between(end_heading, heading))
     chord = 2.0 * radius * math.sin(change / 2.0)
     ends = f"`{leg.after.name}` stands {leg.length:.0f} m from `{leg.before.name}`"
-    if turning - needed > SETTINGS.loop:
+    if turning - needed > LOOP_TURN:
         text = (
             f"{ends}, near for the turn between them: {pace} it has a radius of {radius:.0f} m, "
             f"and the shortest level way goes round by {math.degrees(turning):.0f} deg"

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from airrace.frames import angle_between, angles, rotation
+from airrace.frames import QUATERNION, angle_between, angles, rotation
 from airrace.planning.clearance import (
     Place,
     PylonPost,
@@ -35,22 +35,11 @@ from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, sh
 from airrace.track.gates import STEEP
 from airrace.trajectory import Array, Trajectory
 
-
-@dataclasses.dataclass(frozen=True)
-class RoomSettings:
-    """The numbers by which a plan has room.
-
-    Attributes:
-        samples: the number of places of a leg at which its distance from boundaries is taken.
-        slope: the mean slope (1) above which a way is too short for a height. From the straight way between gates 318 m
-            apart, solves led a PC-9 up and down by 0.58 at most, and from a longer way by 0.73.
-    """
-
-    samples: int = 61
-    slope: float = 0.4
-
-
-ROOM = RoomSettings()
+LEG_SAMPLES = 61
+"""The number of places of a leg at which its distance from boundaries is taken."""
+SLOPE_MAX = 0.4
+"""The mean slope (1) above which a way is too short for a height. From the straight way between gates 318 m apart,
+solves led a PC-9 up and down by 0.58 at most, and from a longer way by 0.73."""
 
 ONE_PLACE = 0.01
 """The length of a way below which both of its ends are one place, m: places are not surveyed more closely.
@@ -160,7 +149,7 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
         if max(out[first:last]) > 0.0 and abs(turn) > TURN:
             turns[last] = -1 if turn > 0.0 else 1
         known = [one.position[2] for one in planned.waypoints[first : last + 1] if one.position is not None]
-        needed = float(np.abs(np.diff(known)).sum()) / ROOM.slope
+        needed = float(np.abs(np.diff(known)).sum()) / SLOPE_MAX
         if sum(path.length for path in paths) < needed and len(paths) == last - first:
             lengths_min[last] = needed
     if turns:
@@ -194,7 +183,7 @@ def _depths_outside(course: Course, planned: Plan) -> list[float]:
     for leg, passage in zip(planned.legs, course.passages[1:], strict=True):
         depth = 0.0
         if leg.path is not None:
-            north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, ROOM.samples))
+            north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, LEG_SAMPLES))
             way = np.stack([north, east], axis=-1)
             room = [beside_line(way, line) - line.margin for line in passage.safety_lines]
             room += [ground_distance(way, crowd) - crowd.distance for crowd in course.crowd]
@@ -340,7 +329,6 @@ A flight that turns less has chosen none; forced to one, its plan might fly a ci
 LEVEL = 0.2
 """The share of a step's length that must lie over ground for the step to have a course."""
 POSITION = ("x", "y", "z")
-ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
 def plan_from_solution(course: Course, pace: PlanningModel, trajectory: Trajectory) -> Plan:
@@ -370,7 +358,7 @@ def decisions_from_solution(
         first_node: the node of every passage.
     """
     row = {one.name: history for one, history in zip(states, state, strict=True)}
-    q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
+    q, r = np.stack([row[name] for name in QUATERNION]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
     ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {

@@ -13,28 +13,16 @@ from airrace.environment import g0
 from airrace.frames import product
 from airrace.track.course import Roll, Rules, Turning
 
-
-@dataclass(frozen=True)
-class PlanningAssumptions:
-    """The numbers by which speed and turns are planned.
-
-    Attributes:
-        air_density: the density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day.
-        share_of_top_speed: the planning speed as a share of the top speed of level flight.
-        load_factor: the load factor of planned turns, g, where limits and lift allow it.
-        share_of_limit: the load factor of planned turns as a share of the allowed one, at most.
-        least_load_factor: the least load factor of planned turns, g; below it they become so wide that the plan
-            misses the point.
-    """
-
-    air_density: float = 1.225
-    share_of_top_speed: float = 0.77
-    load_factor: float = 6.0
-    share_of_limit: float = 0.6
-    least_load_factor: float = 2.5
-
-
-ASSUMED = PlanningAssumptions()
+AIR_DENSITY = 1.225
+"""The density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day."""
+SHARE_OF_TOP_SPEED = 0.77
+"""The planning speed as a share of the top speed of level flight."""
+TURN_LOAD_FACTOR = 6.0
+"""The load factor of planned turns, g, where limits and lift allow it."""
+SHARE_OF_LIMIT = 0.6
+"""The load factor of planned turns as a share of the allowed one, at most."""
+TURN_LOAD_FACTOR_MIN = 2.5
+"""The least load factor of planned turns, g; below it they become so wide that the plan misses the point."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +43,11 @@ class PlanningModel:
 def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
     """Return three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
     envelope = aircraft.envelope.V
-    V = min(max(ASSUMED.share_of_top_speed * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
-    lift = 0.5 * ASSUMED.air_density * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    V = min(max(SHARE_OF_TOP_SPEED * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n_lift = lift / (aircraft.airframe.m * g0)
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
-    n = max(min(ASSUMED.load_factor, ASSUMED.share_of_limit * n_limit, 0.8 * n_lift), ASSUMED.least_load_factor)
+    n = max(min(TURN_LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), TURN_LOAD_FACTOR_MIN)
     return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p), 0.5 * aircraft.airframe.b)
 
 

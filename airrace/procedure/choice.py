@@ -2,13 +2,25 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from airrace.procedure.complexity import FlightComplexity
+from airrace.procedure.complexity import complexity_of
 from airrace.procedure.result import HARDLY_SLOWER, Note, NoteKind, StageResult
+from airrace.procedure.settings import Settings
+from airrace.procedure.stage_problem import StageProblem
 
 SAME_FLIGHT = 2e-4
 """The difference of race times below which two optima from different starts are one, s."""
+
+
+NEAR_TIE = 4.0
+"""The multiple of the limit of the certificate's `race_time_change` (1) by which race times of flights that were solved
+on one mesh each may differ because of their meshes; each may err by about that limit."""
+
+
+def mesh_resolution(settings: Settings, race_time: float) -> float:
+    """Return the difference of race times that two flights solved on one mesh each may owe to their meshes, s."""
+    return NEAR_TIE * settings.certificate.race_time_of(race_time)
 
 
 def fastest_of(results: Sequence[StageResult]) -> StageResult:
@@ -21,14 +33,14 @@ def place_of(result: StageResult, results: Sequence[StageResult]) -> int:
     return next(number for number, one in enumerate(results) if one.trajectory is result.trajectory)
 
 
-def simplest_of(results: Sequence[StageResult], complexity: Callable[[StageResult], FlightComplexity]) -> StageResult:
+def simplest_of(flight: StageProblem, results: Sequence[StageResult]) -> StageResult:
     """Return, of the results that hold and are hardly slower than the fastest, the one that is simplest to fly.
 
     Without one that holds it is the first. One that is not certified never takes the place of one that is.
 
     Args:
+        flight: the problem of their stage.
         results: of one stage.
-        complexity: counts what makes one of them hard to fly.
     """
     fastest = fastest_of(results)
     longest = fastest.trajectory.race_time + HARDLY_SLOWER
@@ -36,17 +48,15 @@ def simplest_of(results: Sequence[StageResult], complexity: Callable[[StageResul
     close = [one for one in close if one.certified or not fastest.certified]
     if len(close) < 2:
         return fastest
-    return min(close, key=lambda one: (complexity(one).rank, one.trajectory.race_time))
+    return min(close, key=lambda one: (complexity_of(flight, one.trajectory).rank, one.trajectory.race_time))
 
 
-def with_note_on_faster(
-    chosen: StageResult, results: Sequence[StageResult], complexity: Callable[[StageResult], FlightComplexity]
-) -> StageResult:
+def with_note_on_faster(flight: StageProblem, chosen: StageResult, results: Sequence[StageResult]) -> StageResult:
     """Return a result that was chosen with a note on what the fastest would have saved, if it is another one."""
     fastest = fastest_of(results)
     saved = chosen.trajectory.race_time - fastest.trajectory.race_time
     if not (chosen.holds and fastest.holds and saved > SAME_FLIGHT):
         return chosen
-    harder, simpler = (complexity(one).describe() for one in (fastest, chosen))
+    harder, simpler = (complexity_of(flight, one.trajectory).describe() for one in (fastest, chosen))
     text = f"a route that saves {1e3 * saved:.1f} ms was left for a simpler one: {harder}, instead of {simpler}"
     return dataclasses.replace(chosen, notes=(*chosen.notes, Note(NoteKind.SIMPLER_ROUTE, text)))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.planning.plan import ATTITUDE, POSITION, track_turn
+from airrace.frames import QUATERNION
+from airrace.planning.plan import POSITION, track_turn
 from airrace.procedure.multistart.rolls import pushes, reversals
 from airrace.procedure.stage_problem import StageProblem, load_factors_along
 from airrace.trajectory import Trajectory
@@ -53,7 +54,7 @@ def complexity_of(flight: StageProblem, trajectory: Trajectory) -> FlightComplex
         trajectory: on its mesh.
     """
     rows = {one.name: row for one, row in zip(trajectory.states, trajectory.state, strict=True)}
-    r, q = (np.stack([rows[name] for name in names]) for names in (POSITION, ATTITUDE))
+    r, q = (np.stack([rows[name] for name in names]) for names in (POSITION, QUATERNION))
     turns = (track_turn(r[:, first : last + 1]).lateral for first, last in itertools.pairwise(trajectory.first_node))
     return FlightComplexity(
         circles=sum(int(abs(turn) // CIRCLE) for turn in turns),

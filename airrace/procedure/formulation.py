@@ -166,7 +166,7 @@ class StartAirspeed:
         if rules.start_speed is StartSpeed.GROUND:
             return None
         indicated = rules.start_speed is StartSpeed.INDICATED
-        observed = airspeed_observation(model.system.states, WindField.of(air), indicated=indicated)
+        observed = airspeed_observation(model.system.states, WindField.from_air(air), indicated=indicated)
         return cls(observed, airspeed_values(air))
 
     def of_other_numbers(self, air: Air) -> Self:
@@ -176,7 +176,7 @@ class StartAirspeed:
     def at(self, boundary: Boundary, speed: Interval) -> Boundary:
         """Return the boundary of a start that is passed at a speed within a range (m/s)."""
         seen = boundary.observation
-        if not speed.bounded or seen is None:
+        if not speed.constrained or seen is None:
             return boundary
         bounds = {name: at for name, at in boundary.bounds.items() if name != "V_K"}
         return dataclasses.replace(
@@ -270,7 +270,7 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
     """Return the conditions of one passage, in its own frame; (13) and (14) of the paper."""
     element, passage = waypoint.passage.element, waypoint.passage
     bounds = element.conditions(waypoint.axis)
-    if passage.speed.bounded:
+    if passage.speed.constrained:
         bounds["V_K"] = passage.speed
     if passage.roll is not None:
         angle = passage.roll.angle  # to the side to which the plan rolls
@@ -299,7 +299,7 @@ def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
         bounds |= {"x": Interval.exactly(north), "y": Interval.exactly(east), "z": Interval.exactly(-height)}
     if waypoint.bank is not None and not steep:
         bounds |= {"bank_sine": ZERO, "bank_cosine": POSITIVE}
-    if waypoint.passage.speed.bounded:
+    if waypoint.passage.speed.constrained:
         bounds["V_K"] = waypoint.passage.speed
     frame = Frame(axis=waypoint.heading, bank=waypoint.bank or 0.0, crossing_tan=math.tan(PIECE_ANGLE))
     return Boundary(waypoint.passage.name, bounds, observation, tuple(crossing_parameters(frame).join()))
@@ -338,7 +338,7 @@ def path_constraints(course: Course, states: Sequence[Quantity]) -> tuple[tuple[
         for number, (a, b) in enumerate(edges(course.airspace, closed=True), start=1):
             everywhere.append(beside(f"airspace, side {number}", line_values(a, b, right=right), 0.0))
     for crowd in course.crowd:
-        kind = CrowdKind.of(crowd)
+        kind = CrowdKind.from_crowd(crowd)
         if kind not in crowds:
             crowds[kind] = crowd_observation(states, kind, exact=False), crowd_observation(states, kind, exact=True)
         smooth, exact = crowds[kind]

@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment import g0
-from airrace.frames import product, rotation
+from airrace.frames import QUATERNION, product, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.plan import Plan, PlannedLeg
 from airrace.planning.planning_model import PlanningModel, roll_time, rotation_time, turn_by
@@ -273,7 +273,7 @@ def _down(position: tuple[float, float, float]) -> Array:
     return np.array([position[0], position[1], -position[2]])
 
 
-QUATERNION = [PointMassState.names().index(name) for name in ("q0", "q1", "q2", "q3")]
+QUATERNION_ROWS = [PointMassState.names().index(name) for name in QUATERNION]
 """The rows of the quaternion in a state history."""
 SHORTEST_SHARE = 0.2
 """The part of the planned duration (1) that a shifted piece lasts at least."""
@@ -281,14 +281,14 @@ SHORTEST_SHARE = 0.2
 
 def align_quaternions(state: Array) -> None:
     """Flip signs, in place, so that neighbours in a state history (n_x, N) lie on the same side."""
-    q = state[QUATERNION]
+    q = state[QUATERNION_ROWS]
     q[:, 1:] *= np.cumprod(np.where((q[:, 1:] * q[:, :-1]).sum(axis=0) < 0.0, -1.0, 1.0))
-    state[QUATERNION] = q
+    state[QUATERNION_ROWS] = q
 
 
 def rotate(state: Array, before: Array, after: Array) -> Array:
     """Return the quaternions of `state`, rotated as from `before` to `after`; shape (4, N)."""
-    q, q_before, q_after = (list(one[QUATERNION]) for one in (state, before, after))
+    q, q_before, q_after = (list(one[QUATERNION_ROWS]) for one in (state, before, after))
     inverse = [q_before[0], -q_before[1], -q_before[2], -q_before[3]]
     return np.array(product(product(q_after, inverse), q))
 
@@ -310,7 +310,7 @@ def concatenate(pieces: Sequence[Iterate]) -> Iterate:
 def shift(piece: Iterate, before: Iterate, after: Iterate) -> Iterate:
     """Return a solution shifted by the difference between two planned flights."""
     state = piece.state + after.state - before.state
-    state[QUATERNION] = rotate(piece.state, before.state, after.state)
+    state[QUATERNION_ROWS] = rotate(piece.state, before.state, after.state)
     return Iterate(
         np.maximum(piece.durations + after.durations - before.durations, SHORTEST_SHARE * after.durations),
         state,

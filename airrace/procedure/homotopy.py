@@ -24,6 +24,7 @@ from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.certification import conclude
 from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import concatenate, first_mesh, guess, phase_piece, shift
+from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility
 from airrace.procedure.result import Note, NoteKind, StageResult, Status
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
@@ -45,8 +46,16 @@ TOLERANCE, ITERATIONS_MAX = 1e-2, 100
 INFEASIBILITY_TESTS_MAX = 2
 """The largest number of infeasibility tests."""
 
-InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
-"""(problem, phase, guesses) -> bool: True if the legs around the phase are infeasible."""
+InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], LocalInfeasibility | None]
+"""(problem, phase, guesses) -> the infeasibility of the legs around the phase; None where it is not confirmed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HomotopyOutcome:
+    """The pieces as one flight, and the infeasibility that ended the homotopy; None where nothing did."""
+
+    result: StageResult
+    infeasibility: LocalInfeasibility | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,36 +144,36 @@ def phase_homotopy(plan: Plan, index: int, state: Array | None) -> PhaseHomotopy
 
 
 def solve_homotopy(
-    flight: StageProblem, session: SolverSession, window_is_infeasible: InfeasibilityTest | None = None
-) -> StageResult:
+    flight: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None = None
+) -> HomotopyOutcome:
     """Solve all phases one after the other; a phase for which that fails is left as planned, on later laps at once.
 
     Args:
         flight: the point mass.
         session: what solves.
-        window_is_infeasible: asked about the first phases that fail; where it says so, all that follows is left as
-            planned. None to ask nobody.
+        test_infeasibility: asked about the first phases that fail; where the legs around one are infeasible, all that
+            follows is left as planned. None to ask nobody.
     """
-    return _Homotopy(flight, session, window_is_infeasible).solve()
+    return _Homotopy(flight, session, test_infeasibility).solve()
 
 
 class _Homotopy:
     """The pieces so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
     def __init__(
-        self, flight: StageProblem, session: SolverSession, window_is_infeasible: InfeasibilityTest | None
+        self, flight: StageProblem, session: SolverSession, test_infeasibility: InfeasibilityTest | None
     ) -> None:
         self.flight = flight
         self.session = session
-        self.window_is_infeasible = window_is_infeasible
+        self.test_infeasibility = test_infeasibility
         self.tested_phases: set[int] = set()
-        self.is_infeasible = False
+        self.infeasibility: LocalInfeasibility | None = None
         self.mesh = first_mesh(flight.plan, session.settings.mesh)
         self.race = flight.problem(self.mesh)
         self.planned = guess(flight.plan, self.mesh)
         self.pieces: list[Iterate] = []
 
-    def solve(self) -> StageResult:
+    def solve(self) -> HomotopyOutcome:
         skipped, failed = list[str](), list[Sequence[Passage]]()
         total = len(self.mesh)
         for group in self._groups():
@@ -177,7 +186,7 @@ class _Homotopy:
                 failed.append(place)
                 skipped += [self.race.phases[one].name for one in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
-        return conclude(
+        result = conclude(
             self.flight,
             self.session,
             self.race,
@@ -186,6 +195,7 @@ class _Homotopy:
             outcome=Status.SOLVED,
             notes=(Note(NoteKind.PLANNED_PHASES, f"left as planned: {', '.join(skipped)}"),) if skipped else (),
         )
+        return HomotopyOutcome(result, self.infeasibility)
 
     def _place(self, group: Sequence[int]) -> Sequence[Passage]:
         """Return the passages of some phases, which are equal on all laps."""
@@ -206,22 +216,22 @@ class _Homotopy:
 
     def _add_phase(self, index: int, horizon: int) -> bool:
         """Add a phase; where that fails with the pieces before it, more of them are opened to change."""
-        while not self.is_infeasible and not self._follow(index, max(0, index - horizon + 1)):
-            self._test_infeasibility(index)
+        while self.infeasibility is None and not self._follow(index, max(0, index - horizon + 1)):
+            self._test_phase(index)
             if horizon > min(index, LONGEST_HORIZON - 1):
                 return False
             horizon *= 2
-        return not self.is_infeasible
+        return self.infeasibility is None
 
-    def _test_infeasibility(self, index: int) -> None:
+    def _test_phase(self, index: int) -> None:
         """Ask whether a phase that could not be added is infeasible; once, and of the first such phases only."""
         tested = self.tested_phases
-        if self.window_is_infeasible is None or index in tested or len(tested) == INFEASIBILITY_TESTS_MAX:
+        if self.test_infeasibility is None or index in tested or len(tested) == INFEASIBILITY_TESTS_MAX:
             return
         tested.add(index)
         rest = [phase_piece(self.planned, self.race, one) for one in range(len(self.pieces), len(self.mesh))]
         guesses = [self.planned, concatenate([*self.pieces, *rest])]
-        self.is_infeasible = self.window_is_infeasible(self.race, index, guesses)
+        self.infeasibility = self.test_infeasibility(self.race, index, guesses)
 
     def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; return whether that was reached.

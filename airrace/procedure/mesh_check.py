@@ -8,15 +8,18 @@ from airrace.optimal_control.solvers.interface import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.refinement import MeshProposal, MeshSolution, bisect_all, bisect_coarse
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Note, NoteKind, StageResult
 from airrace.procedure.solve_and_refine import (
     Failure,
     RefinementState,
     carry_multipliers,
-    certified_state,
-    refine_from,
+    next_until_certified,
+    refine,
+    solve_on_mesh,
+    state_to_certify,
 )
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 
@@ -36,44 +39,60 @@ def check_mesh_convergence(flight: StageProblem, optimum: StageResult, session: 
     limits, nodes = session.settings.certificate, optimum.coarser_nodes
     mesh, iterate = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory)
     problem = flight.problem(mesh)
-    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    multipliers = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     measure = partial(examine, problem, iterate, optimum.constraint_multipliers, limits)
     good = MeshSolution(problem, iterate, MeshProposal(mesh, iterate, optimum.mesh.why, nodes), measure)
+    start = Start(flight, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
 
-    def finer(draft: MeshProposal, coarser: MeshSolution) -> RefinementState:
-        return certified_state(
-            session,
-            flight,
-            draft,
-            InitialBarrier.OTHER_MESH,
-            session.solvers,
-            carry_multipliers(known, problem, flight.problem(draft.mesh)),
-            number=min(1, session.settings.mesh.refinements_max),
-            before=coarser,
-            coarser=coarser,
-        )
-
+    first_intervals, coarser = None, None
     if optimum.is_rough:
-        draft = MeshProposal.first(problem, iterate)
-        first = certified_state(session, flight, draft, InitialBarrier.OTHER_MESH, session.solvers, known)
+        proposal = MeshProposal.first(problem, iterate)
     elif nodes.all():
-        first = finer(bisect_all(good, limits), good)
+        proposal, coarser = bisect_all(good, limits), good
     else:
-        coarse, guess = restrict(mesh, iterate, nodes)
-        there = flight.problem(coarse)
-        first = RefinementState(
+        coarse_mesh, guess = restrict(mesh, iterate, nodes)
+        coarse_problem = flight.problem(coarse_mesh)
+        reference = RefinementState(
             flight,
-            MeshProposal.first(there, guess),
+            MeshProposal.first(coarse_problem, guess),
             InitialBarrier.OTHER_MESH,
             session.solvers,
-            lambda refined: finer(bisect_coarse(good.draft, good.evidence.replay), refined.solved[0]),
-            carry_multipliers(known, problem, there),
+            carry_multipliers(multipliers, problem, coarse_problem),
             number=-1,
-            passing=True,
+            reference_only=True,
             purpose="the coarser mesh",
         )
-    start = Start(flight, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
-    found = refine_from(session, start, first)
+        coarse = solve_on_mesh(session, start, reference)
+        if isinstance(coarse, Failure):
+            return "no optimum was found on the coarser mesh"
+        first_intervals = coarse_problem.intervals
+        proposal, coarser = bisect_coarse(good.proposal, good.evidence.replay), coarse.optimum
+    if coarser is not None:
+        multipliers = carry_multipliers(multipliers, problem, flight.problem(proposal.mesh))
+    first = state_to_certify(
+        session,
+        flight,
+        proposal,
+        InitialBarrier.OTHER_MESH,
+        session.solvers,
+        multipliers,
+        number=0 if coarser is None else min(1, session.settings.mesh.refinements_max),
+        before=coarser,
+        coarser=coarser,
+    )
+    found = refine(session, start, first, next_until_certified, first_intervals=first_intervals)
     if isinstance(found, Failure):
         return f"no optimum was found on the {'coarser' if found.coarser is None else 'finer'} mesh"
     return replace(found, search=optimum.search) if found.certified else found.message
+
+
+def confirm_mesh(models: StageModels, optimum: StageResult, session: SolverSession) -> StageResult:
+    """Return an optimum with its mesh checked; the optimum itself where there is nothing to check or that fails."""
+    if optimum.certified or not optimum.holds:
+        return optimum
+    checked = check_mesh_convergence(models.along(optimum.stage, optimum), optimum, session)
+    notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
+    if isinstance(checked, StageResult):
+        return replace(checked, notes=notes)
+    failure = Note(NoteKind.MESH_CHECK, f"its race time could not be confirmed on a second mesh: {checked}")
+    return replace(optimum, notes=(*notes, failure))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from airrace.errors import CheckpointError
-from airrace.optimal_control.assembly import Assembly, StageMatrices
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.certificate import Certificate, Item, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
@@ -187,7 +187,7 @@ def measure(race: Race, settings: Settings, trusted: TrustedData, service: Solve
             kkt_error=error.largest,
         )
     else:
-        judged = judge(functions, StageMatrices(functions.assembly), layout, w, p, trusted.multipliers)
+        judged = judge(functions, layout, w, p, trusted.multipliers)
         certificate = certify(
             problem,
             iterate,
@@ -232,5 +232,5 @@ def _coarser_race_time(
     mesh, guess = restrict(mesh_of(trajectory), iterate_of(trajectory), coarser)
     session = SolverSession(service, settings, Silent())
     problem, barrier = flight.problem(mesh), InitialBarrier.COARSER_MESH
-    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, passing=True)
+    solution = session.solve(problem, guess, "half of the intervals", barrier=barrier, reference_only=True)
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan

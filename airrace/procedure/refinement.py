@@ -12,7 +12,7 @@ Summed over a race that is a third to two thirds of what halving all intervals g
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,6 @@ from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
 from airrace.trajectory import Array, Indices
-
-S = TypeVar("S")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -140,6 +137,11 @@ class MeshProposal:
     why: NDArray[np.int8]
     coarser: Marks
 
+    @property
+    def intervals(self) -> int:
+        """The number of intervals."""
+        return len(self.why)
+
     @classmethod
     def first(cls, problem: Problem, guess: Iterate) -> Self:
         """Return the mesh that a stage begins with."""
@@ -153,7 +155,7 @@ class MeshSolution:
 
     problem: Problem
     iterate: Iterate
-    draft: MeshProposal
+    proposal: MeshProposal
     measure: Callable[[], Evidence]
 
     @cached_property
@@ -165,20 +167,6 @@ class MeshSolution:
     def race_time(self) -> float:
         """The race time, s."""
         return float(self.iterate.durations.sum())
-
-
-def iterate_meshes(state: S, step: Callable[[S], R], following: Callable[[S, R], S | None]) -> R:
-    """Solve on one mesh after another until none follows; return what the last solve led to.
-
-    Args:
-        state: the first mesh, and all that the solve on it needs.
-        step: solves on a mesh.
-        following: the next mesh, from the present one and what it led to; None to terminate.
-    """
-    result = step(state)
-    while (after := following(state, result)) is not None:
-        state, result = after, step(after)
-    return result
 
 
 def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, joining: bool) -> MeshProposal | None:
@@ -219,16 +207,16 @@ def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal
     return _divide(optimum, parts, why, inherited_nodes(parts))
 
 
-def bisect_coarse(draft: MeshProposal, replay: Replay | None = None) -> MeshProposal:
-    """Return a mesh everywhere finer by half, at least, than the coarser mesh behind a draft.
+def bisect_coarse(proposal: MeshProposal, replay: Replay | None = None) -> MeshProposal:
+    """Return a mesh everywhere finer by half, at least, than the coarser mesh behind a proposal.
 
     Args:
         replay: of its controls, for states at the new nodes; None for states straight between the old ones.
     """
-    sizes = np.diff(np.flatnonzero(draft.coarser))
-    parts = np.where(sizes == 1, 2, 1).astype(np.int64)[np.cumsum(draft.coarser[:-1]) - 1]
-    mesh, guess = divide(draft.mesh, draft.guess, replay, parts)
-    return MeshProposal(mesh, guess, np.repeat(draft.why, parts), _still_coarser(draft, parts))
+    sizes = np.diff(np.flatnonzero(proposal.coarser))
+    parts = np.where(sizes == 1, 2, 1).astype(np.int64)[np.cumsum(proposal.coarser[:-1]) - 1]
+    mesh, guess = divide(proposal.mesh, proposal.guess, replay, parts)
+    return MeshProposal(mesh, guess, np.repeat(proposal.why, parts), _still_coarser(proposal, parts))
 
 
 def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
@@ -241,7 +229,7 @@ def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProp
     for reason in (RefinementReason.INTEGRATION, RefinementReason.LIMITS):
         again = _as_long_as(optimum, (parts > 1) & (why == reason), reason) & (parts == 1)
         parts[again], why[again] = 2, reason
-    return None if (parts == 1).all() else _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
+    return None if (parts == 1).all() else _divide(optimum, parts, why, _still_coarser(optimum.proposal, parts))
 
 
 def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
@@ -259,20 +247,20 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
     ]
     more, reasons = _most(optimum, ahead)
     parts, why = np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8)
-    return _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
+    return _divide(optimum, parts, why, _still_coarser(optimum.proposal, parts))
 
 
-def refine_guess(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
+def refine_guess(proposal: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
     """Return a mesh that is finer where a guess lets expect that the integrator's error breaks its limit.
 
     Args:
-        problem: on the mesh of the draft.
+        problem: on the mesh of the proposal.
     """
-    error = np.abs(estimate_error(problem, draft.guess)).max(axis=0)
+    error = np.abs(estimate_error(problem, proposal.guess)).max(axis=0)
     parts = np.where(error > SETTINGS.safety * limits.replay, 2, 1).astype(np.int64)
-    mesh, guess = divide(draft.mesh, draft.guess, None, parts)
-    why = np.where(parts > 1, RefinementReason.INTEGRATION, draft.why).astype(np.int8)
-    return MeshProposal(mesh, guess, np.repeat(why, parts), _still_coarser(draft, parts))
+    mesh, guess = divide(proposal.mesh, proposal.guess, None, parts)
+    why = np.where(parts > 1, RefinementReason.INTEGRATION, proposal.why).astype(np.int8)
+    return MeshProposal(mesh, guess, np.repeat(why, parts), _still_coarser(proposal, parts))
 
 
 def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: CertificateLimits) -> MeshProposal:
@@ -282,11 +270,11 @@ def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: Certific
     """
     limit = SETTINGS.safety * limits.race_time_of(optimum.race_time)
     contributors = widen(_largest_contributors(_changed_by(optimum, before), limit))
-    fine = contributors[np.cumsum(optimum.draft.coarser[:-1]) - 1]
-    nodes = optimum.draft.coarser.copy()
+    fine = contributors[np.cumsum(optimum.proposal.coarser[:-1]) - 1]
+    nodes = optimum.proposal.coarser.copy()
     nodes[:-1] |= fine
-    why = np.where(fine, RefinementReason.RACE_TIME, optimum.draft.why).astype(np.int8)
-    return _restrict(MeshProposal(optimum.draft.mesh, optimum.iterate, why, optimum.draft.coarser), nodes)
+    why = np.where(fine, RefinementReason.RACE_TIME, optimum.proposal.why).astype(np.int8)
+    return _restrict(MeshProposal(optimum.proposal.mesh, optimum.iterate, why, optimum.proposal.coarser), nodes)
 
 
 def predict_hold_cost(problem: Problem, iterate: Iterate) -> Array:
@@ -333,7 +321,7 @@ def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
     integration = before.evidence.integration
     changed = optimum.race_time - before.race_time
     if changed < 0.0:
-        cost = measure_hold_cost(optimum.problem, optimum.iterate, optimum.draft.coarser)
+        cost = measure_hold_cost(optimum.problem, optimum.iterate, optimum.proposal.coarser)
     else:
         cost = before.evidence.check.excess * interval_durations(before.problem, before.iterate.durations)
     share = cost / cost.sum() if cost.any() else np.full(len(cost), 1.0 / len(cost))
@@ -377,7 +365,7 @@ def _most(optimum: MeshSolution, wanted: list[tuple[RefinementReason, Array]]) -
     counts = np.nan_to_num(np.stack([count for _, count in wanted]), nan=most, posinf=most)
     parts = np.clip(counts.max(axis=0), 1, most).astype(np.int64)
     reasons = np.array([why for why, _ in wanted], dtype=np.int8)[counts.argmax(axis=0)]
-    return parts, np.where(parts > 1, reasons, optimum.draft.why).astype(np.int8)
+    return parts, np.where(parts > 1, reasons, optimum.proposal.why).astype(np.int8)
 
 
 def _bisected_above(values: Array, limit: float) -> Array:
@@ -394,7 +382,7 @@ def _as_long_as(optimum: MeshSolution, some: Marks, reason: RefinementReason) ->
     counts = [len(phase.fractions) for phase in optimum.problem.phases]
     leg, shortest = np.repeat(np.arange(len(counts)), counts), np.full(len(counts), np.inf)
     np.minimum.at(shortest, leg[some], steps[some])
-    cut = np.bincount(leg[optimum.draft.why == reason], minlength=len(counts)) > 0
+    cut = np.bincount(leg[optimum.proposal.why == reason], minlength=len(counts)) > 0
     return (steps > 0.9 * shortest[leg]) & cut[leg]
 
 
@@ -454,20 +442,20 @@ def _divide(optimum: MeshSolution, parts: Indices, why: NDArray[np.int8], coarse
     return MeshProposal(mesh, guess, np.repeat(why, parts), nodes)
 
 
-def _restrict(draft: MeshProposal, nodes: Marks, why_joined: RefinementReason | None = None) -> MeshProposal:
+def _restrict(proposal: MeshProposal, nodes: Marks, why_joined: RefinementReason | None = None) -> MeshProposal:
     """Return a first mesh of these nodes alone; without another reason, joined intervals keep their own."""
-    mesh, guess = restrict(draft.mesh, draft.guess, nodes)
-    why = draft.why[nodes[:-1]]
+    mesh, guess = restrict(proposal.mesh, proposal.guess, nodes)
+    why = proposal.why[nodes[:-1]]
     if why_joined is not None:
         alone = np.bincount(np.cumsum(nodes[:-1]) - 1) == 1
         why = np.where(alone, why, why_joined).astype(np.int8)
     return MeshProposal(mesh, guess, why, np.ones(int(nodes.sum()), dtype=np.bool_))
 
 
-def _still_coarser(draft: MeshProposal, parts: Indices) -> Marks:
-    """Return the nodes of the coarser mesh behind a draft, when its intervals are cut into so many parts."""
+def _still_coarser(proposal: MeshProposal, parts: Indices) -> Marks:
+    """Return the nodes of the coarser mesh behind a proposal, when its intervals are cut into so many parts."""
     coarser = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
-    coarser[_places(parts)] = draft.coarser
+    coarser[_places(parts)] = proposal.coarser
     return coarser
 
 

@@ -11,6 +11,7 @@ Meanwhile a search around the stored flight, by the point mass, looks for a fast
 point mass, followed by the stage's model, and put into the stored flight.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Sequence, Set
@@ -23,23 +24,30 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import restrict
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.solvers.interface import Multipliers
-from airrace.procedure.choice import fastest_of
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.optimal_control.solvers.service import SolverPool
+from airrace.procedure.choice import fastest_of, simplest_of, with_note_on_faster
 from airrace.procedure.formulation import ensure_same_passings
 from airrace.procedure.guess import concatenate, phase_piece
-from airrace.procedure.multistart.multistart import RoutesAround
+from airrace.procedure.mesh_check import confirm_mesh
+from airrace.procedure.multistart.multistart import RoutesAround, search_around
+from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import NOT_SEARCHED, OPTIMUM, Route, StageProvenance, StageResult
+from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import (
     Failure,
-    Refined,
+    Refinement,
     RefinementState,
     carry_multipliers,
-    certified_state,
-    refine_from,
+    next_until_certified,
+    refine,
+    solve_on_mesh,
+    solve_with_refinement,
+    state_to_certify,
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
+from airrace.procedure.stage_models import StageModels, start_along
 from airrace.procedure.stage_problem import StageProblem, coarse_mesh, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.track.course import Course
@@ -77,25 +85,25 @@ class SourceRun:
         return optima
 
 
-def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course) -> list[StageResult]:
+def starting_points(source: SourceRun, stages: Sequence[Stage], course: Course) -> list[StageResult]:
     """Return the optima of another run that this course can be started from, highest first.
 
     Raises:
         UsageError: there is none, or they fly other passings.
     """
-    optima = another.usable_optima(stages)
+    optima = source.usable_optima(stages)
     here = [(passage.name, "") for passage in course.passages]
     for optimum in optima:
-        ensure_same_passings(here, [(split.name, "") for split in optimum.splits], another.name)
+        ensure_same_passings(here, [(split.name, "") for split in optimum.splits], source.name)
     return optima
 
 
 def start_from(
-    another: SourceRun,
+    source: SourceRun,
     stages: Sequence[Stage],
-    course: Course,
-    continuation: FidelityContinuation,
+    models: StageModels,
     session: SolverSession,
+    refine_point_mass: Refinement,
 ) -> tuple[StageResult | None, str]:
     """Solve the highest of these stages from another run's optimum of it, and on a faster route if there is one near.
 
@@ -103,11 +111,11 @@ def start_from(
     to an optimum, what the search around it has found by the point mass is what to go on from.
 
     Args:
-        another: the other run.
+        source: the other run.
         stages: in the order of rising fidelity, the last one being the highest that is wanted.
-        course: of this race.
-        continuation: makes the model of a stage; asked only for stages that are tried.
+        models: of this race.
         session: what is solved with.
+        refine_point_mass: how closely the point mass is solved.
 
     Returns:
         The fastest of these optima, as many slower ones as there were alternatives beside it; else that of the point
@@ -118,84 +126,140 @@ def start_from(
         UsageError: the other run has no optimum of these stages that holds, or flies other passings.
     """
     obstacles: list[tuple[Stage, str]] = []
-    for optimum in starting_points(another, stages, course):
-        if not (obstacle := _obstacle(continuation, optimum)):
+    for optimum in starting_points(source, stages, models.race.course):
+        obstacle = _obstacle(models, optimum)
+        if not obstacle:
             break
         obstacles.append((optimum.stage, obstacle))
     else:
-        return None, _remark(another, obstacles, "the start is from scratch")
+        return None, _remark(source, obstacles, "the start is from scratch")
     session.progress.stage_started(optimum.stage)
-    continuation.preload(optimum.stage, session.service)
-    usable = (optimum, *(one for one in optimum.alternatives if not _obstacle(continuation, one)))
+    models.preload(optimum.stage, session.service)
+    usable = (optimum, *(one for one in optimum.alternatives if not _obstacle(models, one)))
     stored = usable[: session.settings.alternatives]
-    with session.search_in_background(continuation.search_around(optimum)) as search:
-        main, *others = (_from_optimum(continuation, session, one, another.name) for one in stored)
+    with session.search_in_background(functools.partial(_search_around, models, session, optimum)) as search:
+        main, *alternatives = [_from_optimum(models, session, one, source.name) for one in stored]
         around = search.result()
-    flights = [one for one in (main, *others) if isinstance(one, StageResult)]
-    faster, what = None, f"its {optimum.stage.value}"
+    flights = [one for one in (main, *alternatives) if isinstance(one, StageResult)]
+    faster = None
     if isinstance(main, str):
         obstacles.append((optimum.stage, main))
-        what = "an alternative of that"
-    elif around is not None and around.phases:
-        faster = _on_other_route(continuation, session, main, around, another.name)
-        flights += [faster] if faster else []
+        consequence = "the start is an alternative of that"
+    else:
+        consequence = f"the start is its {optimum.stage.value}"
+        if around is not None and around.phases:
+            faster = _on_other_route(models, session, main, around, source.name, refine_point_mass)
+            flights += [faster] if faster else []
     if flights:
-        known, flights = flights, continuation.with_other_sides(flights, session)
-        best = continuation.choice(flights)
-        slower = sorted((one for one in flights if one is not best), key=lambda one: one.trajectory.race_time)
-        carried, log = tuple(slower[: len(stored) - 1]), tuple(session.attempts)
-        remark = _remark(another, obstacles, f"the start is {what}")
-
-        def route_of(flight: StageResult) -> str:
-            if flight is main:
-                return "the stored one"
-            if not any(flight is one for one in known):
-                return "past a pylon on its other side"
-            return around.text if around and flight is faster else "an alternative of the stored one"
-
-        if best is not main and not isinstance(main, str):
-            is_faster = best.trajectory.race_time < main.trajectory.race_time
-            what = "has become faster" if is_faster else "is simpler to fly and hardly slower"
-            told = f"{another.name}: another route {what}: {route_of(best)}"
-            remark = "; ".join([*filter(None, [remark]), told])
-        # Past a pylon on its other side it is on the route of the fastest flight before.
-        taken = best if any(best is one for one in known) else fastest_of(known)
-        if around is not None and (taken is main or taken is faster):
-            searched = around.report if taken is faster else around.report_on_stored
-        else:  # around what was stored first was searched, if at all: these optima are what is comparable
-            times = [(route_of(one), one.trajectory.race_time) for one in (best, *slower)]
-            routes = tuple(Route(text, time, time - times[0][1], OPTIMUM) for text, time in times)
-            searched = replace(NOT_SEARCHED, routes=routes if slower else ())
-        best = continuation.with_note_on_faster(best, flights)
-        best = replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=searched)
-        return best, remark
+        remark = _remark(source, obstacles, consequence)
+        restarted = RestartedFlights(source.name, flights, main, faster, around, len(stored) - 1)
+        return _fastest(models, session, restarted, remark)
     if around is not None:
-        point_mass = continuation.refine_route(around.best, session)
+        point_mass = _refine_route(around, session, refine_point_mass)
         if point_mass.holds:
             point_mass = replace(point_mass, search=around.report)
-            return point_mass, _remark(another, obstacles, "the start is what the point mass makes of it")
-    return None, _remark(another, obstacles, "the start is from scratch")
+            return point_mass, _remark(source, obstacles, "the start is what the point mass makes of it")
+    return None, _remark(source, obstacles, "the start is from scratch")
+
+
+@dataclass(frozen=True)
+class RestartedFlights:
+    """The flights of a stage that was started from another run.
+
+    Attributes:
+        source: the name of that run.
+        flights: all optima.
+        main: that of the stored flight; why there is none.
+        faster: on the faster route that was found around it; None where there is none.
+        around: what was found around it; None where nothing was looked for.
+        alternatives: how many slower ones are kept.
+    """
+
+    source: str
+    flights: Sequence[StageResult]
+    main: StageResult | str
+    faster: StageResult | None
+    around: RoutesAround | None
+    alternatives: int
+
+    def route_of(self, flight: StageResult) -> str:
+        """Return which route a flight takes, in words."""
+        if flight is self.main:
+            return "the stored one"
+        if not any(flight is one for one in self.flights):
+            return "past a pylon on its other side"
+        return self.around.text if self.around and flight is self.faster else "an alternative of the stored one"
+
+
+def _fastest(
+    models: StageModels, session: SolverSession, restarted: RestartedFlights, remark: str
+) -> tuple[StageResult, str]:
+    """Return the flight that is chosen, with slower ones as its alternatives, and the remark on the start."""
+    flight, main, around = models.problem(restarted.flights[0].stage), restarted.main, restarted.around
+    flights = with_other_sides(models, restarted.flights, session)
+    best = simplest_of(flight, flights)
+    slower = sorted((one for one in flights if one is not best), key=lambda one: one.trajectory.race_time)
+    carried, log = tuple(slower[: restarted.alternatives]), tuple(session.attempts)
+    if best is not main and not isinstance(main, str):
+        is_faster = best.trajectory.race_time < main.trajectory.race_time
+        what = "has become faster" if is_faster else "is simpler to fly and hardly slower"
+        change = f"{restarted.source}: another route {what}: {restarted.route_of(best)}"
+        remark = f"{remark}; {change}" if remark else change
+    # Past a pylon on its other side it is on the route of the fastest flight before.
+    on_route = best if any(best is one for one in restarted.flights) else fastest_of(restarted.flights)
+    if around is not None and (on_route is main or on_route is restarted.faster):
+        report = around.report if on_route is restarted.faster else around.report_on_stored
+    else:  # around what was stored first was searched, if at all: these optima are what is comparable
+        routes: list[Route] = []
+        for one in (best, *slower):
+            time = one.trajectory.race_time
+            routes.append(Route(restarted.route_of(one), time, time - best.trajectory.race_time, OPTIMUM))
+        report = replace(NOT_SEARCHED, routes=tuple(routes) if slower else ())
+    best = with_note_on_faster(flight, best, flights)
+    return replace(best, alternatives=carried, attempts=log, timings=session.timings(), search=report), remark
+
+
+def _search_around(
+    models: StageModels, session: SolverSession, optimum: StageResult, pool: SolverPool
+) -> RoutesAround | None:
+    """Search around another run's optimum for a faster route; None where none is looked for.
+
+    What is searched does not depend on what is solved meanwhile: the optimum is solved by the point mass under this
+    race's numbers.
+    """
+    if session.settings.search is SearchEffort.OFF:
+        return None
+    point_mass, source = models.problem(Stage.POINT_MASS), models.along(optimum.stage, optimum)
+    return search_around(point_mass, source, optimum, models.race.course, session.settings.mesh, pool)
+
+
+def _refine_route(around: RoutesAround, session: SolverSession, refine_point_mass: Refinement) -> StageResult:
+    """Return the point mass's optimum on the best route that was found around a flight."""
+    best = around.best
+    start = Start(best.flight, best.problem, best.iterate, InitialBarrier.COARSE, multipliers=best.multipliers)
+    return solve_with_refinement(session, [lambda: start], refine_point_mass)
 
 
 def _on_other_route(
-    continuation: FidelityContinuation,
+    models: StageModels,
     session: SolverSession,
     continued: StageResult,
     around: RoutesAround,
     name: str,
+    refine_point_mass: Refinement,
 ) -> StageResult | None:
     """Return the optimum of a stage from an optimum with a few legs on a faster route; None if none is certified."""
-    point_mass = continuation.refine_route(around.best, session)
+    point_mass = _refine_route(around, session, refine_point_mass)
     if continued.stage is Stage.POINT_MASS:
-        point_mass = continuation.confirm_mesh(point_mass, session)
+        point_mass = confirm_mesh(models, point_mass, session)
         return point_mass if point_mass.certified else None
     if not point_mass.holds:
         return None
-    whole = continuation.start_along(continued.stage, point_mass, session)
+    whole = start_along(models, session, continued.stage, point_mass)
     start = replace(_splice(whole, continued, around.phases, name), iterations_max=ITERATIONS_MAX)
-    draft, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
-    first = certified_state(session, start.flight, draft, start.barrier, (primary,), None)
-    found = refine_from(session, start, replace(first, purpose="on another route"))
+    proposal, primary = MeshProposal.first(start.problem, start.guess), session.solvers[0]
+    first = state_to_certify(session, start.flight, proposal, start.barrier, (primary,), None)
+    found = refine(session, start, replace(first, purpose="on another route"), next_until_certified)
     return found if isinstance(found, StageResult) and found.certified else None
 
 
@@ -210,71 +274,66 @@ def _splice(whole: Start, optimum: StageResult, phases: Set[int], name: str) -> 
     return replace(whole, problem=whole.flight.problem(mesh), guess=guess, provenance=provenance, multipliers=None)
 
 
-def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
+def _remark(source: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
     """Return a sentence on what did not lead to a result, and what was done instead; empty where everything did."""
     reasons = [
         f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
         for reason, alike in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
     ]
-    return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
+    return f"{source.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
 
-def _from_optimum(
-    continuation: FidelityContinuation, session: SolverSession, optimum: StageResult, name: str
-) -> StageResult | str:
+def _from_optimum(models: StageModels, session: SolverSession, optimum: StageResult, name: str) -> StageResult | str:
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
-    stored = _in_order_of(continuation.flight(optimum.stage), optimum)
+    stored = _in_order_of(models.problem(optimum.stage), optimum)
     assert stored is not None  # there would be an obstacle
-    flight = continuation.along(optimum.stage, optimum)
+    flight = models.along(optimum.stage, optimum)
     start, finer = _start(flight, optimum, stored, name)
-    start = replace(start, iterations_max=ITERATIONS_MAX)
     primary = session.solvers[0]
-
-    def following(refined: Refined) -> RefinementState:
-        """Go on with the finer of the stored meshes, or with the usual refinement of the only one."""
-        coarse, solution = refined.solved
-        if finer is None:
-            draft, multipliers = MeshProposal.first(start.problem, coarse.iterate), solution.multipliers
-            return certified_state(
-                session, refined.flight, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse
-            )
-        draft = replace(finer, guess=_carry_change(finer, start.guess, coarse.iterate))
-        draft = refine_guess(draft, flight.problem(draft.mesh), session.settings.certificate)
-        return certified_state(
-            session,
-            refined.flight,
-            draft,
-            InitialBarrier.OTHER_MESH,
-            (primary,),
-            refined.carry(draft),
-            number=min(1, session.settings.mesh.refinements_max),
-            before=coarse,
-            coarser=coarse,
-        )
-
-    first = RefinementState(
-        start.flight,
+    reference = RefinementState(
+        flight,
         MeshProposal.first(start.problem, start.guess),
         start.barrier,
         (primary,),
-        following,
         start.multipliers,
         number=-1,
-        passing=True,
+        reference_only=True,
         purpose=f"from {start.provenance.source}",
     )
-    found = refine_from(session, start, first)
+    coarse = solve_on_mesh(session, start, reference, ITERATIONS_MAX)
+    if isinstance(coarse, Failure):
+        status = session.attempts[-1].status if coarse.solution is None else coarse.solution.status
+        return f"{primary} found no optimum ({status})"
+    if finer is None:  # the usual refinement of the only stored mesh
+        proposal, multipliers = MeshProposal.first(start.problem, coarse.optimum.iterate), coarse.solution.multipliers
+        number, coarser = 0, None
+    else:
+        proposal = replace(finer, guess=_carry_change(finer, start.guess, coarse.optimum.iterate))
+        proposal = refine_guess(proposal, flight.problem(proposal.mesh), session.settings.certificate)
+        multipliers = coarse.carry(proposal)
+        number, coarser = min(1, session.settings.mesh.refinements_max), coarse.optimum
+    first = state_to_certify(
+        session,
+        flight,
+        proposal,
+        InitialBarrier.OTHER_MESH,
+        (primary,),
+        multipliers,
+        number=number,
+        before=coarse.optimum,
+        coarser=coarser,
+    )
+    found = refine(session, start, first, next_until_certified, first_intervals=start.problem.intervals)
     if isinstance(found, Failure):
-        status = session.attempts[-1].status if found.solution is None else found.solution.status
-        return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
+        return f"{primary} found no optimum on a finer mesh"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
 
 
-def _obstacle(continuation: FidelityContinuation, optimum: StageResult) -> str:
+def _obstacle(models: StageModels, optimum: StageResult) -> str:
     """Return a clause that says why no stage can be started from an optimum; empty if one can."""
-    if _in_order_of(continuation.flight(optimum.stage), optimum) is None:
+    if _in_order_of(models.problem(optimum.stage), optimum) is None:
         return "which flies other equations, no start was made"
-    if other_way := _other_way(continuation.along(optimum.stage, optimum), optimum):
+    if other_way := _other_way(models.along(optimum.stage, optimum), optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     return ""
 

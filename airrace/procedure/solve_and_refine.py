@@ -3,10 +3,9 @@
 It can be started from several flights, and solved with several solvers. The first that leads to an optimum which holds
 counts: the primary solver from all starts, then the fallback from those from which it found none.
 
-There is one loop: solve on a mesh, measure, and choose the next mesh until none follows. What follows is a function of
-the state, of which there are four: until a certificate holds, which takes a second mesh; on a single good mesh, all
-that a certificate measures but the second mesh; roughly on a single mesh, for the next stage to start from; and the
-second mesh of a stage that was solved on a single one.
+There is one loop, `refine`: solve on a mesh, measure, and decide on the next mesh until none follows. One of three
+functions decides: until a certificate holds, which takes a second mesh; until a single mesh is good, with all that a
+certificate measures but the second mesh; or until the next stage can start from a rough optimum.
 """
 
 import math
@@ -40,7 +39,6 @@ from airrace.procedure.refinement import (
     MeshSolution,
     adapt,
     bisect_all,
-    iterate_meshes,
     refine_changed,
     refine_flagged,
     refine_predicted,
@@ -121,56 +119,49 @@ class RefinementState:
 
     Attributes:
         flight: whose problem is stated.
-        draft: the mesh, with a guess on it.
+        proposal: the mesh, with a guess on it.
         barrier: the first value of the barrier parameter.
-        solvers: the solvers that are asked, in this order; without any, all that there are.
-        following: the state after this one; None to terminate.
+        solvers: the solvers that are asked, in this order.
         multipliers: a guess of them; None if nothing is known.
         number: how many meshes were solved on before; -1 for a mesh that is only compared with.
         before: the optimum that led here; None for a first mesh.
         coarser: the optimum whose race time its own will be compared with; None as long as there is none.
         compares: whether the certificate asks for that comparison.
-        rough: a looser tolerance, see `SolverSession.solve`.
-        passing: likewise.
+        loose_tolerance: of the solver, for an optimum that is never certified; 0 for that of the settings.
+        reference_only: whether the optimum is only compared with, and need not be solved closer.
         purpose: what is solved for, a clause; by default a refinement of all phases.
-        clearance_rounds: how many solves for wings too near to pylons were made on a mesh that was good already.
+        clearance_rounds: how many solves for violated clearances were made on a mesh that was good already.
         nodes_beside_passings: whether moments abeam shortly before or after a passing have nodes of their own.
-        too_near: the optimum that keeps to all but the clearance from pylons, for which this is solved; else None.
+        violating: the optimum whose violated clearance from pylons this solve is to mend; else None.
+        then: the finer mesh that follows whatever this one leads to, and is compared with it; else None.
     """
 
     flight: StageProblem
-    draft: MeshProposal
+    proposal: MeshProposal
     barrier: InitialBarrier
     solvers: tuple[str, ...]
-    following: "Callable[[Refined], RefinementState | None]"
     multipliers: Multipliers | None = None
     number: int = 0
     before: MeshSolution | None = None
     coarser: MeshSolution | None = None
     compares: bool = True
-    rough: float = 0.0
-    passing: bool = False
+    loose_tolerance: float = 0.0
+    reference_only: bool = False
     purpose: str = ""
     clearance_rounds: int = 0
     nodes_beside_passings: bool = False
-    too_near: "Refined | None" = None
+    violating: "SolvedMesh | None" = None
+    then: "RefinementState | None" = None
 
 
 @dataclass(frozen=True)
-class Refined:
-    """A mesh that was solved on, and the optimum on it; None where there is none."""
+class SolvedMesh:
+    """A mesh that was solved on: the optimum on it, and the solution that it was made of."""
 
     session: SolverSession
     state: RefinementState
-    solution: Solution | None
-    optimum: MeshSolution | None
-
-    @property
-    def solved(self) -> tuple[MeshSolution, Solution]:
-        """The optimum, and the solution that it was made of."""
-        assert self.optimum is not None  # asked for where there is one
-        assert self.solution is not None
-        return self.optimum, self.solution
+    solution: Solution
+    optimum: MeshSolution
 
     @property
     def flight(self) -> StageProblem:
@@ -180,14 +171,12 @@ class Refined:
     @cached_property
     def approaches(self) -> list[ClosestApproach]:
         """The least distances of the wing from pylons."""
-        optimum, _ = self.solved
-        return approaches(self.flight, optimum.problem, optimum.iterate, optimum.evidence.replay)
+        return approaches(self.flight, self.optimum.problem, self.optimum.iterate, self.optimum.evidence.replay)
 
     @cached_property
     def replayed_flight(self) -> ReplayedFlight:
         """The optimum as it was replayed."""
-        optimum, _ = self.solved
-        return ReplayedFlight(optimum.problem, optimum.iterate.durations, optimum.evidence.replay)
+        return ReplayedFlight(self.optimum.problem, self.optimum.iterate.durations, self.optimum.evidence.replay)
 
     @cached_property
     def pylons(self) -> MeasuredConditions | None:
@@ -195,26 +184,26 @@ class Refined:
         rooms = self.flight.rooms
         return None if rooms is None else rooms.measure(self.flight.plan, self.replayed_flight, self.approaches)
 
-    def keep_clear(self, draft: MeshProposal) -> tuple[StageProblem, MeshProposal]:
+    def place_clearance_constraints(self, proposal: MeshProposal) -> tuple[StageProblem, MeshProposal]:
         """Return the flight with the conditions on pylons as the optimum measures them, and a mesh made for them."""
         rooms = self.flight.rooms
         if rooms is None or self.pylons is None:
-            return self.flight, draft
+            return self.flight, proposal
         mesh, guess, conditions = rooms.place(
             self.pylons,
             self.replayed_flight,
-            draft.mesh,
-            draft.guess,
-            draft.coarser,
+            proposal.mesh,
+            proposal.guess,
+            proposal.coarser,
             beside_passings=self.nodes_beside_passings,
         )
-        return self.flight.with_conditions(conditions), replace(draft, mesh=mesh, guess=guess)
+        return self.flight.with_conditions(conditions), replace(proposal, mesh=mesh, guess=guess)
 
-    def too_near(self, share: float = 1.0) -> bool:
-        """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may cure it.
+    def violates_clearance(self, share: float = 1.0) -> bool:
+        """Tell whether a wing is too near to a pylon, or needlessly far away, and another solve may mend it.
 
-        A needless distance that the last solve has not cured stays: it is that of a wing which passes a top aslant.
-        Likewise where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh cures.
+        An excess that the last solve has not removed stays: it is that of a wing which passes a top aslant. Likewise
+        where the Hamiltonian drifts at a condition beside its moment abeam, which no finer mesh mends.
 
         Args:
             share: of the certificate's limit that is allowed.
@@ -222,17 +211,17 @@ class Refined:
         limits, pylons = self.session.settings.certificate, self.pylons
         if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
             return False
-        before = self.state.too_near and self.state.too_near.pylons
-        needless = pylons.is_needless and (before is None or pylons.needless < SETTINGS.cured * before.needless)
+        before = self.state.violating and self.state.violating.pylons
+        excess = pylons.is_needless and (before is None or pylons.needless < SETTINGS.cured * before.needless)
         drifts = self.nodes_beside_passings and not self.state.nodes_beside_passings
-        return pylons.missed > share * limits.gate_length or needless or drifts
+        return pylons.missed > share * limits.gate_length or excess or drifts
 
     @cached_property
     def nodes_beside_passings(self) -> bool:
         """Whether moments abeam beside passings get nodes: once conditions beside them make the Hamiltonian drift."""
         limit = self.session.settings.certificate.hamiltonian
         is_beside = self.pylons is not None and self.pylons.is_beside
-        drifts = is_beside and float(self.solved[0].evidence.drift.max()) > limit
+        drifts = is_beside and float(self.optimum.evidence.drift.max()) > limit
         return self.state.nodes_beside_passings or drifts
 
     @property
@@ -244,9 +233,9 @@ class Refined:
     @cached_property
     def certificate(self) -> Certificate:
         """The certificate of the optimum."""
-        (optimum, solution), coarser = self.solved, self.state.coarser
+        optimum, solution, coarser = self.optimum, self.solution, self.state.coarser
         claim, status = Item("solver", 0.0, 0.0, "", solution.status), f"{solution.solver}: {solution.status}"
-        if self.state.rough:
+        if self.state.loose_tolerance:
             return certify_rough(
                 optimum.problem,
                 optimum.iterate,
@@ -270,56 +259,90 @@ class Refined:
             clearance=clearance_item(self.flight, optimum.problem, self.approaches, self.session.settings.certificate),
         )
 
-    def carry(self, draft: MeshProposal, flight: StageProblem | None = None) -> Multipliers:
+    def carry(self, proposal: MeshProposal, flight: StageProblem | None = None) -> Multipliers:
         """Return the multipliers on another mesh, by default of the same flight."""
-        optimum, solution = self.solved
-        return carry_multipliers(solution.multipliers, optimum.problem, (flight or self.flight).problem(draft.mesh))
+        problem = (flight or self.flight).problem(proposal.mesh)
+        return carry_multipliers(self.solution.multipliers, self.optimum.problem, problem)
 
 
-def refine_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
-    """Solve on one mesh after another, from the first one on; return the stage, with the certificate that it has."""
-    limits, total = session.settings.certificate, session.settings.mesh.refinements_max
-    intervals = sum(len(fractions) for fractions in first.draft.mesh)
-    largest = SETTINGS.growth_max * max(intervals, SETTINGS.growth_from)
-
-    def step(state: RefinementState) -> Refined:
-        problem, number = state.flight.problem(state.draft.mesh), max(state.number, 0)
-        purpose = state.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
-        session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
-        solution = session.solve(
-            problem,
-            state.draft.guess,
-            purpose,
-            barrier=state.barrier,
-            solvers=state.solvers,
-            iterations_max=start.iterations_max if state is first else None,
-            rough=state.rough,
-            passing=state.passing,
-            multipliers=state.multipliers,
-        )
-        if solution is None or not solution.success:
-            return Refined(session, state, solution, None)
-        measure = partial(examine, problem, solution.iterate, solution.multipliers.constraints, limits)
-        optimum = MeshSolution(problem, solution.iterate, state.draft, measure)
-        return Refined(session, state, solution, optimum)
-
-    def following(state: RefinementState, refined: Refined) -> RefinementState | None:
-        if refined.optimum is None or refined.optimum.race_time > start.race_time_max or state.number == total:
-            return None
-        after, fine = state.following(refined), refined.optimum.problem.intervals > largest
-        return None if fine and after is not None and after.number > state.number else after
-
-    last = iterate_meshes(first, step, following)
-    if last.optimum is None and last.state.too_near is not None:
-        last = _with_curvature(last.state.too_near)
-    return Failure(start, last.solution, last.state.before) if last.optimum is None else _finish(start, last)
+NextMesh = Callable[[SolvedMesh], RefinementState | None]
+"""The decision on the mesh that follows another one; None where none does."""
 
 
-def _with_curvature(refined: Refined) -> Refined:
-    """Return an optimum that was only passed by, with its curvature judged."""
-    optimum, solution = refined.solved
-    judged = second_order(optimum.problem, optimum.iterate, solution.multipliers.constraints)
-    return replace(refined, solution=replace(solution, second_order=None if judged is None else judged[0]))
+def refine(
+    session: SolverSession,
+    start: Start,
+    first: RefinementState,
+    next_mesh: NextMesh,
+    *,
+    first_intervals: int | None = None,
+) -> StageResult | Failure:
+    """Solve on one mesh after another until none follows; return the stage, with the certificate that it has.
+
+    Args:
+        start: where the first mesh comes from.
+        first: the first mesh.
+        next_mesh: decides on the next one.
+        first_intervals: of a mesh before, from which the growth of meshes is counted.
+    """
+    intervals = first_intervals or first.proposal.intervals
+    intervals_max = SETTINGS.growth_max * max(intervals, SETTINGS.growth_from)
+    state, iterations_max = first, start.iterations_max
+    while True:
+        solved = solve_on_mesh(session, start, state, iterations_max)
+        if isinstance(solved, Failure):
+            if state.violating is None:
+                return solved
+            return _finish(start, _with_curvature(state.violating))
+        if solved.optimum.race_time > start.race_time_max or state.number == session.settings.mesh.refinements_max:
+            break
+        following = next_mesh(solved)
+        if following is None:
+            break
+        # Where a limit is missed on every mesh, ever more intervals would be cut.
+        if following.number > state.number and solved.optimum.problem.intervals > intervals_max:
+            break
+        state, iterations_max = following, None
+    return _finish(start, solved)
+
+
+def solve_on_mesh(
+    session: SolverSession, start: Start, state: RefinementState, iterations_max: int | None = None
+) -> SolvedMesh | Failure:
+    """Solve on one mesh.
+
+    Args:
+        start: where the mesh comes from.
+        state: the mesh.
+        iterations_max: fewer iterations than the settings allow; None for as many.
+    """
+    problem, number = state.flight.problem(state.proposal.mesh), max(state.number, 0)
+    purpose = state.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
+    session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
+    solution = session.solve(
+        problem,
+        state.proposal.guess,
+        purpose,
+        barrier=state.barrier,
+        solvers=state.solvers,
+        iterations_max=iterations_max,
+        loose_tolerance=state.loose_tolerance,
+        reference_only=state.reference_only,
+        multipliers=state.multipliers,
+    )
+    if solution is None or not solution.success:
+        return Failure(start, solution, state.before)
+    measure = partial(
+        examine, problem, solution.iterate, solution.multipliers.constraints, session.settings.certificate
+    )
+    return SolvedMesh(session, state, solution, MeshSolution(problem, solution.iterate, state.proposal, measure))
+
+
+def _with_curvature(solved: SolvedMesh) -> SolvedMesh:
+    """Return an optimum that was only compared with, with its curvature judged."""
+    multipliers = solved.solution.multipliers.constraints
+    judged = second_order(solved.optimum.problem, solved.optimum.iterate, multipliers)
+    return replace(solved, solution=replace(solved.solution, second_order=None if judged is None else judged[0]))
 
 
 def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
@@ -330,14 +353,14 @@ def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -
 def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
     first = MeshProposal.first(start.problem, start.guess)
-    state = certified_state(session, start.flight, first, start.barrier, (solver,), start.multipliers)
-    return refine_from(session, start, state)
+    state = state_to_certify(session, start.flight, first, start.barrier, (solver,), start.multipliers)
+    return refine(session, start, state, next_until_certified)
 
 
-def certified_state(
+def state_to_certify(
     session: SolverSession,
     flight: StageProblem,
-    draft: MeshProposal,
+    proposal: MeshProposal,
     barrier: InitialBarrier,
     solvers: tuple[str, ...],
     multipliers: Multipliers | None,
@@ -348,106 +371,106 @@ def certified_state(
 ) -> RefinementState:
     """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `RefinementState`."""
     # Where there is nothing to compare with, another mesh follows in any case.
-    passing = coarser is None and number < session.settings.mesh.refinements_max
-    state = RefinementState(flight, draft, barrier, solvers, _until_certified, multipliers, number, before, coarser)
-    return replace(state, passing=passing)
+    reference_only = coarser is None and number < session.settings.mesh.refinements_max
+    return RefinementState(
+        flight,
+        proposal,
+        barrier,
+        solvers,
+        multipliers,
+        number=number,
+        before=before,
+        coarser=coarser,
+        reference_only=reference_only,
+    )
 
 
-def _until_certified(refined: Refined) -> RefinementState | None:
+def next_until_certified(solved: SolvedMesh) -> RefinementState | None:
     """Return the next mesh; None if the certificate holds, or if none would help.
 
     Where the model bounds its intervals, so that none may be joined, a first mesh that is not wrong is halved at once:
     on the shipped courses that moved the race time by 2.6 ms at most.
     """
-    (optimum, _), state, session = refined.solved, refined.state, refined.session
-    limits, coarser, flight = session.settings.certificate, state.coarser, refined.flight
-    same_mesh = False
+    optimum, state, session, flight = solved.optimum, solved.state, solved.session, solved.flight
+    limits, coarser, same_mesh = session.settings.certificate, state.coarser, False
+    if state.then is not None:
+        return replace(state.then, before=optimum, coarser=optimum)
     if coarser is None:
-        draft = _adapt(refined)
-        same_mesh = draft is None and refined.too_near(SETTINGS.clearance_safety)
-        if draft or same_mesh:
-            flight, draft = refined.keep_clear(draft or replace(state.draft, guess=optimum.iterate))
+        proposal = _adapt(solved)
+        same_mesh = proposal is None and solved.violates_clearance(SETTINGS.clearance_safety)
+        if proposal is not None or same_mesh:
+            proposal = proposal or replace(state.proposal, guess=optimum.iterate)
+            flight, proposal = solved.place_clearance_constraints(proposal)
         else:
-            draft, coarser = bisect_all(optimum, limits), optimum
-    elif refined.certificate.certified:
+            proposal, coarser = bisect_all(optimum, limits), optimum
+    elif solved.certificate.certified:
         return None
-    elif refined.too_near():
-        return _again_on_both_meshes(refined)
+    elif solved.violates_clearance():
+        return _again_on_both_meshes(solved)
     elif abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
-        flight, draft = refined.keep_clear(refine_changed(optimum, coarser, limits))
+        flight, proposal = solved.place_clearance_constraints(refine_changed(optimum, coarser, limits))
         coarser = None
     else:
-        draft = refine_flagged(optimum, limits)
-    if draft is None:
-        return None
-    following = certified_state(
+        proposal = refine_flagged(optimum, limits)
+        if proposal is None:
+            return None
+    following = state_to_certify(
         session,
         flight,
-        draft,
-        refined.barrier,
+        proposal,
+        solved.barrier,
         session.solvers,
-        refined.carry(draft, flight),
+        solved.carry(proposal, flight),
         number=state.number + (not same_mesh),
         before=optimum,
         coarser=coarser,
     )
-    rounds = state.clearance_rounds + same_mesh
     return replace(
         following,
-        clearance_rounds=rounds,
-        nodes_beside_passings=refined.nodes_beside_passings,
-        too_near=refined if same_mesh else None,
+        clearance_rounds=state.clearance_rounds + same_mesh,
+        nodes_beside_passings=solved.nodes_beside_passings,
+        violating=solved if same_mesh else None,
     )
 
 
-def _again_on_both_meshes(refined: Refined) -> RefinementState:
-    """Return the coarser mesh, which the same one follows, with the conditions on pylons as they were measured on this.
+def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
+    """Return the coarser mesh, then the same one, with the conditions on pylons as they were measured on this.
 
     So both race times are those of the same conditions.
     """
-    (optimum, _), state, session = refined.solved, refined.state, refined.session
-    flight, fine = refined.keep_clear(replace(optimum.draft, guess=optimum.iterate))
-    rounds = state.clearance_rounds + 1
+    optimum, session = solved.optimum, solved.session
+    flight, fine = solved.place_clearance_constraints(replace(optimum.proposal, guess=optimum.iterate))
     mesh, guess = restrict(fine.mesh, fine.guess, fine.coarser)
     coarse = MeshProposal.first(flight.problem(mesh), guess)
-
-    def finer(coarser: Refined) -> RefinementState:
-        following = certified_state(
-            session,
-            flight,
-            fine,
-            InitialBarrier.OTHER_MESH,
-            session.solvers,
-            refined.carry(fine, flight),
-            number=state.number,
-            before=coarser.solved[0],
-            coarser=coarser.solved[0],
-        )
-        return replace(
-            following,
-            clearance_rounds=rounds,
-            nodes_beside_passings=refined.nodes_beside_passings,
-            too_near=refined,
-        )
-
+    again = RefinementState(
+        flight,
+        fine,
+        InitialBarrier.OTHER_MESH,
+        session.solvers,
+        solved.carry(fine, flight),
+        number=solved.state.number,
+        clearance_rounds=solved.state.clearance_rounds + 1,
+        nodes_beside_passings=solved.nodes_beside_passings,
+        violating=solved,
+    )
     return RefinementState(
         flight,
         coarse,
         InitialBarrier.OTHER_MESH,
         session.solvers,
-        finer,
-        refined.carry(coarse, flight),
+        solved.carry(coarse, flight),
         number=-1,
-        passing=True,
+        reference_only=True,
         purpose="the coarser mesh",
-        too_near=refined,
+        violating=solved,
+        then=again,
     )
 
 
-def _adapt(refined: Refined) -> MeshProposal | None:
+def _adapt(solved: SolvedMesh) -> MeshProposal | None:
     """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
-    early = refined.state.number < SETTINGS.adaptations_max and math.isinf(refined.flight.longest_interval)
-    return adapt(refined.solved[0], refined.session.settings.certificate, early=early, joining=early)
+    early = solved.state.number < SETTINGS.adaptations_max and math.isinf(solved.flight.longest_interval)
+    return adapt(solved.optimum, solved.session.settings.certificate, early=early, joining=early)
 
 
 def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
@@ -457,12 +480,8 @@ def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> Stag
     are solved roughly, unless the start is an optimum on a good mesh; on that the optimum is solved as closely as any
     that is certified.
     """
-    first = MeshProposal.first(start.problem, start.guess)
-    rough = 0.0 if start.barrier.near_optimum else _rough_tolerance(session, 0)
-    state = RefinementState(
-        start.flight, first, start.barrier, (solver,), _until_good, start.multipliers, compares=False
-    )
-    return refine_from(session, start, replace(state, rough=rough))
+    loose_tolerance = 0.0 if start.barrier.near_optimum else _loose_tolerance(session, 0)
+    return refine(session, start, _uncompared_state(start, solver, loose_tolerance), next_until_good)
 
 
 def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
@@ -471,74 +490,85 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
     Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
     as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
     """
-    first = MeshProposal.first(start.problem, start.guess)
-    state = RefinementState(
-        start.flight, first, start.barrier, (solver,), _until_usable, start.multipliers, compares=False
+    return refine(session, start, _uncompared_state(start, solver, SETTINGS.rough_tolerance), next_until_usable)
+
+
+def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> RefinementState:
+    return RefinementState(
+        start.flight,
+        MeshProposal.first(start.problem, start.guess),
+        start.barrier,
+        (solver,),
+        start.multipliers,
+        compares=False,
+        loose_tolerance=loose_tolerance,
     )
-    return refine_from(session, start, replace(state, rough=SETTINGS.rough_tolerance))
 
 
-def _until_usable(refined: Refined) -> RefinementState | None:
+def next_until_usable(solved: SolvedMesh) -> RefinementState | None:
     """Return the next mesh; None if the next stage can start from the present optimum."""
-    return None if refined.state.rough and refined.certificate.holds else _until_good(refined)
+    if solved.state.loose_tolerance and solved.certificate.holds:
+        return None
+    return next_until_good(solved)
 
 
-def _rough_tolerance(session: SolverSession, number: int) -> float:
+def _loose_tolerance(session: SolverSession, number: int) -> float:
     return SETTINGS.rough_tolerance if number < session.settings.mesh.refinements_max else 0.0
 
 
-def _until_good(refined: Refined) -> RefinementState | None:
+def next_until_good(solved: SolvedMesh) -> RefinementState | None:
     """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
-    (optimum, _), state, session = refined.solved, refined.state, refined.session
-    better = _adapt(refined) if state.rough else None
-    good = better or _good_mesh(refined)
-    same_mesh = not good and refined.too_near()
-    if not (state.rough or good or same_mesh):
+    optimum, state, session = solved.optimum, solved.state, solved.session
+    better = _adapt(solved) if state.loose_tolerance else None
+    good = better or _good_mesh(solved)
+    same_mesh = not good and solved.violates_clearance()
+    if not (state.loose_tolerance or good or same_mesh):
         return None
     # Where the mesh was good already, it is solved on closely.
-    flight, draft = refined.keep_clear(good or replace(state.draft, guess=optimum.iterate))
+    proposal = good or replace(state.proposal, guess=optimum.iterate)
+    flight, proposal = solved.place_clearance_constraints(proposal)
     return replace(
         state,
         flight=flight,
-        draft=draft,
-        barrier=InitialBarrier.COARSER_MESH if better and not refined.too_near() else refined.barrier,
+        proposal=proposal,
+        barrier=InitialBarrier.COARSER_MESH if better and not solved.violates_clearance() else solved.barrier,
         solvers=session.solvers,
-        multipliers=refined.carry(draft, flight),
+        multipliers=solved.carry(proposal, flight),
         number=state.number + (not same_mesh),
         clearance_rounds=state.clearance_rounds + same_mesh,
-        nodes_beside_passings=refined.nodes_beside_passings,
-        too_near=refined if same_mesh else None,
+        nodes_beside_passings=solved.nodes_beside_passings,
+        violating=solved if same_mesh else None,
         before=optimum,
-        rough=_rough_tolerance(session, state.number + 1) if better else 0.0,
+        loose_tolerance=_loose_tolerance(session, state.number + 1) if better else 0.0,
     )
 
 
-def _good_mesh(refined: Refined) -> MeshProposal | None:
+def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
     """Return the good mesh, as far as can be predicted from an optimum on another one; None if that is good itself.
 
     Where the model bounds its intervals, what misses a limit is the integrator's error in some of them, which can be
     predicted.
     """
-    optimum, limits = refined.solved[0], refined.session.settings.certificate
-    if not optimum.draft.coarser.all():
+    optimum, limits = solved.optimum, solved.session.settings.certificate
+    if not optimum.proposal.coarser.all():
         return refine_flagged(optimum, limits)
-    if not math.isinf(refined.flight.longest_interval):
+    if not math.isinf(solved.flight.longest_interval):
         return refine_predicted(optimum, limits)
-    draft = refine_flagged(optimum, limits)
-    if draft is None:
+    proposal = refine_flagged(optimum, limits)
+    if proposal is None:
         return None
-    cut = np.diff(np.flatnonzero(draft.coarser)) > 1
-    return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else draft
+    cut = np.diff(np.flatnonzero(proposal.coarser)) > 1
+    return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else proposal
 
 
-def _finish(start: Start, refined: Refined) -> StageResult:
+def _finish(start: Start, solved: SolvedMesh) -> StageResult:
     """Return the result of a stage: solved if all holds that its certificate measures."""
-    (optimum, solution), certificate = refined.solved, refined.certificate
+    optimum, solution, certificate = solved.optimum, solved.solution, solved.certificate
     failed = failures(certificate.failed)
     regularisation = regularisation_share(optimum.problem, optimum.iterate, solution.objective)
     return conclude(
-        refined.flight,
-        refined.session,
+        solved.flight,
+        solved.session,
         optimum.problem,
         optimum.iterate,
         outcome=Status.SOLVED if certificate.holds else Status.NOT_CERTIFIED,
@@ -547,8 +577,8 @@ def _finish(start: Start, refined: Refined) -> StageResult:
         certificate=certificate,
         provenance=replace(start.provenance, regularisation=regularisation),
         mesh=MeshRecord(
-            why=optimum.draft.why,
-            coarser=optimum.draft.coarser,
+            why=optimum.proposal.why,
+            coarser=optimum.proposal.coarser,
             defect=optimum.evidence.check.defect,
             drift=optimum.evidence.drift,
         ),

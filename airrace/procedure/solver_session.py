@@ -8,7 +8,7 @@ Solves that find one are limited by the number of meshes.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -28,45 +28,33 @@ from airrace.procedure.result import Attempt, Iteration, Progress, Silent, Timin
 from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.warm_start import InitialBarrier
 
+WORK_PER_INTERVAL = 5000
+"""The failed work that a stage may take per interval of its race's first mesh: so many iterations on that mesh.
 
-@dataclass(frozen=True)
-class SessionLimits:
-    """The work that solves may take.
+In the runs of the shipped courses one stage of 48 takes any of it, 11; of 54 point masses on generated courses, 24 of
+them under tight limits, 47 take none and the others 60 to 540. It is spent in 1.1 to 1.4 times the planned race time.
+"""
+INTERVALS_MIN = 100
+"""The number of intervals that a race is taken to have at least: small ones have time to spare."""
+WARM_ITERATIONS_MAX = 80
+"""The iterations of a solve that begins with the multipliers of another mesh or stage.
 
-    Attributes:
-        work_per_interval: the failed work that a stage may take per interval of its race's first mesh: so many
-            iterations on that mesh. In the runs of the shipped courses one stage of 48 takes any of it, 11; of
-            54 point masses on generated courses, 24 of them under tight limits, 47 take none and the others 60
-            to 540. It is spent in 1.1 to 1.4 times the planned race time.
-        fewest_intervals: the number of intervals that a race is taken to have at least: small ones have time to
-            spare.
-        known_iterations_max: the largest number of iterations of a solve that begins with the multipliers of
-            another mesh or stage. Of 1,102 on 52 courses, the hardest of 206 among them, six took more. Where they
-            mislead, all solvers are asked without them.
-        descents_max: how often a solve without multipliers that ran out of iterations on its way down is continued.
-        descent: the time that such a solve has gained so far, s.
-        nearly_feasible: the largest violation of the last point of a solve that is continued, scaled (1).
-        polish: the factor on the solver's tolerance (1) where its solution is not good enough for the
-            certificate.
-    """
-
-    work_per_interval: int = 5000
-    fewest_intervals: int = 100
-    known_iterations_max: int = 80
-    descents_max: int = 2
-    descent: float = 0.02
-    nearly_feasible: float = 0.1
-    polish: float = 1e-2
-
-
-LIMITS = SessionLimits()
-
+Of 1,102 on 52 courses, the hardest of 206 among them, six took more. Where they mislead, the solvers go without them.
+"""
+CONTINUATIONS_MAX = 2
+"""How often a solve without multipliers that ran out of iterations is continued; with multipliers it is once."""
+TIME_GAIN_MIN = 0.02
+"""The race time that a solve without multipliers must have gained to be continued, s."""
+NEARLY_FEASIBLE = 0.1
+"""The largest violation of the last point of a solve that is continued, scaled (1)."""
+POLISH = 1e-2
+"""The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
 
 MEASURED = "its errors are measured to be within the certificate's limit"
 """The words added to the status of a solution that its solver does not claim but that is an optimum."""
 
-Found = TypeVar("Found")
-Solved = TypeVar("Solved")
+SearchResult = TypeVar("SearchResult")
+JobResult = TypeVar("JobResult")
 
 
 @dataclass
@@ -78,7 +66,7 @@ class Budget:
     failed_only: bool = True
 
     @classmethod
-    def of(cls, plan: Plan, settings: MeshSettings, per_interval: int | None = None) -> Self:
+    def from_plan(cls, plan: Plan, settings: MeshSettings, per_interval: int | None = None) -> Self:
         """Return a budget from the plan of a race, by default that of each of its stages.
 
         Args:
@@ -87,12 +75,11 @@ class Budget:
             per_interval: the work per interval of that mesh: so many iterations; by default that of a stage.
         """
         intervals = sum(len(fractions) for fractions in first_mesh(plan, settings))
-        per_interval = LIMITS.work_per_interval if per_interval is None else per_interval
-        return cls(per_interval * max(intervals, LIMITS.fewest_intervals))
+        per_interval = WORK_PER_INTERVAL if per_interval is None else per_interval
+        return cls(per_interval * max(intervals, INTERVALS_MIN))
 
-    def for_an_explanation(self) -> "Budget":
-        """Return what is left for finding out why nothing was found: a third at least."""
-        # A search leaves a third of the budget for an explanation.
+    def reserve_for_diagnosis(self) -> "Budget":
+        """Return what is left for finding out why no flight exists: a third at least."""
         return Budget(self.work, min(self.spent, int(2 / 3 * self.work)) if math.isfinite(self.work) else 0)
 
     @property
@@ -101,7 +88,42 @@ class Budget:
         return self.spent >= self.work
 
 
-class BackgroundSearch(Generic[Found]):
+@dataclass(frozen=True)
+class _SolverStart:
+    """A solver with what it begins from, and how often it may be continued from where it runs out of iterations."""
+
+    solver: str
+    guess: Iterate
+    multipliers: Multipliers | None
+    options: SolverOptions
+    continuations: int
+    is_continuation: bool = False
+
+    def leads_on(self, solution: Solution) -> bool:
+        """Return whether it is worth while to continue from its solution."""
+        gain = self.guess.durations.sum() - solution.iterate.durations.sum()
+        return (
+            self.continuations > 0
+            and solution.ending is Ending.ITERATION_LIMIT
+            and solution.kkt.primal < NEARLY_FEASIBLE
+            and (self.multipliers is not None or bool(gain > TIME_GAIN_MIN))
+        )
+
+    def continued_from(self, solution: Solution, iterations_max: int) -> "_SolverStart":
+        """Return the continuation, with the multipliers that were reached if it began with any."""
+        is_warm = self.multipliers is not None
+        barrier = InitialBarrier.OTHER_PROBLEM if is_warm else InitialBarrier.COARSE
+        return replace(
+            self,
+            guess=solution.iterate,
+            multipliers=solution.multipliers if is_warm else None,
+            options=replace(self.options, barrier=barrier.value, iterations_max=iterations_max),
+            continuations=self.continuations - 1,
+            is_continuation=True,
+        )
+
+
+class BackgroundSearch(Generic[SearchResult]):
     """A search whose result is asked for later, the same whenever and wherever it is made.
 
     It is a context manager; what is still searched for at its end is given up.
@@ -115,14 +137,14 @@ class BackgroundSearch(Generic[Found]):
 
     def __init__(
         self,
-        search: Callable[[SolverPool], Found],
+        search: Callable[[SolverPool], SearchResult],
         pool: Callable[[], SolverPool],
         make: Callable[[], SolverService] | None,
     ) -> None:
         self._search, self._pool, self._make = search, pool, make
         self._service: SolverService | None = None
         self._threads: ThreadPoolExecutor | None = None
-        self._future: Future[Found] | None = None
+        self._future: Future[SearchResult] | None = None
 
     def __enter__(self) -> Self:
         if self._make is not None:
@@ -144,7 +166,7 @@ class BackgroundSearch(Generic[Found]):
         """Whether it is searched meanwhile, and nothing is found yet."""
         return self._future is not None and not self._future.done()
 
-    def result(self) -> Found:
+    def result(self) -> SearchResult:
         """Return what was found.
 
         Raises:
@@ -152,7 +174,7 @@ class BackgroundSearch(Generic[Found]):
         """
         return self._run(self._pool()) if self._future is None else self._future.result()
 
-    def _run(self, pool: SolverPool) -> Found:
+    def _run(self, pool: SolverPool) -> SearchResult:
         with pool:
             return self._search(pool)
 
@@ -184,7 +206,7 @@ class SolverSession:
         while self.companions:
             self.companions.pop().end()
 
-    def side_by_side(self, jobs: Sequence[Callable[["SolverSession"], Solved]]) -> list[Solved]:
+    def side_by_side(self, jobs: Sequence[Callable[["SolverSession"], JobResult]]) -> list[JobResult]:
         """Return what jobs lead to that do not depend on one another, as many at once as there are threads.
 
         Each has a session of its own, with the budget as it is now, so that no result depends on how many are done at
@@ -192,12 +214,12 @@ class SolverSession:
         """
         if len(jobs) < 2:
             return [job(self) for job in jobs]
-        spent, most = self.budget.spent, min(self.threads, len(jobs))
+        spent, processes = self.budget.spent, min(self.threads, len(jobs))
         sessions = [
             replace(
                 self,
                 progress=Silent() if number else self.progress,
-                threads=self.threads // most,
+                threads=self.threads // processes,
                 attempts=[],
                 budget=replace(self.budget),
                 derivative_seconds=0.0,
@@ -206,39 +228,39 @@ class SolverSession:
             for number in range(len(jobs))
         ]
 
-        def work(service: SolverService, number: int) -> Solved:
+        def work(service: SolverService, number: int) -> JobResult:
             with closing(sessions[number]) as session:
                 session.service = service
                 return jobs[number](session)
 
-        with self.pool(most) as pool:
+        with self.pool(processes) as pool:
             results = pool.work(range(len(jobs)), work)
-        for one in sessions:
-            self.attempts += one.attempts
-            self.derivative_seconds += one.derivative_seconds
-            self.budget.spent += one.budget.spent - spent
+        for session in sessions:
+            self.attempts += session.attempts
+            self.derivative_seconds += session.derivative_seconds
+            self.budget.spent += session.budget.spent - spent
         return results
 
-    def pool(self, most: int = 8) -> SolverPool:
+    def pool(self, processes_max: int = 8) -> SolverPool:
         """Return the solver process and others beside it, for solves that do not depend on each other.
 
         Args:
-            most: the largest number of processes. A quick search rarely has more jobs at once than 8.
+            processes_max: a quick search rarely has more jobs at once than 8.
         """
-        others = min(self.threads, most) - 1
-        while len(self.companions) < others:
-            self.companions.append(self._another())
-        return SolverPool([self.service, *self.companions[:others]])
+        count = min(self.threads, processes_max) - 1
+        while len(self.companions) < count:
+            self.companions.append(self._start_companion())
+        return SolverPool([self.service, *self.companions[:count]])
 
-    def search_in_background(self, search: Callable[[SolverPool], Found]) -> BackgroundSearch[Found]:
+    def search_in_background(self, search: Callable[[SolverPool], SearchResult]) -> BackgroundSearch[SearchResult]:
         """Return a search beside what is solved here: at once where there are two threads, else afterwards."""
 
-        def search_and_load(pool: SolverPool) -> Found:
-            found = search(pool)
+        def search_and_load(pool: SolverPool) -> SearchResult:
+            result = search(pool)
             load_in_background()  # not before: two solver processes and this one would share two cores
-            return found
+            return result
 
-        background = BackgroundSearch(search_and_load, self.pool, self._another if self.threads > 1 else None)
+        background = BackgroundSearch(search_and_load, self.pool, self._start_companion if self.threads > 1 else None)
         self.background = background
         return background
 
@@ -246,7 +268,7 @@ class SolverSession:
     def _searching(self) -> bool:
         return self.background is not None and self.background.running
 
-    def _another(self) -> SolverService:
+    def _start_companion(self) -> SolverService:
         return SolverService(stall_seconds=self.settings.solver.stall_seconds, deadline=self.deadline)
 
     def reset_log(self) -> None:
@@ -263,8 +285,7 @@ class SolverSession:
     @property
     def solvers(self) -> tuple[str, ...]:
         """The primary solver, then the fallback where it is another one."""
-        chosen = self.settings.solver
-        return tuple(dict.fromkeys((chosen.primary, chosen.fallback)))
+        return tuple(dict.fromkeys((self.settings.solver.primary, self.settings.solver.fallback)))
 
     def solve(
         self,
@@ -275,77 +296,66 @@ class SolverSession:
         barrier: InitialBarrier,
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
-        rough: float = 0.0,
-        passing: bool = False,
+        loose_tolerance: float = 0.0,
+        reference_only: bool = False,
         multipliers: Multipliers | None = None,
     ) -> Solution | None:
         """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
 
+        A solver that begins with multipliers is asked with them first. A solve that ran out of iterations at a nearly
+        feasible point is continued: with multipliers once, without them as long as the race time falls. A roll that
+        changes its place among bang-bang arcs took 1,100 short steps, in which a second was gained.
+
         Args:
             solvers: asked in this order; without any, all that there are.
-            iterations_max: fewer iterations than the settings allow; None for as many.
-            rough: a looser tolerance, for an optimum that is only where the next mesh starts from and never certified;
-                0 for that of the settings.
-            passing: whether the optimum is only compared with and never certified itself, so that it need not be solved
-                closer.
-            multipliers: a guess of them, with which a solver that begins with them is asked first; None if nothing is
-                known.
+            iterations_max: fewer iterations than the settings allow, without continuation; None for as many.
+            loose_tolerance: that of an optimum which is only where the next mesh starts from and never certified; 0 for
+                that of the settings.
+            reference_only: whether the optimum is only compared with and never certified: then it is not polished.
+            multipliers: a guess of them; None if nothing is known.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
         """
-        chosen = self.settings.solver
-        most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        judged = not (rough or passing)
-        options = SolverOptions(max(chosen.tolerance, rough), most, barrier.value, curvature=judged)
-        solution: Solution | None = None
-        for solver, known, allowed in _tries(solvers or self.solvers, options, multipliers, barrier.near_optimum):
-            found = self.attempt(problem, guess, purpose, solver, allowed, known)
-            if iterations_max is None:
-                found = self._continue(problem, guess, found, purpose, allowed, known is not None)
-            if found is not None and (solution is None or found.ending is not Ending.BUDGET_EXHAUSTED):
-                solution = found
-            if found is not None and found.success:
-                break
-        limit = self.settings.certificate.kkt_error
-        if rough or passing or solution is None or not solution.success or solution.kkt.largest <= limit:
+        settings, is_certified = self.settings.solver, not (loose_tolerance or reference_only)
+        most = min(settings.iterations_max, iterations_max or settings.iterations_max)
+        cold = SolverOptions(max(settings.tolerance, loose_tolerance), most, barrier.value, curvature=is_certified)
+        warm = replace(cold, iterations_max=min(most, WARM_ITERATIONS_MAX))
+        # Multipliers mislead where the optimum is farther away than the barrier parameter was chosen for: with 1e-3
+        # instead of 1e-5 second meshes took 91, 107 and 121 iterations, and not 206, 189 and 258.
+        misled = replace(cold, barrier=max(cold.barrier, InitialBarrier.COARSE.value)) if barrier.near_optimum else cold
+        starts: list[_SolverStart] = []
+        for solver in solvers or self.solvers:
+            if multipliers is not None and SOLVERS[solver].begins_with_multipliers:
+                starts.append(_SolverStart(solver, guess, multipliers, warm, 1))
+                starts.append(_SolverStart(solver, guess, None, misled, CONTINUATIONS_MAX))
+            else:
+                starts.append(_SolverStart(solver, guess, None, cold, CONTINUATIONS_MAX))
+        result: Solution | None = None
+        while starts and not (result is not None and result.success):
+            start = starts.pop(0)
+            words = f"{purpose}, farther down" if start.is_continuation else purpose
+            solution = self.attempt(problem, start.guess, words, start.solver, start.options, start.multipliers)
+            if solution is None:
+                continue
+            if result is None or solution.ending is not Ending.BUDGET_EXHAUSTED:
+                result = solution
+            if iterations_max is None and start.leads_on(solution):
+                starts.insert(0, start.continued_from(solution, settings.iterations_max))
+        if is_certified and result is not None and result.success:
+            return self._polish(problem, result, purpose)
+        return result
+
+    def _polish(self, problem: Problem, solution: Solution, purpose: str) -> Solution:
+        """Solve more closely from a solution whose errors are larger than the certificate allows."""
+        if solution.kkt.largest <= self.settings.certificate.kkt_error:
             return solution
-        tolerance = LIMITS.polish * chosen.tolerance
-        options = SolverOptions(tolerance, chosen.iterations_max, tolerance, curvature=True)
+        tolerance = POLISH * self.settings.solver.tolerance
+        options = SolverOptions(tolerance, self.settings.solver.iterations_max, tolerance, curvature=True)
         closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
-        better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
-        return closer if better else solution
-
-    def _continue(
-        self,
-        problem: Problem,
-        guess: Iterate,
-        found: Solution | None,
-        purpose: str,
-        options: SolverOptions,
-        known: bool,
-    ) -> Solution | None:
-        """Go on from where a solve ran out of iterations at nearly feasible points.
-
-        One with known multipliers goes on once, with those that it reached and all iterations of the settings. Without,
-        a solve goes on as long as the race time falls: a roll that changes its place among bang-bang arcs took 1,100
-        short steps, in which a second was gained.
-        """
-        barrier = InitialBarrier.OTHER_PROBLEM if known else InitialBarrier.COARSE
-        most = self.settings.solver.iterations_max
-        options = replace(options, barrier=barrier.value, iterations_max=most)
-        start = guess
-        for _ in range(1 if known else LIMITS.descents_max):
-            if (
-                found is None
-                or found.ending is not Ending.ITERATION_LIMIT
-                or not found.kkt.primal < LIMITS.nearly_feasible
-                or not (known or start.durations.sum() - found.iterate.durations.sum() > LIMITS.descent)
-            ):
-                break
-            start, multipliers = found.iterate, found.multipliers if known else None
-            found = self.attempt(problem, start, f"{purpose}, farther down", found.solver, options, multipliers)
-        return found
+        if closer is None or not closer.success or closer.kkt.largest >= solution.kkt.largest:
+            return solution
+        return closer
 
     def attempt(
         self,
@@ -385,13 +395,13 @@ class SolverSession:
                 on_iteration=self._report,
                 threads=self.threads - self._searching,  # a search beside it has a thread to itself
             )
-        except (SolverTimeout, SolverCrash) as fate:
-            if isinstance(fate, SolverCrash) and not fate.is_fault:
+        except (SolverTimeout, SolverCrash) as error:
+            if isinstance(error, SolverCrash) and not error.is_fault:
                 raise
-            self.attempts.append(Attempt(purpose, solver, str(fate), False, 0, time.perf_counter() - started))
+            self.attempts.append(Attempt(purpose, solver, str(error), False, 0, time.perf_counter() - started))
             return None
-        nearly = solution.kkt.largest <= self.settings.certificate.kkt_error
-        if nearly and not solution.success and solution.ending is not Ending.SADDLE:
+        is_optimal = solution.kkt.largest <= self.settings.certificate.kkt_error
+        if is_optimal and not solution.success and solution.ending is not Ending.SADDLE:
             solution = replace(solution, success=True, status=f"{solution.status}; {MEASURED}")
         if not (solution.success and self.budget.failed_only):
             self.budget.spent += solution.iterations * cost
@@ -408,21 +418,3 @@ class SolverSession:
         """Return where the time of the current stage went, s."""
         solve = sum(attempt.seconds for attempt in self.attempts)
         return Timings(solve, self.derivative_seconds, time.perf_counter() - self.started)
-
-
-def _tries(
-    solvers: Sequence[str], options: SolverOptions, multipliers: Multipliers | None, near: bool
-) -> Iterator[tuple[str, Multipliers | None, SolverOptions]]:
-    """Yield what is tried in turn: each solver with the multipliers, if it begins with any, then without them.
-
-    Where those of another mesh misled, the optimum is farther away than the barrier parameter was chosen for: with 1e-3
-    instead of 1e-5 second meshes took 91, 107 and 121 iterations, and not 206, 189 and 258.
-    """
-    sooner = replace(options, iterations_max=min(options.iterations_max, LIMITS.known_iterations_max))
-    least = InitialBarrier.COARSE.value if near else 0.0
-    farther = replace(options, barrier=max(options.barrier, least))
-    for solver in solvers:
-        known = multipliers is not None and SOLVERS[solver].begins_with_multipliers
-        if known:
-            yield solver, multipliers, sooner
-        yield solver, None, farther if known else options

@@ -1,6 +1,7 @@
 """The problem of a stage: a race's plan and the equations of the aircraft, discretised on any mesh."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -10,8 +11,8 @@ import numpy as np
 from airrace.aircraft import Aircraft
 from airrace.dynamics.flight_model import COUNTING, FlightModel, RollReset
 from airrace.dynamics.observations import crossing_observation
-from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
-from airrace.frames import angles, rotation
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
+from airrace.frames import QUATERNION, angles, rotation
 from airrace.optimal_control.mesh_refinement import Mesh, restrict
 from airrace.optimal_control.problem import Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.replay import interval_durations
@@ -111,23 +112,25 @@ class StageProblem:
         """Return the joint problem over all phases; `mesh` holds the fractions of each."""
         conditions = self.observation, self.trim, self.aircraft.airframe.b, self.pilot, self.start_airspeed
         start, *ends = boundaries(self.plan, self.course, *conditions)
-        along = () if self.pilot is None else self.pilot.along
-        rooms = [()] * len(ends) if self.rooms is None else self.rooms.path_constraints(self.plan)
-        phases = [
-            Phase(
-                name=f"{a.passage.name} -> {b.passage.name}",
-                fractions=fractions,
-                duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
-                end=end,
-                bounds=COUNTING if b.passage.roll is not None else {},
-                watches=(*watches, *along, *room),
+        pilot = () if self.pilot is None else self.pilot.along
+        clearances = [()] * len(ends) if self.rooms is None else self.rooms.path_constraints(self.plan)
+        legs = zip(
+            *(itertools.pairwise(self.plan.waypoints), leg_seconds(self.plan), mesh, ends, self.watches, clearances),
+            strict=True,
+        )
+        phases: list[Phase] = []
+        for (begin, finish), seconds, fractions, end, own, clearance in legs:
+            shortest = min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS)
+            phases.append(
+                Phase(
+                    name=f"{begin.passage.name} -> {finish.passage.name}",
+                    fractions=fractions,
+                    duration=Interval(shortest, DETOUR * seconds + DETOUR_SECONDS),
+                    end=end,
+                    bounds=COUNTING if finish.passage.roll is not None else {},
+                    watches=(*own, *pilot, *clearance),
+                )
             )
-            for a, b, fractions, end, watches, room, seconds in zip(
-                *(self.plan.waypoints, self.plan.waypoints[1:], mesh, ends, self.watches, rooms),
-                leg_seconds(self.plan),
-                strict=False,
-            )
-        ]
         return Problem(
             system=self.model.system,
             parameters=tuple(float(value) for value in self.model.parameter_values),
@@ -146,21 +149,24 @@ def formulate(
     settings: Settings,
     route: Trajectory | None = None,
     conditions: Sequence[PylonCondition] = (),
+    *,
+    plan: Plan | None = None,
 ) -> StageProblem:
     """Return the problem of a stage: the race as planned, in the equations of that stage.
 
     Args:
         route: a flight whose decisions the plan makes, too; without one it is the race's own plan.
         conditions: on pylons; without any, those of the passings hold.
+        plan: the race's own plan, where it is known; else it is made.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     course, model = race.course, stage_model(stage, race)
-    if route is None:
-        plan = plan_race(race)
-    else:
+    if route is not None:
         plan = plan_from_solution(course, cruise(race.aircraft, course.rules), route)
+    elif plan is None:
+        plan = plan_race(race)
     crossing, rooms = crossing_observation(model.system.states), None
     if course.rules.clearance is ClearanceRule.FLIGHT or course.obstacles:
         rooms = PylonRooms.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
@@ -247,8 +253,8 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
 
 def gate_splits(flight: StageProblem, trajectory: Trajectory) -> tuple[GateSplit, ...]:
     """Return one row per passage."""
-    q = [trajectory.of(name) for name in ("q0", "q1", "q2", "q3")]
-    V_K, z, n_z = trajectory.of("V_K"), trajectory.of("z"), history(flight, trajectory, "n_z")
+    q = [trajectory[name] for name in QUATERNION]
+    V_K, z, n_z = trajectory["V_K"], trajectory["z"], history(flight, trajectory, "n_z")
     splits: list[GateSplit] = []
     for waypoint, node in zip(flight.plan.waypoints, trajectory.first_node.tolist(), strict=True):
         heading, climb, bank = angles(rotation([float(one[node]) for one in q]))
@@ -275,7 +281,7 @@ def history(flight: StageProblem, trajectory: Trajectory, name: str) -> Array:
     system = flight.model.system
     names = [quantity.name for quantity in system.path]
     if name not in names:
-        return trajectory.of(name)
+        return trajectory[name]
     assert system.path_values is not None  # it has path quantities
     control = np.hstack([trajectory.control, trajectory.control[:, -1:]])
     values = at_points(system.path_values, trajectory.state, control, flight.model.parameter_values)
@@ -294,7 +300,7 @@ def regularisation_weights(model: FlightModel, weight: float) -> dict[str, float
     brisk = {**half, **model.brisk}
     weights = {one.name: weight * (one.scale / brisk[one.name]) ** 2 for one in controls if one.rate_of}
     resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
-    return weights | dict.fromkeys(ATTITUDE[1:3], weight) | resets
+    return weights | dict.fromkeys(QUATERNION[1:3], weight) | resets
 
 
 class OtherStructureError(Exception):

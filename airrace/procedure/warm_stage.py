@@ -78,7 +78,7 @@ class WarmStage:
         solver = replace(settings.solver, iterations_max=SETTINGS.iterations_max, fallback=settings.solver.primary)
         self._settings, self._threads = replace(settings, solver=solver), threads
         self._perturbed = PerturbedProblem.of_result(race, settings, optimum)
-        self._budget = Budget.of(plan_race(race), settings.mesh)
+        self._budget = Budget.from_plan(plan_race(race), settings.mesh)
         self._services: list[SolverService] = []
         self._service = self._new_service(threads)
         spare, limits = SETTINGS.spare, settings.certificate

@@ -19,7 +19,9 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mesh_refinement import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.interface import Multipliers
+from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import NO_PROVENANCE, StageProvenance, StageResult
+from airrace.procedure.settings import MeshSettings
 from airrace.procedure.stage_problem import StageProblem, fractions_of, history, mesh_of
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
@@ -79,6 +81,12 @@ class Start:
         mine, theirs = self.guess, other.guess
         pairs = (mine.durations, theirs.durations), (mine.state, theirs.state), (mine.control, theirs.control)
         return self.problem.mesh == other.problem.mesh and all(np.array_equal(*pair) for pair in pairs)
+
+
+def planned_start(flight: StageProblem, mesh: MeshSettings) -> Start:
+    """Return a start straight from the plan of a flight, on its first mesh."""
+    fractions = first_mesh(flight.plan, mesh)
+    return Start(flight, flight.problem(fractions), guess(flight.plan, fractions), InitialBarrier.COLD)
 
 
 FEWEST = 4

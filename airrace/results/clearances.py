@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.frames import QUATERNION
 from airrace.planning.clearance import (
     PylonPost,
     Wing,
@@ -39,7 +40,6 @@ from airrace.quantities import Quantity
 from airrace.race import Race
 from airrace.results.derivation import Values, complete_histories
 from airrace.results.flight import (
-    PATH_ATTITUDE,
     Basis,
     Flight,
     Histories,
@@ -222,10 +222,10 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
 def _wing(flight: Flight) -> Wing:
     """Return the way of the wing; without an attitude that of the centre."""
     values = {"x": flight["x"], "y": flight["y"], "z": -flight["height"]}
-    if not flight.has(*PATH_ATTITUDE):
+    if not flight.has(*QUATERNION):
         centre = np.stack([values["x"], values["y"], -values["z"]])
         return Wing(flight.time, centre, np.zeros_like(centre))
-    values |= {name: flight[name] for name in (*PATH_ATTITUDE, "beta_K") if name in flight}
+    values |= {name: flight[name] for name in (*QUATERNION, "beta_K") if name in flight}
     return Wing(flight.time, *wing_position(values, 0.5 * flight.aircraft.airframe.b))
 
 

@@ -26,21 +26,10 @@ from airrace.results.flight import Basis, Flight, Lap, Leg, laps_of, legs_of, wa
 from airrace.track.course import PilotLimits, Rules
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class ComparisonSizes:
-    """The sizes of what is reported of a comparison.
-
-    Attributes:
-        differences_max: the greatest number of differences that are reported of one leg.
-        names_max: the greatest number of gates that are named as standing elsewhere.
-    """
-
-    differences_max: int = 4
-    names_max: int = 3
-
-
-SIZES = ComparisonSizes()
+DIFFERENCES_MAX = 4
+"""The greatest number of differences that are reported of one leg."""
+NAMES_MAX = 3
+"""The greatest number of gates that are named as standing elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +188,7 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
     pairs = zip(reference.course.passages, other.course.passages, strict=True)
     moved = list(dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element))
     if moved:
-        names = [*moved[: SIZES.names_max], *(["..."] if len(moved) > SIZES.names_max else [])]
+        names = [*moved[:NAMES_MAX], *(["..."] if len(moved) > NAMES_MAX else [])]
         yield "gates", "as in its course", f"otherwise: {', '.join(names)}"
 
 
@@ -350,7 +339,7 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
             (L, L_other), (t, t_other) = (float(one[-1]) for one in ways), (before.time, after.time)
             w, w_other = t / L, t_other / L_other
             by_way, by_speed = (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
-            found = differences(reference, before, other, after, MEASURES, SIZES.differences_max)
+            found = differences(reference, before, other, after, MEASURES, DIFFERENCES_MAX)
         legs.append(LegComparison(before, after, so_far, by_way, by_speed, found))
         length = float(ways[0][-1]) if ways else 0.0
         distance.append((passings[-1] + SHARES * length)[1:])

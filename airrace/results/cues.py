@@ -19,57 +19,49 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.results.flight import PATH_ATTITUDE, Flight, Leg, legs_of, way
+from airrace.frames import QUATERNION
+from airrace.results.flight import Flight, Leg, legs_of, way
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class CueSettings:
-    """Thresholds of the cues, and their reasons.
-
-    Attributes:
-        step: between the samples in which cues are looked for, s: a tenth of the shortest roll of a race, 0.2 s.
-        load_smoothing: standard deviation of the Gaussian that the load factor is smoothed with, s. It takes a white
-            noise of 0.1 g at 50 Hz to 0.04 g, and 0.4 g from a peak that rises and falls by 20 g/s.
-        roll_smoothing: the same of the roll rate, s, which logs have as the slope of an attitude: a white noise of
-            1 deg at 50 Hz is one of 4 deg/s behind it.
-        height_smoothing: the same of the height, s: an apex is flat for a second.
-        roll_rate, roll_rate_end: about the velocity, at which a roll begins and ends, rad/s: aircraft of races roll by
-            200 to 420 deg/s between gates and change their bank by at most 60 deg/s within a turn.
-        roll_pause: for which a roll may be slower in between, s: those that set in slowly halt for a moment.
-        roll_angle: of the smallest roll that counts, rad: to and from gates aircraft roll by 50 to 180 degrees, and
-            what is less is a correction within a turn.
-        load_change: between a maximum and the minima beside it, g: half of what the flattest turns of a race take.
-        pull: the least load factor of a pull, g.
-        push: the largest load factor of a push, g.
-        load_duration: of the shortest pull or push that counts, s: what is shorter is no act of the pilot's own.
-        height_change: of an apex, m: more than level turns rise and fall.
-        turn: about the vertical from which on a pull has a side, rad.
-        vertical: climb angle beyond which a bank says nothing, rad.
-        together: time within which a roll and a pull begin at once, s; the roll comes first.
-        pause: time between two actions that make one cue, at most, s.
-    """
-
-    step: float = 0.02
-    load_smoothing: float = 0.03
-    roll_smoothing: float = 0.06
-    height_smoothing: float = 0.2
-    roll_rate: float = math.radians(80.0)
-    roll_rate_end: float = math.radians(40.0)
-    roll_pause: float = 0.5
-    roll_angle: float = math.radians(45.0)
-    load_change: float = 2.5
-    pull: float = 3.0
-    push: float = -0.5
-    load_duration: float = 0.25
-    height_change: float = 30.0
-    turn: float = math.radians(20.0)
-    vertical: float = math.radians(65.0)
-    together: float = 0.25
-    pause: float = 0.75
-
-
-SETTINGS = CueSettings()
+STEP = 0.02
+"""The time between the samples in which cues are looked for, s: a tenth of the shortest roll of a race, 0.2 s."""
+LOAD_SMOOTHING = 0.03
+"""The standard deviation of the Gaussian that the load factor is smoothed with, s. It takes a white noise of 0.1 g at
+50 Hz to 0.04 g, and 0.4 g from a peak that rises and falls by 20 g/s."""
+ROLL_SMOOTHING = 0.06
+"""That of the roll rate, s, which logs have as the slope of an attitude: a white noise of 1 deg at 50 Hz is one of 4
+deg/s behind it."""
+HEIGHT_SMOOTHING = 0.2
+"""That of the height, s: an apex is flat for a second."""
+ROLL_BEGINS = math.radians(80.0)
+"""The roll rate about the velocity at which a roll begins, rad/s: aircraft of races roll by 200 to 420 deg/s between
+gates and change their bank by at most 60 deg/s within a turn."""
+ROLL_ENDS = math.radians(40.0)
+"""The roll rate at which it ends, rad/s."""
+ROLL_PAUSE = 0.5
+"""The time for which a roll may be slower in between, s: those that set in slowly halt for a moment."""
+ROLL_ANGLE = math.radians(45.0)
+"""The smallest roll that counts, rad: to and from gates aircraft roll by 50 to 180 degrees, and what is less is a
+correction within a turn."""
+LOAD_CHANGE = 2.5
+"""The change between a maximum of the load factor and the minima beside it, g: half of what the flattest turns of a
+race take."""
+PULL = 3.0
+"""The least load factor of a pull, g."""
+PUSH = -0.5
+"""The largest load factor of a push, g."""
+LOAD_DURATION = 0.25
+"""The shortest pull or push that counts, s: what is shorter is no act of the pilot's own."""
+HEIGHT_CHANGE = 30.0
+"""The height of an apex, m: more than level turns rise and fall."""
+SIDE_ANGLE = math.radians(20.0)
+"""The angle about the vertical from which on a pull has a side, rad."""
+VERTICAL = math.radians(65.0)
+"""The climb angle beyond which a bank says nothing, rad."""
+TOGETHER = 0.25
+"""The time within which a roll and a pull begin at once, s; the roll comes first."""
+CUE_PAUSE = 0.75
+"""The longest time between two actions that make one cue, s."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,7 @@ class RollAction:
     @property
     def vertical(self) -> bool:
         """Whether it is on a vertical line."""
-        return abs(self.climb) > SETTINGS.vertical
+        return abs(self.climb) > VERTICAL
 
     @property
     def inverted(self) -> bool:
@@ -112,7 +104,7 @@ class RollAction:
         return self._passes(0.0)
 
     def _passes(self, bank: float) -> bool:
-        sign, margin = math.copysign(1.0, self.angle), 0.5 * SETTINGS.roll_angle
+        sign, margin = math.copysign(1.0, self.angle), 0.5 * ROLL_ANGLE
         ahead = sign * (bank - self.bank_from) % (2.0 * math.pi)
         return margin < ahead < abs(self.angle) - margin
 
@@ -143,7 +135,7 @@ class Pull:
     @property
     def side(self) -> str:
         """The direction: `left`, `right`, or, where it is neither a turn nor to the side, `up` or `down`."""
-        if abs(self.turn) < SETTINGS.turn and abs(self.lateral) < abs(self.upward):
+        if abs(self.turn) < SIDE_ANGLE and abs(self.lateral) < abs(self.upward):
             return "up" if self.upward > 0.0 else "down"
         return "right" if self.turn > 0.0 else "left"
 
@@ -187,7 +179,7 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
     None where the flight knows neither load factor nor attitude; NaN of its histories are bridged by straight lines.
     """
-    known = _SmoothPath.of(flight)
+    known = _SmoothPath.from_flight(flight)
     if known is None:
         return ()
     apexes = _apexes(known)
@@ -222,19 +214,19 @@ class _SmoothPath:
     mu: Array
 
     @classmethod
-    def of(cls, flight: Flight) -> "_SmoothPath | None":
+    def from_flight(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
         passed = [one.time for one in flight.crossings if one.found]
-        if len(passed) < 2 or not flight.has(*PATH_ATTITUDE, "chi", "gamma", "mu"):
+        if len(passed) < 2 or not flight.has(*QUATERNION, "chi", "gamma", "mu"):
             return None
-        step, begin, end = SETTINGS.step, passed[0], passed[-1]
+        step, begin, end = STEP, passed[0], passed[-1]
         times = begin + step * np.arange(max(2, int((end - begin) / step + 1e-6) + 1))
 
         def sample(values: Array) -> Array | None:
             rows = np.isfinite(values)
             return np.interp(times, flight.time[rows], values[rows]) if rows.sum() > 1 else None
 
-        q = np.array([flight[name] for name in PATH_ATTITUDE])
+        q = np.array([flight[name] for name in QUATERNION])
         known = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
         p = sample(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
         n_z, height = sample(flight.values("n_z")), sample(flight.values("height"))
@@ -244,9 +236,9 @@ class _SmoothPath:
             return None
         return cls(
             begin,
-            _smooth(p, SETTINGS.roll_smoothing),
-            _smooth(n_z, SETTINGS.load_smoothing),
-            _smooth(height, SETTINGS.height_smoothing),
+            _smooth(p, ROLL_SMOOTHING),
+            _smooth(n_z, LOAD_SMOOTHING),
+            _smooth(height, HEIGHT_SMOOTHING),
             chi,
             gamma,
             mu,
@@ -254,7 +246,7 @@ class _SmoothPath:
 
     def time_of(self, row: int) -> float:
         """Return the time of a sample, s after the start."""
-        return self.begin + SETTINGS.step * row
+        return self.begin + STEP * row
 
 
 def _roll_rate(time: Array, q: Array) -> Array:
@@ -268,8 +260,8 @@ def _roll_rate(time: Array, q: Array) -> Array:
 
 def _smooth(values: Array, deviation: float) -> Array:
     """Return samples smoothed by a Gaussian, whose ends are continued by their first and last values."""
-    half = math.ceil(4.0 * deviation / SETTINGS.step)
-    weights = np.exp(-0.5 * (SETTINGS.step * np.arange(-half, half + 1) / deviation) ** 2)
+    half = math.ceil(4.0 * deviation / STEP)
+    weights = np.exp(-0.5 * (STEP * np.arange(-half, half + 1) / deviation) ** 2)
     return np.asarray(np.convolve(np.pad(values, half, mode="edge"), weights / weights.sum(), mode="valid"), np.float64)
 
 
@@ -305,11 +297,11 @@ def _rolls(known: _SmoothPath) -> list[RollAction]:
     found: list[RollAction] = []
     for first, last in _stretches_of_roll(known.p):
         fastest = float(np.abs(known.p[first : last + 1]).max())
-        angle = SETTINGS.step * float(known.p[first : last + 1].sum())
-        if fastest >= SETTINGS.roll_rate and abs(angle) >= SETTINGS.roll_angle:
+        angle = STEP * float(known.p[first : last + 1].sum())
+        if fastest >= ROLL_BEGINS and abs(angle) >= ROLL_ANGLE:
             begin, end = (math.remainder(float(known.mu[row]), 2.0 * math.pi) for row in (first, last))
             climb = float(known.gamma[(first + last) // 2])
-            found.append(RollAction(known.time_of(first), SETTINGS.step * (last - first), begin, end, angle, climb))
+            found.append(RollAction(known.time_of(first), STEP * (last - first), begin, end, angle, climb))
     return found
 
 
@@ -317,14 +309,14 @@ def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
     """Return the first and last rows of all stretches on which p is faster than the end of a roll, in order; two the
     same way with hardly a pause between them are one.
     """
-    side = np.where(np.abs(p) > SETTINGS.roll_rate_end, np.sign(p), 0.0)
+    side = np.where(np.abs(p) > ROLL_ENDS, np.sign(p), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(side)) + 1).tolist(), len(p)]
     found: list[tuple[int, int]] = []
     for first, end in itertools.pairwise(edges):
         if not side[first]:
             continue
         joins = found and side[first] == side[found[-1][1]]
-        if joins and SETTINGS.step * (first - found[-1][1]) < SETTINGS.roll_pause:
+        if joins and STEP * (first - found[-1][1]) < ROLL_PAUSE:
             found[-1] = (found[-1][0], end - 1)
         else:
             found.append((first, end - 1))
@@ -333,17 +325,17 @@ def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
 
 def _apexes(known: _SmoothPath) -> list[tuple[int, bool]]:
     """Return the rows of all apexes, each with whether the lift points below the horizon there."""
-    points = turning_points(known.height, SETTINGS.height_change)
+    points = turning_points(known.height, HEIGHT_CHANGE)
     inner = [row for number, (row, kind) in enumerate(points) if kind > 0 and 0 < number < len(points) - 1]
     return [(row, math.cos(known.mu[row]) < 0.0) for row in inner]
 
 
 def _pulls(known: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
-    points, found = turning_points(known.n_z, SETTINGS.load_change), list[Pull]()
+    points, found = turning_points(known.n_z, LOAD_CHANGE), list[Pull]()
     rows = [0, *(row for row, _ in points), len(known.n_z) - 1]
     for number, (row, kind) in enumerate(points, start=1):
         peak, before, behind = float(known.n_z[row]), rows[number - 1], rows[number + 1]
-        if kind * peak < kind * (SETTINGS.pull if kind > 0 else SETTINGS.push):
+        if kind * peak < kind * (PULL if kind > 0 else PUSH):
             continue
         first = last = row
         while first > before and _beyond(known, first - 1, peak, kind, before):
@@ -356,8 +348,8 @@ def _pulls(known: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]
         upward = float(np.mean(known.n_z[part] * np.cos(known.mu[part]) * np.cos(known.gamma[part])))
         apex = next(((at, over) for at, over in apexes if kind > 0 and before <= at <= behind), None)
         height, over = (math.nan, False) if apex is None else (float(known.height[apex[0]]), apex[1])
-        duration = SETTINGS.step * (last - first)
-        if duration >= SETTINGS.load_duration:
+        duration = STEP * (last - first)
+        if duration >= LOAD_DURATION:
             found.append(Pull(known.time_of(first), duration, peak, turn, lateral, upward, height, over))
     return found
 
@@ -374,11 +366,7 @@ def _in_order(actions: Sequence[Action]) -> list[Action]:
     ordered = sorted(actions, key=lambda one: one.time)
     for number in range(1, len(ordered)):
         before, one = ordered[number - 1], ordered[number]
-        if (
-            isinstance(one, RollAction)
-            and not isinstance(before, RollAction)
-            and one.time - before.time < SETTINGS.together
-        ):
+        if isinstance(one, RollAction) and not isinstance(before, RollAction) and one.time - before.time < TOGETHER:
             ordered[number - 1 : number + 1] = one, before
     return ordered
 
@@ -389,9 +377,7 @@ def _groups(actions: Sequence[Action]) -> list[tuple[Action, ...]]:
     for one in actions:
         last = groups[-1][-1] if groups else None
         joins = (
-            last is not None
-            and not isinstance(one, RollAction)
-            and one.time - last.time - last.duration < SETTINGS.pause
+            last is not None and not isinstance(one, RollAction) and one.time - last.time - last.duration < CUE_PAUSE
         )
         groups[-1:] = [(*groups[-1], one)] if joins else [*groups[-1:], (one,)]
     return groups

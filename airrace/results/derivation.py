@@ -21,22 +21,13 @@ from airrace.environment import (
     g0,
     pressure,
 )
+from airrace.frames import QUATERNION
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.race import Race
 from airrace.results import attitude
-from airrace.results.flight import (
-    BODY_ATTITUDE,
-    GLOSSARY,
-    PATH_ATTITUDE,
-    Basis,
-    Flight,
-    Histories,
-    History,
-    Source,
-    TimedCrossing,
-)
+from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Flight, Histories, History, Source, TimedCrossing
 from airrace.system import at_points, column, named_symbols
 from airrace.track.course import geodetic
 from airrace.trajectory import Array
@@ -92,7 +83,7 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
         Declarations, each with a function of the named histories of the states, of shape (n,) -> (n,); none where
         nothing follows from these states.
     """
-    needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
+    needed = ("x", "y", "z", "V_K", *QUATERNION)
     if not set(needed) <= set(names):
         return {}
     columns = ("V_A", "V_I", *(("latitude", "longitude") if race.course.origin.has_coordinates else ()))
@@ -120,7 +111,7 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
     found = dict(histories)
     for name in bounds.keys() & histories.keys():
         quantity = histories[name].quantity
-        if not Interval(quantity.lower, quantity.upper).bounded:
+        if not Interval(quantity.lower, quantity.upper).constrained:
             quantity = replace(quantity, lower=bounds[name].lower, upper=bounds[name].upper)
             found[name] = replace(histories[name], quantity=quantity)
     return found
@@ -128,7 +119,7 @@ def _with_limits(histories: Histories, limits: Limits) -> Histories:
 
 def wind_along(air: Air, x: Array, y: Array, z: Array) -> Array:
     """Return the north, east and down components of the wind at places of the track's frame (m), shape (3, n), m/s."""
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     if not field.present:
         return np.zeros((3, len(x)))
     return at_points(_wind_function(field), np.stack([x, y, z]), np.array(field.values(air)))
@@ -156,7 +147,7 @@ def _wind_function(field: WindField) -> ca.Function:
 
 
 def _R_OKbar(known: Values) -> attitude.Axes:
-    return attitude.path_axes([known[name] for name in PATH_ATTITUDE])
+    return attitude.path_axes([known[name] for name in QUATERNION])
 
 
 def _velocity_in_air(race: Race, known: Values) -> Array:
@@ -184,7 +175,7 @@ RULES = (
         lambda race: race.course.origin.has_coordinates,
     ),
     Rule(("height", "V_K"), ("h_E",), lambda _, known: (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)),
-    Rule(PATH_ATTITUDE, ("chi", "gamma", "mu"), lambda _, known: attitude.euler_angles(_R_OKbar(known))),
+    Rule(QUATERNION, ("chi", "gamma", "mu"), lambda _, known: attitude.euler_angles(_R_OKbar(known))),
     Rule(_PATH, ("V_A",), lambda race, known: (np.linalg.norm(_velocity_in_air(race, known), axis=0),)),
     Rule(
         ("V_A", "z"),
@@ -197,12 +188,12 @@ RULES = (
         lambda race, known: (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),),
     ),
     Rule(
-        (*PATH_ATTITUDE, "alpha_K", "beta_K"),
+        (*QUATERNION, "alpha_K", "beta_K"),
         BODY_ATTITUDE,
         lambda _, known: attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"])),
     ),
-    Rule((*_PATH, *PATH_ATTITUDE, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
-    Rule(PATH_ATTITUDE, BODY_ATTITUDE, lambda _, known: [known[name] for name in PATH_ATTITUDE]),
+    Rule((*_PATH, *QUATERNION, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
+    Rule(QUATERNION, BODY_ATTITUDE, lambda _, known: [known[name] for name in QUATERNION]),
     Rule(
         BODY_ATTITUDE,
         ("psi", "theta", "phi"),

@@ -42,7 +42,7 @@ class NamedArray:
     quantities: tuple[Quantity, ...]
     values: Array
 
-    def of(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Array:
         """Return one history by its name, shape (N,).
 
         Raises:

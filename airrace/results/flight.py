@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from airrace.aircraft import Aircraft
 from airrace.environment import Air
+from airrace.frames import QUATERNION
 from airrace.procedure.result import Status
 from airrace.quantities import Interval, Quantity
 from airrace.race import Race
@@ -49,8 +50,6 @@ GLOSSARY = {
     )
 }
 """Declarations of the derived histories, by name."""
-PATH_ATTITUDE = ("q0", "q1", "q2", "q3")
-"""The quaternion of the flight-path frame Kbar, scalar first."""
 BODY_ATTITUDE = ("b0", "b1", "b2", "b3")
 """The quaternion of the body, scalar first."""
 
@@ -321,7 +320,7 @@ class Flight:
             turning = name in ANGLES
             between = np.interp(wanted, self.time, np.unwrap(one.values) if turning else one.values)
             values[name] = np.remainder(between + np.pi, 2.0 * np.pi) - np.pi if turning else between
-        for names in (PATH_ATTITUDE, BODY_ATTITUDE):
+        for names in (QUATERNION, BODY_ATTITUDE):
             if self.has(*names):
                 q = interpolate_attitude(self.time, np.array([self[name] for name in names]), wanted)
                 values.update(zip(names, q, strict=True))

@@ -15,8 +15,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
+from airrace.frames import QUATERNION
 from airrace.planning.clearance import crowd_overflown, ground_distance
 from airrace.planning.lint import Remark, RemarkKind
 from airrace.planning.plan import plan_race
@@ -34,7 +34,7 @@ from airrace.results.clearances import (
     pylons,
     surroundings,
 )
-from airrace.results.flight import GLOSSARY, PATH_ATTITUDE, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
+from airrace.results.flight import GLOSSARY, Basis, Flight, History, Leg, Source, TimedCrossing, legs_of
 from airrace.track.course import ClearanceRule
 from airrace.trajectory import Array
 
@@ -47,7 +47,7 @@ ROUNDING = 0.5
 ZONE = "zone"
 """The kind of the distance over ground from people whose rule counts the height as well."""
 
-_NAMES = ("x", "y", "height", *PATH_ATTITUDE)
+_NAMES = ("x", "y", "height", *QUATERNION)
 _DECLARATIONS = {**{one.name: one for one in PointMassState.quantities()}, **GLOSSARY}
 _KINDS = {
     "crowd": RemarkKind.CROWD,
@@ -95,7 +95,7 @@ def _planned_legs(race: Race) -> tuple[list[float], list[Array]]:
     seconds = leg_seconds(plan)
     mesh = [(1.0 / count,) * count for count in _counts(seconds, LONGEST_STEP)]
     state = dict(zip(PointMassState.names(), guess(plan, mesh).state, strict=False))  # a counter of rolls may follow
-    rows = np.stack([state["x"], state["y"], -state["z"], *(state[name] for name in ATTITUDE)])
+    rows = np.stack([state["x"], state["y"], -state["z"], *(state[name] for name in QUATERNION)])
     nodes = itertools.accumulate(map(len, mesh), initial=0)
     legs = [rows[:, first : last + 1].copy() for first, last in itertools.pairwise(nodes)]
     for leg, part, *ends in zip(legs, plan.legs, plan.waypoints, plan.waypoints[1:], strict=False):

@@ -33,30 +33,21 @@ from airrace.results.comparison import (
 from airrace.results.flight import Flight, Leg, way
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class LossSettings:
-    """What is reported of a loss, so that it is little and does not hang on noise.
-
-    Attributes:
-        most: the number of legs that are reported.
-        least: the smallest loss that is reported, s; passings of good logs are known to 5 to 10 ms.
-        share, part: of the loss of a leg, and s, from which on a cause is reported, or what is won back by one.
-        causes, facts: the greatest number of causes of a leg, and of differences that are reported of a cause.
-        turned: rad, by which the path has turned where a turn begins, and is still to turn where it ends; directions of
-            smoothed logs are known to one or two degrees.
-    """
-
-    most: int = 3
-    least: float = 0.02
-    share: float = 0.25
-    part: float = 0.015
-    causes: int = 2
-    facts: int = 3
-    turned: float = math.radians(20.0)
-
-
-SETTINGS = LossSettings()
+LEGS_MAX = 3
+"""The number of legs that are reported."""
+LOSS_MIN = 0.02
+"""The smallest loss that is reported, s; passings of good logs are known to 5 to 10 ms."""
+CAUSE_SHARE = 0.25
+"""The share of the loss of a leg from which on a cause is reported, or what is won back by one."""
+CAUSE_MIN = 0.015
+"""The least such loss, s."""
+CAUSES_MAX = 2
+"""The greatest number of causes of a leg."""
+DIFFERENCES_MAX = 3
+"""The greatest number of differences that are reported of a cause."""
+TURN_ENDS = math.radians(20.0)
+"""The angle by which the path has turned where a turn begins, and is still to turn where it ends, rad; directions of
+smoothed logs are known to one or two degrees."""
 
 
 class Cause(Enum):
@@ -104,11 +95,11 @@ class Loss:
     def causes(self) -> tuple[Cause, ...]:
         """The causes that are reported, the greatest first."""
         ranked = sorted(self.parts, key=lambda one: -self.parts[one])
-        return tuple(one for one in ranked if self.parts[one] >= self._least)[: SETTINGS.causes]
+        return tuple(one for one in ranked if self.parts[one] >= self._least)[:CAUSES_MAX]
 
     @property
     def _least(self) -> float:
-        return max(SETTINGS.share * self.amount, SETTINGS.part)
+        return max(CAUSE_SHARE * self.amount, CAUSE_MIN)
 
     @property
     def text(self) -> str:
@@ -140,8 +131,8 @@ class TimeLoss:
     @property
     def costliest(self) -> tuple[Loss, ...]:
         """The losses that are reported, the greatest first."""
-        ranked = sorted(self.losses, key=lambda one: -one.amount)[: SETTINGS.most]
-        return tuple(one for one in ranked if one.amount >= SETTINGS.least)
+        ranked = sorted(self.losses, key=lambda one: -one.amount)[:LEGS_MAX]
+        return tuple(one for one in ranked if one.amount >= LOSS_MIN)
 
     @property
     def title(self) -> str:
@@ -162,7 +153,7 @@ def time_loss(comparison: Comparison) -> TimeLoss:
     for leg in comparison.legs:
         if known and leg.reference.is_complete and leg.other.is_complete:
             pair = reference, leg.reference, other, leg.other
-            facts = {cause: differences(*pair, measures, SETTINGS.facts) for cause, measures in FACTS.items()}
+            facts = {cause: differences(*pair, measures, DIFFERENCES_MAX) for cause, measures in FACTS.items()}
             losses.append(Loss(leg, loss_parts(comparison, leg), facts, differences(*pair, (_LEAVING,), 1)))
     return TimeLoss(comparison, tuple(losses))
 
@@ -227,7 +218,7 @@ def _turn(flight: Flight, leg: Leg) -> tuple[float, float]:
     """Return when the turn of a leg begins and ends, s on the flight's clock; NaN where the path hardly turns."""
     chi, gamma = flight["chi"][leg.rows], flight["gamma"][leg.rows]
     path = np.stack([np.cos(chi) * np.cos(gamma), np.sin(chi) * np.cos(gamma), np.sin(gamma)])
-    begun, open_ = (np.flatnonzero(one @ path < math.cos(SETTINGS.turned)) for one in (path[:, 0], path[:, -1]))
+    begun, open_ = (np.flatnonzero(one @ path < math.cos(TURN_ENDS)) for one in (path[:, 0], path[:, -1]))
     if not len(begun) or not len(open_) or open_[-1] <= begun[0]:
         return math.nan, math.nan
     begin, end = flight.time[leg.rows][[begun[0], open_[-1]]].tolist()

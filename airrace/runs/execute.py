@@ -14,8 +14,8 @@ from airrace import interrupts
 from airrace.checkpoint import ReserveAttempt, write_checkpoint
 from airrace.errors import OutOfTime, UsageError
 from airrace.inputs.rules import ReserveEntry
-from airrace.procedure import run as procedure
-from airrace.procedure.fidelity_continuation import checks_mesh
+from airrace.procedure import procedure
+from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
 from airrace.procedure.stage import Stage
 from airrace.results.comparison import Comparison
@@ -255,7 +255,7 @@ def record_end(answer: CommandResult, execution: Execution, error: BaseException
     if isinstance(error, OutOfTime):
         answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
     elif stopped:
-        interrupts.hear()
+        interrupts.acknowledge()
         answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
     try:
         summarise(answer, execution)

@@ -235,7 +235,7 @@ def flight_footprint(
     from airrace.safety.footprint import Track, footprint_of  # takes scipy, which no reader of runs needs
 
     place = None if origin is None else origin_of(origin)
-    found = footprint_of(flight.race, [Track.of(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
+    found = footprint_of(flight.race, [Track.from_flight(flight)], drag_area=drag_area, glide_ratio=glide_ratio)
     if output is None:
         return found
     from airrace.export.footprint import footprint_csv, footprint_geojson, footprint_kml

@@ -17,9 +17,9 @@ from airrace.inputs.inputs import DocumentReader, read_named
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.inputs.overrides import value_text
 from airrace.options import AircraftGiven, SettingsGiven, TrackGiven, Values
-from airrace.procedure import run as procedure
-from airrace.procedure.fidelity_continuation import checks_mesh
+from airrace.procedure import procedure
 from airrace.procedure.formulation import ensure_same_passings, passings_of
+from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult, Status
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort

@@ -129,7 +129,7 @@ class ReserveCase:
     def measured(self) -> Count:
         """The flights that break nothing but perhaps the load factor."""
         outside = self.case.result.outside
-        return Count.among(outside.of - outside.flights, outside.of)
+        return Count.with_interval(outside.of - outside.flights, outside.of)
 
     @property
     def message(self) -> str:
@@ -297,7 +297,7 @@ class _Search:
         for number, stored in enumerate(kept):
             one, flown = stored.attempt, self.optimum.attempt_run(stored)
             if flown is not None:
-                outside, over_load = (Count.among(few, one.flights) for few in (one.outside, one.over_load))
+                outside, over_load = (Count.with_interval(few, one.flights) for few in (one.outside, one.over_load))
                 self._note(number, flown, outside, over_load, None)
             self.risks = dict(zip(self.risks, (one.risk, one.load_risk), strict=False))
             self.lift = one.lift
@@ -475,7 +475,7 @@ def _is_rare(count: Count, risk: float) -> bool:
 def _allowance(count: Count, risk: float) -> int:
     """Return how many of the flights may break a limit; 0 where they are too few to tell."""
     most = math.floor(risk * count.of + 1e-9)
-    return next((one for one in range(most, 0, -1) if _is_rare(Count.among(one, count.of), risk)), 0)
+    return next((one for one in range(most, 0, -1) if _is_rare(Count.with_interval(one, count.of), risk)), 0)
 
 
 def _prices(run: RunState) -> dict[str, float]:

@@ -11,8 +11,7 @@ from airrace.quantities import KNOT
 from airrace.race import Race
 from airrace.runs.output import write_text
 from airrace.runs.stage_view import verdict
-from airrace.safety.closed_loop import Scatter
-from airrace.safety.gusts import Gusts
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.monte_carlo import (
     CONTACT,
     LOAD,

@@ -35,8 +35,8 @@ from airrace.runs.run import RunState, current_versions
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 from airrace.runs.stage_view import StageView
-from airrace.safety.closed_loop import SETTINGS
-from airrace.safety.evaluation import ALLOWED
+from airrace.safety.closed_loop import LOST
+from airrace.safety.evaluation import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
 from airrace.safety.footprint import Footprint, Track, footprint_of
 from airrace.safety.monte_carlo import ENVELOPE, LOAD, Count, SafetyResult, fewest
 from airrace.standard_streams import STANDARD
@@ -93,7 +93,7 @@ def safety_document(
         UsageError: matplotlib is not installed.
     """
     flight = view.flight(case.label)
-    footprint = footprint_of(flight.race, [Track.of(flight)])
+    footprint = footprint_of(flight.race, [Track.from_flight(flight)])
     certificate, notes = view.certificate, [view.message] if view.message else []
     unseen, documents = [] if flight.course.crowd else [NO_CROWD], _documents(run)
     content = b"" if run.path is None or run.path == STANDARD else run.path.read_bytes()
@@ -236,21 +236,21 @@ def _assumptions(result: SafetyResult) -> Table:
     """Return who flew in what, and where that comes from."""
     scatter, pilot, chosen = result.scatter, result.pilot, "standard deviation, chosen for this case"
     gusts = f"{scatter.gusts.value}, wind of {scatter.gusts.wind_at_20_ft / KNOT:.0f} kt at 20 ft"
-    beyond = f"{ALLOWED.length:g} m, {math.degrees(ALLOWED.angle):.1f} deg, {ALLOWED.speed / KNOT:.0f} kt"
+    beyond = f"{LENGTH_ALLOWED:g} m, {math.degrees(ANGLE_ALLOWED):.1f} deg, {SPEED_ALLOWED / KNOT:.0f} kt"
     model = "model of Kleinman, Baron and Levison (1970), Automatica 6, 357-369; weights are a judgement"
     rows: list[tuple[str, str, str]] = [
         ("pilot", "optimal regulator behind a delay, with prediction", model),
         ("delay of the pilot", f"{pilot.delay:g} s", "McRuer and Jex (1967), IEEE HFE-8, 231-249: 0.1 to 0.2 s"),
         ("deviation corrected hardest", f"{pilot.urgent:g} m", "judgement"),
-        ("lost", f"{SETTINGS.lost:g} m off the line", "judgement"),
+        ("lost", f"{LOST:g} m off the line", "judgement"),
         ("gusts", gusts, "Dryden at low altitude, MIL-F-8785C (1980), 3.7.3"),
         ("wind, north and east", f"{scatter.wind / KNOT:.3g} kt", chosen),
         ("mass", f"{100.0 * scatter.mass:.3g} %", chosen),
         ("power", f"{100.0 * scatter.power:.3g} %", chosen),
         ("density of the air", f"{100.0 * scatter.density:.3g} %", chosen),
         ("begin of rolls", f"{1000.0 * scatter.timing:.3g} ms", chosen),
-        ("not counted beyond a limit", f"{beyond}, {ALLOWED.load:g} g", "judgement: an optimum lies on its limits"),
-        ("a touch", f"within {ALLOWED.touch:g} m of a pylon's line", "judgement"),
+        ("not counted beyond a limit", f"{beyond}, {LOAD_ALLOWED:g} g", "judgement: an optimum lies on its limits"),
+        ("a touch", f"within {TOUCH_DISTANCE:g} m of a pylon's line", "judgement"),
         ("flights, seed", f"{result.flights}, {result.seed}", "the same seed gives the same flights"),
         ("intervals", "confidence 95 %", "Clopper and Pearson (1934)"),
     ]

@@ -113,7 +113,7 @@ def _outcome(case: SafetyCase | str) -> list[Value]:
         return [*[None] * (len(OUTCOME) - 1), case]
     result = case.result
     name, (worst, _) = max(
-        result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.among(0, 1), 0.0))
+        result.pylons.items(), key=lambda one: one[1][0].flights, default=("-", (Count.with_interval(0, 1), 0.0))
     )
     name, contact = name if worst.flights else "-", result.contact
     remark = "; ".join(one for one in (case.uncertified, result.note) if one)

@@ -26,6 +26,14 @@ from airrace.runs.json_objects import stage_object, stamp_object
 from airrace.runs.output import write_or_return
 from airrace.runs.reserve_attempts import reserve_state
 from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
+from airrace.safety.disturbances import (
+    DENSITY_ERROR_PERCENT,
+    MASS_ERROR_PERCENT,
+    PILOT_DELAY,
+    POWER_ERROR_PERCENT,
+    ROLL_TIMING,
+    WIND_ERROR_KT,
+)
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line
@@ -89,8 +97,8 @@ def _flight_html(race: Race, result: StageResult) -> str:
     """Return splits and picture as HTML; empty if no flight was found."""
     if not result.is_flight:
         return ""
-    track = np.stack([result.trajectory.of("x"), result.trajectory.of("y")], axis=1)
-    plan = plan_svg(map_model(race).with_track(track), by_speed(track, result.trajectory.of("V_K")))
+    track = np.stack([result.trajectory["x"], result.trajectory["y"]], axis=1)
+    plan = plan_svg(map_model(race).with_track(track), by_speed(track, result.trajectory["V_K"]))
     return f"{Splits(result.splits).to_html()}{plan}"
 
 
@@ -336,12 +344,12 @@ class StageView:
         *,
         flights: int = 1000,
         gusts: str = "light",
-        wind_error_kt: float = 2.5,
-        mass_error_percent: float = 2.0,
-        power_error_percent: float = 2.0,
-        density_error_percent: float = 1.0,
-        roll_timing_s: float = 0.02,
-        delay_s: float = 0.1,
+        wind_error_kt: float = WIND_ERROR_KT,
+        mass_error_percent: float = MASS_ERROR_PERCENT,
+        power_error_percent: float = POWER_ERROR_PERCENT,
+        density_error_percent: float = DENSITY_ERROR_PERCENT,
+        roll_timing_s: float = ROLL_TIMING,
+        delay_s: float = PILOT_DELAY,
         seed: int = 0,
         threads: int | None = None,
         label: str | None = None,

@@ -17,9 +17,9 @@ import numpy as np
 from airrace.errors import CheckpointError, InputError, NotCertified, SolverCrash
 from airrace.logs.recording import Recording
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
-from airrace.procedure import run as procedure
+from airrace.procedure import procedure
 from airrace.procedure.fidelity import fidelity_of
-from airrace.procedure.fidelity_continuation import wanted_stages
+from airrace.procedure.procedure import wanted_stages
 from airrace.procedure.result import HARDLY_SLOWER, GateSplit, NoteKind, SearchReport, StageResult, Status
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage

@@ -15,59 +15,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.quantities import KNOT
-from airrace.safety.gusts import Gusts
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.nominal import PATH, NominalFlight, abeam, errors, instants
 from airrace.safety.pilot import LinearFlight, PilotGains, PilotModel, linearise, train
 from airrace.safety.plant import CONTROLS, DISTURBANCES, STATE, GustFilter, Plant, advance
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class Scatter:
-    """The standard deviations of what is not as it was when the race was optimised, and the gusts.
-
-    Attributes:
-        gusts: the turbulence.
-        wind: of either horizontal component of the wind, m/s: an error of its speed as well as of its direction.
-        mass, power, density: shares.
-        timing: of the time by which the ailerons come late, or early, on a leg, s. A judgement.
-    """
-
-    gusts: Gusts = Gusts.LIGHT
-    wind: float = 2.5 * KNOT
-    mass: float = 0.02
-    power: float = 0.02
-    density: float = 0.01
-    timing: float = 0.02
-
-    @property
-    def constant(self) -> Array:
-        """The standard deviations of a `Disturbance` that lasts for the flight, shape (6,)."""
-        return np.array([self.wind, self.wind, 0.0, self.mass, self.power, self.density])
-
-
-UNDISTURBED = Scatter(Gusts.NONE, 0.0, 0.0, 0.0, 0.0, timing=0.0)
-
-
-@dataclass(frozen=True)
-class ClosedLoopSettings:
-    """The settings of closed-loop flights.
-
-    Attributes:
-        batch: flights at once. With fewer the overhead of Python counts, with more the memory for their histories.
-        late: the time after which a flight must have come in, as a share of the optimum's.
-        lost: distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there.
-        undisturbed_off: largest distance of the undisturbed flight from the line, m, of a pilot who holds it.
-    """
-
-    batch: int = 125
-    late: float = 1.15
-    lost: float = 100.0
-    undisturbed_off: float = 1.0
-
-
-SETTINGS = ClosedLoopSettings()
+BATCH = 125
+"""Flights at once. With fewer the overhead of Python counts, with more the memory for their histories."""
+LATE = 1.15
+"""The time after which a flight must have come in, as a share of the optimum's."""
+LOST = 100.0
+"""The distance from the line beyond which a flight is lost, m: no pilot comes back to a gate from there."""
+UNDISTURBED_ERROR_MAX = 1.0
+"""The largest distance of the undisturbed flight from the line of a pilot who holds it, m."""
 KEPT = STATE["beta_K"] + 1
 """The number of the first states of a flight that are recorded: those that tell where its wing is."""
 SURFACES = slice(STATE["eta"], STATE["zeta"] + 1)
@@ -107,7 +68,7 @@ class ClosedLoop:
     @property
     def samples(self) -> int:
         """The number of samples after which flights are ended."""
-        return int(SETTINGS.late * self.nominal.end / self.pilot.sample) + 1
+        return int(LATE * self.nominal.end / self.pilot.sample) + 1
 
     def gust_filter(self, gusts: Gusts, samples: int) -> GustFilter:
         """Return the gusts along the optimum; behind its end they go on as there."""
@@ -138,7 +99,7 @@ class Flights:
 
 def batches(count: int) -> list[range]:
     """Return the numbers of so many flights, batch by batch."""
-    return [range(first, min(first + SETTINGS.batch, count)) for first in range(0, count, SETTINGS.batch)]
+    return [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
 
 
 def fly(loop: ClosedLoop, scatter: Scatter, seed: int, numbers: Sequence[int]) -> Flights:
@@ -161,7 +122,7 @@ class _Batch:
         generators = [np.random.default_rng([seed, number]) for number in numbers]
         middles = loop.leg_middles
         drawn = np.stack([one.standard_normal(DISTURBANCES + len(middles)) for one in generators], axis=1)
-        self.constant = scatter.constant[:, None] * drawn[:DISTURBANCES]
+        self.constant = np.array(scatter.constant)[:, None] * drawn[:DISTURBANCES]
         lateness = scatter.timing * drawn[DISTURBANCES:]
         grid = instants(loop.pilot.sample, loop.linear.count + 2)
         self.late = np.stack([np.asarray(np.interp(grid, middles, one), np.float64) for one in lateness.T], axis=1)
@@ -196,7 +157,7 @@ class _Batch:
             line = nominal.at(clock)
             e = errors(x, line)
             away = np.sqrt(np.sum(e[:3] * e[:3], axis=0))
-            gone = ~(away < SETTINGS.lost)
+            gone = ~(away < LOST)
             finished = clock >= nominal.end
             lost[gone & ~finished] = np.minimum(lost[gone & ~finished], k)
             if (gone | finished).any():

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.safety.closed_loop import ClosedLoop, Scatter, course
-from airrace.safety.gusts import Gusts
+from airrace.safety.closed_loop import ClosedLoop, course
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.nominal import ERRORS, instants
 from airrace.safety.plant import CONTROLS, DISTURBANCES, GUST_STATES, STATIONARY_GUSTS
 from airrace.trajectory import Array
@@ -76,7 +76,7 @@ def covariance(loop: ClosedLoop, scatter: Scatter) -> Array:
 
     start = np.zeros((size, size))
     start[gust:constant, gust:constant] = STATIONARY_GUSTS
-    start[constant:late, constant:late] = np.diag(scatter.constant**2)
+    start[constant:late, constant:late] = np.diag(np.array(scatter.constant) ** 2)
     start[late : late + 2, late : late + 2] = np.eye(2) * scatter.timing**2
 
     def disturbances(k: int) -> Array:

@@ -45,27 +45,18 @@ from airrace.trajectory import Array
 Booleans = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Allowances:
-    """What is allowed beyond a limit before it counts; judgements.
-
-    Attributes:
-        length: m; a judge beside the course sees no less, see `airrace.results.clearances`.
-        angle: sine of half a degree; cameras judge banks to about a degree.
-        speed: m/s, a knot.
-        load: g, the noise of an accelerometer in turbulence.
-        touch: distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance
-            are some millimetres apart. The ground is touched at the height of the origin.
-    """
-
-    length: float = 0.1
-    angle: float = 0.0087
-    speed: float = 0.5
-    load: float = 0.1
-    touch: float = 0.05
-
-
-ALLOWED = Allowances()
+# What is allowed beyond a limit before it counts: judgements.
+LENGTH_ALLOWED = 0.1
+"""What is allowed beyond a length, m: a judge beside the course sees no less, see `airrace.results.clearances`."""
+ANGLE_ALLOWED = 0.0087
+"""What is allowed beyond the sine of an angle, half a degree: cameras judge banks to about a degree."""
+SPEED_ALLOWED = 0.5
+"""What is allowed beyond a speed, m/s: a knot."""
+LOAD_ALLOWED = 0.1
+"""What is allowed beyond a load factor, g: the noise of an accelerometer in turbulence."""
+TOUCH_DISTANCE = 0.05
+"""The distance at which a wing counts as touching the line that a pylon is, m; samples of the least distance are some
+millimetres apart. The ground is touched at the height of the origin."""
 WINDOW = 40
 """The samples before and after a passing in which the plane of the gate is looked for, 0.8 s."""
 GRID = 0.1
@@ -118,7 +109,7 @@ class Judge:
     seen: Observation
 
     @classmethod
-    def of(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
+    def from_optimum(cls, race: Race, result: StageResult, loop: ClosedLoop) -> "Judge":
         """Return the rules of a race, for flights along the optimum of a stage."""
         plant, span = loop.plant, race.aircraft.airframe.b
         waypoints: list[Waypoint] = []
@@ -222,7 +213,7 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
     return FlightMeasurements(
         crossed=crossed,
         breaches=breaches,
-        touched=nearest < ALLOWED.touch,
+        touched=nearest < TOUCH_DISTANCE,
         nearest=nearest,
         along={
             "ground": np.asarray((((centre[2] - np.abs(half[2])).T < 0.0) & racing).any(axis=0)),
@@ -323,7 +314,7 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
         if name == "along" or name not in values:
             continue
         kind = KINDS.get(name, "tolerance")
-        beyond = ALLOWED.length if kind in LENGTHS else ALLOWED.speed if kind == "speed" else ALLOWED.angle
+        beyond = LENGTH_ALLOWED if kind in LENGTHS else SPEED_ALLOWED if kind == "speed" else ANGLE_ALLOWED
         breaches[kind][number] |= (values[name] > allowed.upper + beyond) | (values[name] < allowed.lower - beyond)
 
 
@@ -360,12 +351,12 @@ def _too_near(judge: Judge, nearest: Array) -> Booleans:
     """Return which flights come nearer to a pylon or an obstacle than a wing may at any time, shape (n,)."""
     cleared = cleared_pylons(judge.course)
     required = [pylon.required - pylon.radius if pylon in cleared else 0.0 for pylon in judge.pylons]
-    return np.asarray((nearest < np.array(required)[:, None] - ALLOWED.length).any(axis=0))
+    return np.asarray((nearest < np.array(required)[:, None] - LENGTH_ALLOWED).any(axis=0))
 
 
 def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -> dict[str, Booleans]:
     """Return which other limits are broken: load factor, floor, ceiling, crowd, safety lines, airspace."""
-    course, beyond = judge.course, ALLOWED.length
+    course, beyond = judge.course, LENGTH_ALLOWED
     height = -flights.state[:, STATE["z"]]
     places = np.stack([flights.state[:, 0], flights.state[:, 1]], axis=-1)
     legs = np.searchsorted(
@@ -373,8 +364,8 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
     )  # that ends in the passage of this number
     floor, ceiling = course.rules.height.lower, course.rules.height.upper
     found = {
-        "load factor": (flights.load > judge.load.upper + ALLOWED.load)
-        | (flights.load < judge.load.lower - ALLOWED.load),
+        "load factor": (flights.load > judge.load.upper + LOAD_ALLOWED)
+        | (flights.load < judge.load.lower - LOAD_ALLOWED),
         "floor": height < floor - beyond,
         "ceiling": height > ceiling + beyond,
         **{kind: np.zeros_like(racing) for kind in ("crowd", "safety line", "airspace")},

@@ -64,7 +64,7 @@ class AirColumn:
     density: Array
 
     @classmethod
-    def of(cls, air: Air, top: float) -> "AirColumn":
+    def from_air(cls, air: Air, top: float) -> "AirColumn":
         """Return the air of a day without its thermals, metre by metre from the ground up to a height, m."""
         height = np.linspace(0.0, max(top, 1.0), 2 + math.ceil(max(top, 1.0)))
         still = Air(air.temperature_offset, air.pressure_offset, air.elevation, air.wind)
@@ -91,7 +91,7 @@ class States:
     velocity: Array
 
     @classmethod
-    def of(cls, flight: Flight, times: Array) -> "States":
+    def from_flight(cls, flight: Flight, times: Array) -> "States":
         """Return the states of a flight at some times; NaN where it knows neither height nor velocity.
 
         Velocities are interpolated by their components, for course and bank jump where a flight is vertical.

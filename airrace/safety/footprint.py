@@ -80,7 +80,7 @@ class Track:
     states: States
 
     @classmethod
-    def of(cls, flight: Flight, rate: float = FootprintSettings().rate) -> "Track":
+    def from_flight(cls, flight: Flight, rate: float = FootprintSettings().rate) -> "Track":
         """Return the instants of a flight at a rate (1/s); those at which it knows no height are left out.
 
         Raises:
@@ -90,7 +90,7 @@ class Track:
         if missing:
             raise UsageError(f"{flight.label} has no footprint: it does not know {', '.join(missing)}")
         time = flight.times_at_rate(rate)
-        states = States.of(flight, time)
+        states = States.from_flight(flight, time)
         known = np.isfinite(states.place).all(axis=1) & np.isfinite(states.velocity).all(axis=1)
         if not known.any():
             raise UsageError(f"{flight.label} has no footprint: its height or its velocity is known nowhere")
@@ -194,7 +194,7 @@ class Footprint:
     def raster(self) -> Raster:
         """The ground that falls meet."""
         swept = ((self.vacuum.place[rows], self.drag.place[rows]) for rows in self._rows())
-        return Raster.of(swept, self.half_span, self.settings.cells)
+        return Raster.from_stretches(swept, self.half_span, self.settings.cells)
 
     @cached_property
     def falls(self) -> tuple[Outline, ...]:
@@ -301,7 +301,7 @@ def footprint_of(
     settings, aircraft = settings or FootprintSettings(), race.aircraft
     states = _join(tracks)
     top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())
-    air = AirColumn.of(race.air, top)
+    air = AirColumn.from_air(race.air, top)
     area = aircraft.drag.C_D0 * aircraft.airframe.S if drag_area is None else drag_area
     glide = best_glide(aircraft, float(np.interp(0.0, air.height, air.density)), glide_ratio)
     return Footprint(

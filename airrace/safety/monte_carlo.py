@@ -17,8 +17,9 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.process import available_cores
 from airrace.race import Race
-from airrace.safety.closed_loop import SETTINGS, UNDISTURBED, ClosedLoop, Scatter, batches, fly
+from airrace.safety.closed_loop import UNDISTURBED_ERROR_MAX, ClosedLoop, batches, fly
 from airrace.safety.covariance import covariance
+from airrace.safety.disturbances import UNDISTURBED, Scatter
 from airrace.safety.evaluation import FlightMeasurements, Judge, axis_of, grid_of, measure, onto_plane, together
 from airrace.safety.nominal import ERRORS, NominalFlight, gradients
 from airrace.safety.pilot import PilotModel
@@ -59,7 +60,7 @@ class Count:
     upper: float
 
     @classmethod
-    def among(cls, flights: int, of: int) -> "Count":
+    def with_interval(cls, flights: int, of: int) -> "Count":
         """Return a count with its interval."""
         tail = 0.5 * (1.0 - CONFIDENCE)
         lower = float(betaincinv(flights, of - flights + 1, tail)) if flights else 0.0
@@ -164,7 +165,7 @@ def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: A
         yield Stretch(
             name,
             {key: _deviation(values, float(sigma)) for key, (values, sigma) in rows.items()},
-            {kind: Count.among(many, count) for kind, many in broken.items() if many},
+            {kind: Count.with_interval(many, count) for kind, many in broken.items() if many},
         )
 
 
@@ -236,11 +237,11 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
             f"a delay of {pilot.delay:g} s makes no sense: the pilot decides every {pilot.sample:g} s, so it must be "
             f"{below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
         )
-    plant = Plant.of(race)
-    loop = ClosedLoop.of(plant, NominalFlight.of(race, result, plant), pilot)
+    plant = Plant.from_race(race)
+    loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
     off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    astray = np.flatnonzero(off > SETTINGS.undisturbed_off)
+    astray = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
     if not len(astray) and alone.lost[0] < len(alone.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
@@ -250,7 +251,7 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         when = float(alone.clock[astray[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
-            f"than {SETTINGS.undisturbed_off:g} m off it at {when:.1f} s"
+            f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"
         )
     return loop
 
@@ -283,7 +284,7 @@ def fly_closed_loop(
         raise UsageError(f"{flights} flights make no sense: it must be 1 to {MOST_FLIGHTS}")
     race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
-    judge = Judge.of(race, result, loop)
+    judge = Judge.from_optimum(race, result, loop)
 
     def one(numbers: range) -> FlightMeasurements:
         return measure(judge, loop, fly(loop, scatter, seed, numbers))
@@ -308,13 +309,13 @@ def fly_closed_loop(
         seed=seed,
         flights=flights,
         race_time=result.trajectory.race_time,
-        counts={kind: Count.among(int(one.sum()), flights) for kind, one in broken.items()},
-        contact=Count.among(int(contact.sum()), flights),
-        outside=Count.among(int(outside.sum()), flights),
+        counts={kind: Count.with_interval(int(one.sum()), flights) for kind, one in broken.items()},
+        contact=Count.with_interval(int(contact.sum()), flights),
+        outside=Count.with_interval(int(outside.sum()), flights),
         gates=tuple(gate_stretches(names, measured, linear_at_passings(loop, judge, scatter))),
         legs=tuple(leg_stretches(names, passings, clock, measured)),
         pylons={
-            f"{pylon.text}, {pylon.post + 1}": (Count.among(int(touched.sum()), flights), float(nearest.min()))
+            f"{pylon.text}, {pylon.post + 1}": (Count.with_interval(int(touched.sum()), flights), float(nearest.min()))
             for pylon, touched, nearest in zip(judge.pylons, measured.touched, measured.nearest, strict=True)
         },
         clock=clock,

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.errors import UsageError
-from airrace.frames import product, rotation
+from airrace.frames import QUATERNION, product, rotation
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.race import Race
@@ -50,7 +49,7 @@ class NominalFlight:
     passings: Array
 
     @classmethod
-    def of(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
+    def from_optimum(cls, race: Race, result: StageResult, plant: Plant) -> "NominalFlight":
         """Return the optimum of the stage with six degrees of freedom.
 
         Raises:
@@ -66,7 +65,7 @@ class NominalFlight:
         state = np.stack([known[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
-        controls = np.stack([trajectory.of(one.name) for one in plant.system.controls])
+        controls = np.stack([trajectory[one.name] for one in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
         moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
         held = np.zeros((CONTROLS + DISTURBANCES, 1))
@@ -164,4 +163,4 @@ def abeam(nominal: NominalFlight, state: Array, clock: Array) -> Array:
     return np.asarray(np.minimum(np.maximum(clock + along / line[3], 0.0), nominal.end), np.float64)
 
 
-assert tuple(STATE)[4:8] == ATTITUDE  # which the errors count on
+assert tuple(STATE)[4:8] == QUATERNION  # which the errors count on

@@ -52,7 +52,7 @@ class Raster:
     inside: Array
 
     @classmethod
-    def of(cls, stretches: Iterable[tuple[Array, Array]], width: float, cells: int) -> "Raster":
+    def from_stretches(cls, stretches: Iterable[tuple[Array, Array]], width: float, cells: int) -> "Raster":
         """Return the ground within a width of what some stretches sweep over.
 
         Args:

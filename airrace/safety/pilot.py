@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from airrace.safety.disturbances import PILOT_DELAY
 from airrace.safety.nominal import ERRORS, TABLE_STEP, NominalFlight, displaced, errors, instants
 from airrace.safety.plant import CONTROLS, DISTURBANCES, Plant, advance
 from airrace.trajectory import Array
@@ -46,7 +47,7 @@ class PilotModel:
     """
 
     sample: float = 0.02
-    delay: float = 0.1
+    delay: float = PILOT_DELAY
     allowed: dict[str, float] = field(
         default_factory=lambda: {
             "right": 1.0,

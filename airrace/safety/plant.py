@@ -37,7 +37,7 @@ from airrace.optimal_control.replay import function_at_points
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.quantities import FOOT, T, Vector, quantity, vector
 from airrace.race import Race
-from airrace.safety.gusts import Gusts
+from airrace.safety.disturbances import Gusts
 from airrace.system import System, column, named_symbols
 from airrace.trajectory import Array
 
@@ -87,14 +87,14 @@ class Plant:
     airspeed: ca.Function
 
     @classmethod
-    def of(cls, race: Race) -> "Plant":
+    def from_race(cls, race: Race) -> "Plant":
         """Return the aircraft of a race.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
         model = build_six_dof(race.aircraft, race.course.rules, race.air)
-        field = WindField.of(race.air)
+        field = WindField.from_air(race.air)
         return cls(model.system, model.parameter_values, *_functions(field.profile, field.thermals))
 
     def rates_of(self, inputs: Array) -> Callable[[Array], Array]:

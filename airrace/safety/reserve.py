@@ -37,9 +37,19 @@ from airrace.planning.parameters import course_limits
 from airrace.planning.route_decisions import Waypoint
 from airrace.procedure.result import StageResult
 from airrace.race import Race
-from airrace.safety.closed_loop import ClosedLoop, Scatter
+from airrace.safety.closed_loop import ClosedLoop
 from airrace.safety.covariance import covariance
-from airrace.safety.evaluation import ALLOWED, KINDS, LENGTHS, Judge, onto_plane, wing_of
+from airrace.safety.disturbances import Scatter
+from airrace.safety.evaluation import (
+    ANGLE_ALLOWED,
+    KINDS,
+    LENGTH_ALLOWED,
+    LENGTHS,
+    LOAD_ALLOWED,
+    Judge,
+    onto_plane,
+    wing_of,
+)
 from airrace.safety.monte_carlo import LOAD
 from airrace.safety.nominal import ERRORS, gradients, instants
 from airrace.safety.pilot import PilotModel
@@ -53,32 +63,21 @@ STALL = "stall"
 """The kind of the limit of lift, which is no breach."""
 
 
-@dataclass(frozen=True)
-class ReserveSettings:
-    """The settings of margins.
-
-    Attributes:
-        most: the largest margin, in standard deviations: beyond it a risk is below 4e-5.
-        share: the share of the way between two opposite limits that margins may take up.
-        least_price: what a standard deviation of margin costs at least, s: a limit that costs nothing yet may once
-            others are tighter.
-        steps: the number of margins that are compared for one key.
-        far: the distance beyond which a pylon is no limit, m.
-        binding: the room beyond its margin, in standard deviations, with which a limit counts as one that binds.
-        lift: the room to the stall that leaves a pilot all he can do, in standard deviations of the angle of attack
-            beyond where he begins to pull less.
-    """
-
-    most: float = 4.0
-    share: float = 0.8
-    least_price: float = 2e-3
-    steps: int = 81
-    far: float = 12.0
-    binding: float = 0.5
-    lift: float = 2.0
-
-
-SETTINGS = ReserveSettings()
+MARGIN_MAX = 4.0
+"""The largest margin, in standard deviations: beyond it a risk is below 4e-5."""
+MARGIN_SHARE = 0.8
+"""The share of the way between two opposite limits that margins may take up."""
+PRICE_MIN = 2e-3
+"""What a standard deviation of margin costs at least, s: a limit that costs nothing yet may once others are tighter."""
+MARGIN_STEPS = 81
+"""The number of margins that are compared for one key."""
+FAR = 12.0
+"""The distance beyond which a pylon is no limit, m."""
+BINDING_ROOM = 0.5
+"""The room beyond its margin, in standard deviations, with which a limit counts as one that binds."""
+LIFT_ROOM = 2.0
+"""The room to the stall that leaves a pilot all he can do, in standard deviations of the angle of attack beyond where
+he begins to pull less."""
 OPPOSITE = -0.95
 """The cosine between the directions away from two limits below which they are opposite."""
 
@@ -119,12 +118,12 @@ class Limit:
     @property
     def most(self) -> float:
         """The largest margin that leaves half of the room to the opposite limit."""
-        return 0.5 * SETTINGS.share * self.between / self.rate
+        return 0.5 * MARGIN_SHARE * self.between / self.rate
 
     @property
     def wanted(self) -> float:
         """The margin beyond which a risk is negligible."""
-        return self.idle + max(SETTINGS.most * self.sigma - self.allowed, 0.0) / self.rate
+        return self.idle + max(MARGIN_MAX * self.sigma - self.allowed, 0.0) / self.rate
 
     def risk(self, margin: Array) -> Array:
         """Return the probability of a breach where the optimum keeps a margin, of any shape.
@@ -132,9 +131,7 @@ class Limit:
         A limit that does not bind leaves the room that it leaves now, whatever the margin; one that does, none.
         """
         needed = self.allowed + self.rate * (margin - self.idle)
-        binds = (
-            self.room - self.allowed - self.rate * max(self.present - self.idle, 0.0) < SETTINGS.binding * self.sigma
-        )
+        binds = self.room - self.allowed - self.rate * max(self.present - self.idle, 0.0) < BINDING_ROOM * self.sigma
         return np.asarray(ndtr(-(needed if binds else np.maximum(self.room, needed)) / self.sigma))
 
 
@@ -150,9 +147,9 @@ def limits_of(
         scatter: the disturbances.
         margins: with which the stage was solved, by key.
     """
-    judge, P = Judge.of(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
+    judge, P = Judge.from_optimum(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
     found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
-    near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * SETTINGS.most * one.sigma)
+    near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * MARGIN_MAX * one.sigma)
     known = {one.key for one in course_limits(race) if math.isfinite(one.value)}  # a `point` has no tolerances
     return [replace(one, key=one.key if one.key in known else "", present=margins.get(one.key, 0.0)) for one in near]
 
@@ -181,7 +178,7 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
             if name == "along" or not sigma[row] > 0.0:
                 continue
             kind = KINDS.get(name, "tolerance")
-            allowed = ALLOWED.length if kind in LENGTHS else ALLOWED.angle
+            allowed = LENGTH_ALLOWED if kind in LENGTHS else ANGLE_ALLOWED
             between = np.min(room[row, 0] + room[towards @ towards[row] < OPPOSITE, 0], initial=np.inf)
             numbers = (float(one) for one in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
             yield Limit(keys[row], kind, waypoint.passage.name, *numbers)
@@ -222,9 +219,9 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
     elements = {one.element.name: one.element for one in judge.course.passages}
     for approach in closest_approaches(wing, judge.pylons, legs):
         pylon, place = approach.pylon, judge.waypoints[approach.leg + 1].passage.name
-        allowed = ALLOWED.length
+        allowed = LENGTH_ALLOWED
         room = approach.distance - pylon.required + allowed
-        if room > SETTINGS.far:
+        if room > FAR:
             continue
         at = nominal.at(np.array([approach.time]))
         slopes = gradients(lambda x, _, it=pylon: wing_distance(it, *wing_of(x, judge.semispan))[None], at)[0, 0]
@@ -287,7 +284,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
                 continue
             inside = slice(begin, max(end, begin + 1))
             at = int(np.argmin(room[row, inside] - 3.0 * sigma[row, inside])) + begin
-            allowed = {LOAD: ALLOWED.load, "ground": 0.0, STALL: 0.0}.get(kind, ALLOWED.length)
+            allowed = {LOAD: LOAD_ALLOWED, "ground": 0.0, STALL: 0.0}.get(kind, LENGTH_ALLOWED)
             rate = 1.0 / race.aircraft.lift.C_Lalpha if kind == STALL else 1.0
             numbers = float(room[row, at]) + allowed, float(sigma[row, at]), allowed, rate
             if math.isfinite(numbers[0]):
@@ -305,7 +302,7 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
     It is none where the flight does not stay near the stall.
     """
     near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.present * one.rate]
-    wanted = (one.idle + share * (pilot.stall_margin + SETTINGS.lift * one.sigma) / one.rate for one in near)
+    wanted = (one.idle + share * (pilot.stall_margin + LIFT_ROOM * one.sigma) / one.rate for one in near)
     return max(wanted, default=0.0) if share else 0.0
 
 
@@ -336,11 +333,11 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
     for one in limits:
         by_key.setdefault(one.key, []).append(one)
     fixed = sum(float(one.risk(np.zeros(()))) for one in by_key.pop("", []))
-    tried, risks, costs = np.empty((3, len(by_key), SETTINGS.steps))
+    tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
     for row, (key, its) in enumerate(by_key.items()):
         most = min(max(one.wanted for one in its), min(one.most for one in its))
-        tried[row] = np.linspace(0.0, most, SETTINGS.steps)
-        least = SETTINGS.least_price * max(one.rate / one.sigma for one in its)
+        tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
+        least = PRICE_MIN * max(one.rate / one.sigma for one in its)
         risks[row] = sum(one.risk(tried[row]) for one in its)
         costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 

@@ -33,29 +33,17 @@ from airrace.race import Race
 from airrace.sensitivity import Activity, Sensitivity
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class SensitivitySettings:
-    """The settings of sensitivities.
-
-    Attributes:
-        difference: step of the constraints' central differences, as a share of a parameter, or of its scale.
-        weak_ratio: of multiplier and slack (scaled), within which, to either side, a limit is weakly active. An
-            interior point method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between
-            1e-5 and 1e-3.
-        step: share of a usual step by which a number is changed.
-        free: cost of a usual step below which a number is free, s.
-        same: share of the larger of both sides' sensitivities by which they may differ and still count as one.
-    """
-
-    difference: float = 1e-5
-    weak_ratio: float = 1e2
-    step: float = 1e-3
-    free: float = 1e-6
-    same: float = 0.02
-
-
-SETTINGS = SensitivitySettings()
+DIFFERENCE_STEP = 1e-5
+"""The step of the constraints' central differences, as a share of a parameter, or of its scale."""
+WEAK_RATIO = 1e2
+"""The ratio of multiplier and slack (scaled) within which, to either side, a limit is weakly active. An interior point
+method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between 1e-5 and 1e-3."""
+CHANGE_SHARE = 1e-3
+"""The share of a usual step by which a number is changed."""
+FREE_COST = 1e-6
+"""The cost of a usual step below which a number is free, s."""
+SAME_SIDES = 0.02
+"""The share of the larger of both sides' sensitivities by which they may differ and still count as one."""
 DEPTH, HEIGHT = "z", "height"
 """The name of a state, and of what a crossing observes of it: a limit of the one is a limit of the other."""
 
@@ -207,8 +195,8 @@ def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tupl
     """Return the multipliers without those of limits that are not active, and which of the rest are weak."""
     slack = np.where(multiplier > 0.0, upper - value, value - lower)
     size, fixed = np.abs(multiplier), lower == upper
-    active = fixed | (np.isfinite(slack) & (size * SETTINGS.weak_ratio > slack))
-    return np.where(active, multiplier, 0.0), active & ~fixed & (size < SETTINGS.weak_ratio * slack)
+    active = fixed | (np.isfinite(slack) & (size * WEAK_RATIO > slack))
+    return np.where(active, multiplier, 0.0), active & ~fixed & (size < WEAK_RATIO * slack)
 
 
 def _observers(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
@@ -242,7 +230,7 @@ def _by_system_parameters(functions: Evaluation, layout: Layout, w: Array, p: Ar
     slopes = np.zeros(len(declared))
     for index, quantity in enumerate(declared):
         step = np.zeros_like(p)
-        step[index] = SETTINGS.difference * max(abs(p[index]), quantity.scale)
+        step[index] = DIFFERENCE_STEP * max(abs(p[index]), quantity.scale)
         slopes[index] = float(_central_difference(functions, w, p, step) @ lam) / (2.0 * step[index])
     return slopes
 
@@ -269,7 +257,7 @@ def _by_observed_parameters(
         having = np.flatnonzero(sizes > component)
         step = np.zeros_like(p)
         at = first[having] + component
-        step[at] = SETTINGS.difference * np.maximum(np.abs(p[at]), 1.0)
+        step[at] = DIFFERENCE_STEP * np.maximum(np.abs(p[at]), 1.0)
         change = _central_difference(functions, w, p, step)[places] * lam[places]
         slopes[having, component] = np.bincount(owner_of, change, len(observed))[having] / (2.0 * step[at])
     return {owner: slopes[number, : sizes[number]] for number, (owner, _, _) in enumerate(observed)}
@@ -339,7 +327,7 @@ def sensitivities_to(
 
     for parameter in parameters:
         step = parameter.usual_step
-        up, down = slope(parameter, SETTINGS.step * step), slope(parameter, -SETTINGS.step * step)
+        up, down = slope(parameter, CHANGE_SHARE * step), slope(parameter, -CHANGE_SHARE * step)
         if up is None and down is None:
             continue
         upward, downward, activity, note = _classify(up, down, step)
@@ -361,7 +349,7 @@ def _lagrangian(problem: Problem, result: StageResult) -> LagrangianSensitivity:
 
 def _classify(up: Value | None, down: Value | None, step: float) -> tuple[float, float, Activity, str]:
     """Return the sensitivities to both sides, to which sides the number matters, and why if that is but one."""
-    free = SETTINGS.free / step
+    free = FREE_COST / step
     if up is None or down is None:
         one = up or down
         assert one is not None
@@ -377,7 +365,7 @@ def _classify(up: Value | None, down: Value | None, step: float) -> tuple[float,
     larger = max(abs(upward), abs(downward))
     if larger < free:
         return upward, downward, Activity.FREE, ""
-    if abs(upward - downward) <= SETTINGS.same * larger:
+    if abs(upward - downward) <= SAME_SIDES * larger:
         return upward, downward, Activity.BOTH, ""
     if abs(upward) < free:
         note = "more is free, another limit holds"

@@ -392,7 +392,7 @@ class Manoeuvre(Element):
     @property
     def only_a_height(self) -> bool:
         asked = (self.bank, self.climb, self.heading)
-        return asked == (None, None, None) and not self.north.bounded and not self.east.bounded
+        return asked == (None, None, None) and not self.north.constrained and not self.east.constrained
 
     def course(self, direction: Direction) -> float | None:
         return self.heading

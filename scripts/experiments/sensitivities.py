@@ -24,13 +24,13 @@ from airrace.race import Race
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.result import Silent
-from airrace.procedure.run import optimize
+from airrace.procedure.procedure import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import PerturbedProblem
 from airrace.runs.run import run_of_checkpoint
-from airrace.sensitivity.lagrangian import SETTINGS, sensitivities
+from airrace.sensitivity.lagrangian import (sensitivities, CHANGE_SHARE)
 from airrace.sensitivity import Activity, Sensitivity
 
 WIDER = 50.0  # than the step of a sensitivity
@@ -106,7 +106,7 @@ class Study:
 
     def compare(self, one: Sensitivity) -> Comparison:
         """Move one number to both sides."""
-        change = WIDER * SETTINGS.step * one.usual_step
+        change = WIDER * CHANGE_SHARE * one.usual_step
         up, down = self._moved(one, change), self._moved(one, -change)
 
         def slope(to: Optimum | None, sign: float) -> float:

@@ -10,10 +10,10 @@ from command import Ran, run
 
 from airrace.batch import BatchOptions
 from airrace.batch.jobs import Job
-from airrace.batch.local import LocalExecutor
-from airrace.batch.planning import BatchPlan, JobResult, Manner, PlannedJob, find_sources, make_plan, parse_sweeps
+from airrace.batch.local import LocalPool
+from airrace.batch.planning import BatchPlan, JobResult, JobTemplate, PlannedJob, find_sources, make_plan, parse_sweeps
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
-from airrace.batch.supervision import AttemptResult, Executor, StageFinished, Watcher, supervise
+from airrace.batch.supervision import AttemptResult, JobPool, StageFinished, Watcher, supervise
 from airrace.inputs import Document
 
 ROOT = Path(__file__).parents[2]
@@ -73,11 +73,11 @@ def planned(
     versions: str = VERSIONS,
     until: str = "point-mass",
     choice: Choice = Choice.NONE,
-    **manner: object,
+    **template: object,
 ) -> BatchPlan:
     """The plan of a call of the command."""
-    how = Manner(sweeps=parse_sweeps(sweeps), **manner)  # type: ignore[arg-type]
-    return make_plan(find_sources([*map(str, courses)], how), folder, until=until, versions=versions, choice=choice)
+    options = JobTemplate(sweeps=parse_sweeps(sweeps), **template)  # type: ignore[arg-type]
+    return make_plan(find_sources([*map(str, courses)], options), folder, until=until, versions=versions, choice=choice)
 
 
 def policy(**options: object) -> BatchOptions:
@@ -86,12 +86,12 @@ def policy(**options: object) -> BatchOptions:
 
 
 def flown(
-    plan: BatchPlan, options: BatchOptions | None = None, executor: Executor | None = None, slots: int = 2
+    plan: BatchPlan, options: BatchOptions | None = None, pool: JobPool | None = None, slots: int = 2
 ) -> list[JobResult]:
     """Fly a plan with stand-ins."""
     plan.folder.mkdir(parents=True, exist_ok=True)
-    with executor or LocalExecutor(STAND_IN, slots) as flying:
-        return list(supervise(plan, flying, options or policy(), Watched(), stop_asked=lambda: False))
+    with pool or LocalPool(STAND_IN, slots) as running:
+        return list(supervise(plan, running, options or policy(), Watched()))
 
 
 def starts(folder: Path, name: str) -> list[str]:

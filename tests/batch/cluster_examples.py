@@ -1,8 +1,7 @@
-"""Jobs on a cluster for the tests, flown by stand-ins that leave a log: by an executor, or by the command."""
+"""Jobs on a cluster for the tests, flown by stand-ins that leave a log: by a pool, or by the command."""
 
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,9 +10,8 @@ from cluster_log import Log
 from clusters import Cluster
 from waiting import wait_until
 
-from airrace.batch.cluster import ClusterExecutor
+from airrace.batch.cluster import ClusterPool
 from airrace.batch.planning import BatchPlan
-from airrace.batch.supervision import AttemptResult, Ended, Event
 
 VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
 STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
@@ -26,36 +24,16 @@ main()
 """
 
 
-def executor_of(cluster: Cluster, log: Log, slots: int | None = None, wait: float = 60.0) -> ClusterExecutor:
-    return ClusterExecutor(cluster.address, ("-S", str(STAND_IN), str(log.path)), VERSIONS, slots, wait)
+def pool_of(cluster: Cluster, log: Log, slots: int | None = None, wait: float = 60.0) -> ClusterPool:
+    return ClusterPool(cluster.address, ("-S", str(STAND_IN), str(log.path)), VERSIONS, slots, wait)
 
 
 def plan_with(folder: Path, notes: str) -> BatchPlan:
     return planned(write_course(folder), folder=folder, sweeps=[f"notes={notes}"])
 
 
-def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object]) -> list[Event]:
-    """Events until there are enough of them."""
-    events: list[Event] = []
-
-    def listen() -> object:
-        if not enough(events):
-            events.extend(executor.events(0.5))
-        return enough(events)
-
-    wait_until(listen)
-    return events
-
-
-def await_slots(executor: ClusterExecutor, number: int) -> None:
-    wait_until(lambda: executor.events(0.5) is not None and executor.slots == number)
-
-
-def endings(events: list[Event]) -> dict[str, AttemptResult]:
-    """How jobs ended; none of them twice."""
-    ended = [event for event in events if isinstance(event, Ended)]
-    assert len({event.name for event in ended}) == len(ended)
-    return {event.name: event.ending for event in ended}
+def await_slots(pool: ClusterPool, number: int) -> None:
+    wait_until(lambda: pool.slots == number)
 
 
 def started(cluster: Cluster | str, folder: Path, log: Log, *arguments: str) -> "subprocess.Popen[str]":

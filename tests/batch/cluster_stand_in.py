@@ -1,7 +1,7 @@
 """`stand_in_job.py` for a job whose folder vanishes with it: every start adds a line to a file of the test's.
 
 `python cluster_stand_in.py LOG`; a line is: name, process, process of the worker, `resumed` or `new`. One manner
-more: `stage-then-hang` hangs behind its first stage when it is started for the first time.
+more: `hang-first` hangs when it is started for the first time.
 """
 
 import ctypes
@@ -26,11 +26,7 @@ def main() -> None:
     first = not log.exists() or f"{name} " not in log.read_text()
     with log.open("a") as starts:  # one short write: lines of several processes do not mix
         starts.write(f"{name} {os.getpid()} {os.getppid()} {'resumed' if checkpoint.exists() else 'new'}\n")
-    if stand_in_job.behaviour(order["job"]) == "stage-then-hang" and first:
-        checkpoint.write_bytes(stand_in_job.CHECKPOINT)
-        stage = {"stage_finished": "homotopy", "status": "solved", "race_time_s": None, "certified": False}
-        sys.stdout.write(f"{json.dumps(stage)}\n")
-        sys.stdout.flush()
+    if stand_in_job.behaviour(order["job"]) == "hang-first" and first:
         time.sleep(600.0)
     sys.stdin = io.StringIO(text)
     stand_in_job.main()

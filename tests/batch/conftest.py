@@ -16,16 +16,13 @@ import airrace.batch.local as process_module
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two workers, of one thread and of two, which have joined; nobody kills them."""
-    from airrace.batch.cluster import Connection  # needs a library without which no cluster is tested
+    from airrace.batch.cluster import ClusterPool  # needs a library without which no cluster is tested
 
     with Cluster(tmp_path_factory.mktemp("cluster")) as one:
         one.worker(1)
         one.worker(2)
-        connection = Connection(one.address, {"airrace": version("airrace")})
-        try:
-            wait_until(lambda: len(connection.threads()) == 2)
-        finally:
-            connection.close()
+        with ClusterPool(one.address, (), {"airrace": version("airrace")}) as pool:
+            wait_until(lambda: pool.slots == 3)
         yield one
 
 

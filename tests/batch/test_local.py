@@ -3,23 +3,24 @@
 import json
 import os
 import signal
-from collections.abc import Sequence
+import threading
+import time
+from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import pytest
 from batch_examples import STAND_IN, Watched, ending, flown, job, plan_of, planned, policy, starts, step, write_course
-from waiting import text_of, wait_until, wait_until_gone
+from waiting import text_of, wait_until_gone
 
 from airrace.batch import supervision
-from airrace.batch.local import JOB_COMMAND, LocalExecutor
+from airrace.batch.jobs import Job
+from airrace.batch.local import JOB_COMMAND, LocalPool
 from airrace.batch.planning import BatchPlan, JobResult
 from airrace.batch.record import Choice, read_record
-from airrace.batch.supervision import AttemptResult, Ended, Event, FailureKind, JobAttempt, Started, supervise
-from airrace.errors import StorageError
-from airrace.process import start_apart
+from airrace.batch.supervision import AttemptResult, JobPool, supervise
+from airrace.errors import ClusterError, StorageError
+from airrace.process import spawn_detached
 from airrace.runs.command_result import ExitCode
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
@@ -27,33 +28,27 @@ linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="fi
 
 def fly(folder: Path, notes: str, timeout: float | None = None) -> AttemptResult:
     """One attempt at a job that behaves in a certain way."""
-    order = JobAttempt(job(overrides=(f"notes={notes}",)), 1, folder / "oval.h5", timeout)
-    with LocalExecutor(STAND_IN, 1) as executor:
-        executor.submit(order)
-        return wait_for_end(executor)
-
-
-def wait_for_end(executor: LocalExecutor) -> AttemptResult:
-    return wait_until(lambda: [event.ending for event in executor.events(1.0) if isinstance(event, Ended)])[0]
+    with LocalPool(STAND_IN, 1) as pool:
+        return pool.submit(job(overrides=(f"notes={notes}",)), folder / "oval.h5", timeout).result()
 
 
 @pytest.mark.parametrize(
-    ("notes", "timeout", "code", "fault", "message"),
+    ("notes", "timeout", "code", "message"),
     [
-        ("fine", None, 0, FailureKind.NONE, ""),
-        ("infeasible", None, 4, FailureKind.NONE, "point-mass: the course is infeasible"),
-        ("crash", None, 8, FailureKind.CRASHED, "its process crashed (SIGABRT)"),
-        ("exit", None, 8, FailureKind.CRASHED, "its process crashed (exit code 3): the last words"),
-        ("astray", None, 8, FailureKind.CRASHED, "its process crashed (exit code 0)"),  # nonsense is no answer
-        ("killed", None, 8, FailureKind.KILLED, "its process was killed (out of memory?)"),
-        ("hang", 0.5, 6, FailureKind.TIMED_OUT, "stopped after 0.5 s (--timeout)"),
+        ("fine", None, 0, ""),
+        ("infeasible", None, 4, "point-mass: the course is infeasible"),
+        ("crash", None, 8, "its process crashed (SIGABRT)"),
+        ("exit", None, 8, "its process crashed (exit code 3): the last words"),
+        ("astray", None, 8, "its process crashed (exit code 0)"),  # nonsense is no answer
+        ("killed", None, 8, "its process was killed (out of memory?)"),
+        ("hang", 0.5, 6, "stopped after 0.5 s (--timeout)"),
     ],
 )
 def test_an_attempt_ends_with_its_answer_or_with_why_there_is_none(
-    notes: str, timeout: float | None, code: int, fault: FailureKind, message: str, tmp_path: Path
+    notes: str, timeout: float | None, code: int, message: str, tmp_path: Path
 ) -> None:
     ended = fly(tmp_path, notes, timeout)
-    assert (ended.code, ended.fault, ended.message) == (code, fault, message)
+    assert (ended.code, ended.message) == (code, message)
     if notes == "fine":
         assert ended.run is not None
         assert ended.run["race_time_s"] == 10.0
@@ -63,30 +58,29 @@ def test_an_attempt_ends_with_its_answer_or_with_why_there_is_none(
 @pytest.mark.slow
 def test_a_process_that_does_not_listen_is_killed_with_its_family(tmp_path: Path) -> None:
     ended = fly(tmp_path, "deaf", timeout=5.0)
-    assert ended.fault is FailureKind.TIMED_OUT
+    assert ended.code == ExitCode.TIMEOUT
     wait_until_gone(int((tmp_path / "oval.child").read_text()))
 
 
 def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
-    with LocalExecutor(["/nowhere/python"], 1) as executor:
-        executor.submit(JobAttempt(job(), 1, tmp_path / "oval.h5", None))
-        ended = wait_for_end(executor)
-    assert (ended.code, ended.fault) == (8, FailureKind.CRASHED)
+    with LocalPool(["/nowhere/python"], 1) as pool:
+        ended = pool.submit(job(), tmp_path / "oval.h5", None).result()
+    assert ended.code == ExitCode.SYSTEM
     assert "could not be started" in ended.message
 
 
 @linux_only
-def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> None:
-    with LocalExecutor(STAND_IN, 2) as executor:
+def test_nothing_is_left_running_when_the_pool_is_left(tmp_path: Path) -> None:
+    with LocalPool(STAND_IN, 2) as pool:
         for name in ("a", "b"):
-            executor.submit(JobAttempt(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
+            pool.submit(job(name, overrides=("notes=deaf",)), tmp_path / f"{name}.h5", None)
         family = [int(text_of(tmp_path / f"{name}.child")) for name in ("a", "b")]
         family += [int(text_of(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
     wait_until_gone(*family)
 
 
 def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None:
-    process = start_apart(JOB_COMMAND)
+    process = spawn_detached(JOB_COMMAND)
     assert process.stdin is not None
     plan = planned(write_course(tmp_path), folder=tmp_path)
     order = {"job": asdict(plan.steps[0].job), "checkpoint": str(tmp_path / "oval.h5")}
@@ -97,16 +91,14 @@ def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None
 
 
 def test_jobs_that_are_stopped_say_so(tmp_path: Path) -> None:
-    with LocalExecutor(STAND_IN, 2) as executor:
+    with LocalPool(STAND_IN, 2) as pool:
+        futures = [
+            pool.submit(job(name, overrides=("notes=hang",)), tmp_path / f"{name}.h5", None) for name in ("a", "b")
+        ]
         for name in ("a", "b"):
-            executor.submit(JobAttempt(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
             text_of(tmp_path / f"{name}.starts")
-        executor.stop()
-        endings = {event.name: event.ending for event in executor.events(0.0) if isinstance(event, Ended)}
-    assert {name: (one.code, one.fault) for name, one in endings.items()} == {
-        "a": (130, FailureKind.STOPPED),
-        "b": (130, FailureKind.STOPPED),
-    }
+        pool.stop_asked.set()
+        assert [future.result().code for future in futures] == [130, 130]
 
 
 def test_a_retry_goes_on_from_the_jobs_own_checkpoint(tmp_path: Path) -> None:
@@ -156,18 +148,19 @@ def test_three_hundred_jobs_of_which_some_are_killed_are_all_accounted_for_and_n
     killed: set[str] = set()
     sizes: list[int] = []
 
-    class Killing(LocalExecutor):
+    class Killing(LocalPool):
         begun = 0
 
-        def submit(self, order: JobAttempt) -> None:
-            super().submit(order)
+        def submit(self, job: Job, checkpoint: Path, timeout: float | None) -> "Future[AttemptResult]":
+            future = super().submit(job, checkpoint, timeout)
             self.begun += 1
             sizes.append(resident())
             if self.begun % 20 == 0:  # 5 %
-                os.kill(int(text_of(order.checkpoint.with_suffix(".starts")).split()[-2]), signal.SIGKILL)
-                killed.add(order.job.name)
+                os.kill(int(text_of(checkpoint.with_suffix(".starts")).split()[-2]), signal.SIGKILL)
+                killed.add(job.name)
+            return future
 
-    results = flown(plan, executor=Killing(STAND_IN, 4))
+    results = flown(plan, pool=Killing(STAND_IN, 4))
     assert [result.code for result in results] == [0] * 300
     assert {step.name for step, result in zip(plan.steps, results, strict=True) if result.retries} == killed
     assert len(killed) >= 15
@@ -187,73 +180,62 @@ def resident() -> int:
     return int(status.read_text().split()[1]) * os.sysconf("SC_PAGESIZE") if status.exists() else 0
 
 
-CRASH = AttemptResult(8, "its process crashed (SIGSEGV)", 0.5, fault=FailureKind.CRASHED)
-LOST = AttemptResult(8, "its worker is gone", 0.5, fault=FailureKind.LOST)
+CRASH = AttemptResult(8, "its process crashed (SIGSEGV)", 0.5)
 
 
-class Scripted:
-    """Ends every job as its script says, one event at a time."""
+class Scripted(JobPool):
+    """Ends every job as its script says, and jobs that are to wait when it is stopped."""
 
-    def __init__(self, script: dict[str, list[AttemptResult]], slots: int = 2) -> None:
+    def __init__(self, script: dict[str, list[AttemptResult]], slots: int = 2, waiting: tuple[str, ...] = ()) -> None:
+        super().__init__()
         self.script = script
-        self.slots = slots
-        self.orders: list[JobAttempt] = []
+        self.begun: list[str] = []
         self.most = 0
-        self._pending: list[Event] = []
-        self._running: list[str] = []
+        self._slots, self._waiting, self._under_way, self._lock = slots, waiting, 0, threading.Lock()
 
-    def submit(self, order: JobAttempt) -> None:
-        self.orders.append(order)
-        self._running.append(order.job.name)
-        self.most = max(self.most, len(self._running))
-        self._pending.append(Started(order.job.name))
+    @property
+    def slots(self) -> int:
+        return self._slots
 
-    def events(self, patience: float) -> Sequence[Event]:
-        if not self._pending and self._running:
-            name = self._running.pop(0)
-            answer = self.script.get(name, [ending()]).pop(0)
-            order = next(one for one in self.orders if one.job.name == name)
-            if answer.fault is FailureKind.NONE:
-                order.checkpoint.write_bytes(b"flown")
-            self._pending.append(Ended(name, answer))
-        events, self._pending = self._pending, []
-        return events
-
-    def stop(self) -> None:
-        stopped = AttemptResult(130, "interrupted", 0.5, fault=FailureKind.STOPPED)
-        self._pending += [Ended(name, stopped) for name in self._running]
-        self._running = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def run(self, job: Job, checkpoint: Path, timeout: float | None) -> AttemptResult:
+        with self._lock:
+            self.begun.append(job.name)
+            self._under_way += 1
+            self.most = max(self.most, self._under_way)
+        time.sleep(0.02)
+        with self._lock:
+            self._under_way -= 1
+        if job.name in self._waiting:
+            self.stop_asked.wait()
+            return AttemptResult(130, "interrupted", 0.5)
+        answer = self.script.get(job.name, [ending()]).pop(0)
+        if answer.run is not None:
+            checkpoint.write_bytes(b"flown")
+        return answer
 
 
 def test_results_come_in_the_order_of_the_plan_and_no_more_run_than_there_are_slots(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, *(job(f"j{number}") for number in range(7)))
-    executor = Scripted({"j3": [ending(4, None, "infeasible")]}, slots=3)
-    results = flown(plan, executor=executor)
+    pool = Scripted({"j3": [ending(4, None, "infeasible")]}, slots=3)
+    results = flown(plan, pool=pool)
     assert [result.code for result in results] == [0, 0, 0, 4, 0, 0, 0]
-    assert executor.most == 3
+    assert 1 < pool.most <= 3
 
 
 @pytest.mark.parametrize("retries", [0, 1, 3])
-@pytest.mark.parametrize("accident", [CRASH, LOST, ending(8, None, "the solver process died")])
+@pytest.mark.parametrize("accident", [CRASH, ending(8, None, "the solver process died")])
 def test_an_accident_is_tried_again_as_often_as_is_allowed_and_its_reasons_kept(
     accident: AttemptResult, retries: int, tmp_path: Path
 ) -> None:
-    executor = Scripted({"oval": [accident] * 9})
-    (result,) = flown(plan_of(tmp_path, job()), policy(retries=retries), executor)
+    pool = Scripted({"oval": [accident] * 9})
+    (result,) = flown(plan_of(tmp_path, job()), policy(retries=retries), pool)
     assert result.code == 8
-    assert [order.attempt for order in executor.orders] == list(range(1, retries + 2))
+    assert len(pool.begun) == retries + 1
     assert result.retries == (accident.message,) * retries
     record = read_record(tmp_path, "oval")
     assert record is not None
     assert record.retries == result.retries
-    (result,) = flown(plan_of(tmp_path, job("other")), executor=Scripted({"other": [accident, ending()]}))
+    (result,) = flown(plan_of(tmp_path, job("other")), pool=Scripted({"other": [accident, ending()]}))
     assert (result.code, result.retries) == (0, (accident.message,))
 
 
@@ -264,25 +246,25 @@ def test_an_accident_is_tried_again_as_often_as_is_allowed_and_its_reasons_kept(
         ending(5, 10.0, "not certified"),
         ending(3, None, "not valid"),
         ending(1, None, "a bug"),
-        AttemptResult(6, "stopped after 1 s", 1.0, fault=FailureKind.TIMED_OUT),
+        AttemptResult(6, "stopped after 1 s", 1.0),
     ],
 )
 def test_an_honest_answer_is_not_asked_for_again(answer: AttemptResult, tmp_path: Path) -> None:
-    executor = Scripted({"oval": [answer]})
-    (result,) = flown(plan_of(tmp_path, job()), executor=executor)
+    pool = Scripted({"oval": [answer]})
+    (result,) = flown(plan_of(tmp_path, job()), pool=pool)
     assert result.code == answer.code
-    assert len(executor.orders) == 1
+    assert len(pool.begun) == 1
 
 
 def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kept(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, *(job(f"j{number}") for number in range(5)))
     watched = Watched()
-    executor = Scripted({})
-    results = supervise(
-        plan, executor, policy(), watched, stop_asked=lambda: sum("ended 0" in line for line in watched.lines) == 1
-    )
+    with Scripted({}, waiting=("j1", "j2")) as pool:
+        results = supervise(
+            plan, pool, policy(), watched, stop_asked=lambda: any("ended 0" in line for line in watched.lines)
+        )
     assert [result.code for result in results] == [0, 130, 130, 130, 130]
-    assert len(executor.orders) <= 3
+    assert "j3" not in pool.begun
     records = [read_record(tmp_path, f"j{number}") for number in range(5)]
     assert records[0] is not None
     assert records[0].code == 0
@@ -290,34 +272,46 @@ def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kep
 
 
 def test_what_is_kept_is_not_flown(tmp_path: Path) -> None:
-    executor = Scripted({})
+    pool = Scripted({})
     plan = BatchPlan(tmp_path, (step(job("old"), known=JobResult(0, race_time=9.0), reason=""), step(job("new"))))
-    results = flown(plan, executor=executor)
-    assert [order.job.name for order in executor.orders] == ["new"]
+    results = flown(plan, pool=pool)
+    assert pool.begun == ["new"]
     assert results[0].race_time == 9.0
 
 
-def test_an_executor_may_have_no_room_for_a_while_and_tell_of_jobs_that_nobody_asked_for(tmp_path: Path) -> None:
+def test_a_pool_may_have_no_room_for_a_while_and_report_of_jobs_that_have_ended(tmp_path: Path) -> None:
     class Later(Scripted):
-        waited = 0
+        asked = 0
 
-        def events(self, patience: float) -> Sequence[Event]:
-            self.waited += 1
-            self.slots = 1 if self.waited > 3 else 0
-            return [Ended("stranger", ending()), *super().events(patience)]
+        @property
+        def slots(self) -> int:
+            self.asked += 1
+            return int(self.asked > 3)
 
-    (result,) = flown(plan_of(tmp_path, job()), executor=Later({}, slots=0))
+    pool = Later({})
+    pool.progress.put(("stranger", {"stage_started": "point-mass"}))
+    (result,) = flown(plan_of(tmp_path, job()), pool=pool)
     assert result.code == 0
+
+
+def test_jobs_that_nothing_can_run_any_more_end_with_the_reason(tmp_path: Path) -> None:
+    class Broken(Scripted):
+        @property
+        def slots(self) -> int:
+            if self.begun:
+                raise ClusterError("no worker")
+            return 1
+
+    results = flown(plan_of(tmp_path, job("a"), job("b")), pool=Broken({}, waiting=("a",)))
+    assert [(result.code, result.message) for result in results] == [(8, "no worker")] * 2
 
 
 def test_success_without_a_checkpoint_is_no_success(tmp_path: Path) -> None:
     class Forgetful(Scripted):
-        def events(self, patience: float) -> Sequence[Event]:
-            events = super().events(patience)
-            (tmp_path / "oval.h5").unlink(missing_ok=True)
-            return events
+        def run(self, job: Job, checkpoint: Path, timeout: float | None) -> AttemptResult:
+            return ending()
 
-    (result,) = flown(plan_of(tmp_path, job()), executor=Forgetful({}))
+    (result,) = flown(plan_of(tmp_path, job()), pool=Forgetful({}))
     assert (result.code, result.message) == (8, "its checkpoint is missing")
 
 
@@ -330,6 +324,6 @@ def test_a_disk_that_takes_no_records_costs_no_other_job(tmp_path: Path, monkeyp
         write(folder, name, record)  # type: ignore[arg-type]
 
     monkeypatch.setattr(supervision, "write_record", refuse_one)
-    results = flown(plan_of(tmp_path, job("full"), job("fine")), executor=Scripted({}))
+    results = flown(plan_of(tmp_path, job("full"), job("fine")), pool=Scripted({}))
     assert [result.code for result in results] == [8, 0]
     assert "No space left" in results[0].message

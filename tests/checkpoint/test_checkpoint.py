@@ -82,7 +82,7 @@ def test_plain_hdf5_opens_the_file_behind_its_user_block(tmp_path: Path) -> None
         assert file.userblock_size == BLOCK_SIZE
         stage = file["stages/point-mass"]
         speed = stage["states/V_K"]
-        np.testing.assert_array_equal(speed, example_result().trajectory.of("V_K"))
+        np.testing.assert_array_equal(speed, example_result().trajectory["V_K"])
         assert (speed.attrs["units"], speed.attrs["long_name"]) == (b"m/s", b"speed")
         assert np.isposinf(speed.attrs["upper"])
         np.testing.assert_array_equal(speed.dims[0][0], stage["time"])

@@ -19,7 +19,7 @@ from airrace.cli import run_screen
 from airrace.cli.answer import render
 from airrace.cli.run_tables import TABLE
 from airrace.inputs import load_inputs
-from airrace.procedure import run as procedure
+from airrace.procedure import procedure
 from airrace.procedure.result import Route, SearchReport, StageResult
 from airrace.procedure.stage import Stage
 from airrace.results import Flight

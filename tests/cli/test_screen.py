@@ -20,7 +20,7 @@ from airrace.cli.main import app
 from airrace.cli.run_screen import SCREEN, Parts, StoredStages, next_commands, run_texts, solved_stages
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.objects import CourseAndAir, document_of_objects
-from airrace.procedure import run as procedure
+from airrace.procedure import procedure
 from airrace.procedure.result import Note, NoteKind, SearchReport, StageResult, Status, SuggestedChange
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.run import RunState, new_run, open_run

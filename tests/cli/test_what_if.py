@@ -9,7 +9,7 @@ from command import run as airrace
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.inputs import load_inputs
-from airrace.procedure import run as procedure
+from airrace.procedure import procedure
 from airrace.procedure.result import Status
 from airrace.procedure.stage import Stage
 from airrace.runs.run import run_of_checkpoint

@@ -22,7 +22,7 @@ from airrace.control.path_following import (
     path_rate,
     soften,
 )
-from airrace.control.simulation import SETTINGS, Followed, follow, tracking_simulator
+from airrace.control.simulation import STEP, Followed, follow, tracking_simulator
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment import Air, Profile, StaticWind, Thermal, g0
 from airrace.frames import product, quaternion, rotation
@@ -46,7 +46,7 @@ def followed(
     air: Air = STILL,
     *,
     intervals: int = 50,
-    step: float = SETTINGS.step,
+    step: float = STEP,
     gains: PathGains | None = None,
 ) -> Followed:
     """A manoeuvre flown by a model of the ladder."""
@@ -79,7 +79,7 @@ def test_manoeuvre_is_followed_in_the_air_that_the_reference_was_flown_in(stage:
 @pytest.mark.parametrize("stage", LADDER)
 def test_half_the_step_leads_to_the_same_flight(stage: str) -> None:
     for name in ("7 g slalom", "half Cuban eight"):
-        whole, half = followed(stage, name), followed(stage, name, step=SETTINGS.step / 2)
+        whole, half = followed(stage, name), followed(stage, name, step=STEP / 2)
         assert np.linalg.norm(whole.state[:3] - half.state[:3], axis=0).max() < 0.05
 
 

@@ -10,16 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
-from airrace.aircraft import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.limits import SurfaceControl
-from airrace.dynamics.six_dof import SixDofState, six_dof
-from airrace.environment import Air, AtmosphereParameters, Weather, atmosphere_parameters, density
-from airrace.frames import quaternion
-from airrace.inputs import load_inputs
-from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
-from airrace.jsbsim.simulation import (
+from jsbsim_aircraft.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
+from jsbsim_aircraft.simulation import (
     STILL,
     SimulatedAircraft,
     at_geopotential_height,
@@ -30,6 +22,14 @@ from airrace.jsbsim.simulation import (
     random_states,
     simulate,
 )
+from scipy.integrate import solve_ivp
+
+from airrace.aircraft import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.limits import SurfaceControl
+from airrace.dynamics.six_dof import SixDofState, six_dof
+from airrace.environment import Air, AtmosphereParameters, Weather, atmosphere_parameters, density
+from airrace.frames import quaternion
+from airrace.inputs import load_inputs
 from airrace.trajectory import Array, Trajectory
 
 ROOT = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""A designer of a short course; its lanes answer nothing unless a test asks for real ones."""
+"""A designer of a short course; its sessions solve nothing unless a test asks for real ones."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -14,16 +14,18 @@ from airrace.errors import UsageError
 sys.path.append(str(Path(__file__).parents[1] / "report"))  # how pages are opened in a browser
 
 
-class StillLane:
-    """A lane that only notes what it is asked."""
+class IdleSession:
+    """A session that only notes its requests."""
 
-    def __init__(self, aircraft: str | None, tell: Callable[[], None]) -> None:
+    def __init__(self, aircraft: str | None, notify: Callable[[], None]) -> None:
         self.aircraft = aircraft
-        self.shown = {"aircraft": aircraft}
-        self.asked: list[object] = []
+        self.requests: list[object] = []
 
-    def ask(self, question: object) -> None:
-        self.asked.append(question)
+    def submit(self, request: object) -> None:
+        self.requests.append(request)
+
+    def result(self) -> dict[str, object]:
+        return {"aircraft": self.aircraft}
 
     def scene(self) -> str:
         raise UsageError("there is no flight yet")
@@ -41,7 +43,7 @@ def track(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def still(track: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Designer]:
-    monkeypatch.setattr(designer, "Lane", StillLane)
+    monkeypatch.setattr(designer, "AircraftSession", IdleSession)
     made = Designer(track)
     yield made
     made.close()

@@ -27,8 +27,8 @@ WITHIN = """(path) => {
 SETTLED = """() => {
   const { state } = window.designer.link;
   if (!state) return false;
-  const [lane] = state.lanes;
-  return lane.answered === state.revision && lane.slope_time === lane.time && !window.designer.plan.hand;
+  const [session] = state.sessions;
+  return session.answered === state.revision && session.slope_time === session.time && !window.designer.plan.hand;
 }"""
 
 

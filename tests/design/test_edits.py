@@ -84,7 +84,22 @@ def test_an_edit_touches_the_lines_that_it_names_alone(
     )
 
 
-@pytest.mark.parametrize("text", ["012", "1e999", "-.inf", ".nan", "99999999999999999999", "yes", "~", "1_0", "0x1f"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "012",
+        "1e999",
+        "-.inf",
+        ".nan",
+        "99999999999999999999",
+        "yes",
+        "~",
+        "1_0",
+        "0x1f",
+        "\N{CHEQUERED FLAG}",
+        "\N{SNAIL}",
+    ],
+)
 def test_a_text_stays_a_text_whatever_it_looks_like(text: str) -> None:
     edited = edit_document(Document("t.yaml", TEXT), [Put(("name",), text)])
     assert read_yaml("t.yaml", edited.text).plain()["name"] == text

@@ -72,7 +72,7 @@ def test_all_kinds_of_pieces_are_added_moved_removed_and_undone(still: Designer,
     assert still.track.document.text == COURSE
     for what in ("undo", "undo", "undo"):
         does(still, what)
-    assert (still.track.document.text, len(still.track.back), len(still.track.forth)) == (COURSE, 0, 3)
+    assert (still.track.document.text, len(still.track.undo_stack), len(still.track.redo_stack)) == (COURSE, 0, 3)
 
 
 def test_movements_of_one_hand_are_one_step(still: Designer) -> None:
@@ -112,10 +112,10 @@ def test_places_given_by_latitude_and_longitude_stay_so(track: Path) -> None:
         ("aircraft", {"names": ["/etc/passwd"]}, UsageError),
         ("undo", {"revision": "x"}, UsageError),
         ("fly", {}, UsageError),
-        ("six-dof", {"lane": 7}, UsageError),
+        ("six-dof", {"session": 7}, UsageError),
     ],
 )
-def test_what_makes_no_sense_is_refused_and_changes_nothing(
+def test_an_invalid_message_is_refused_and_changes_nothing(
     still: Designer, track: Path, what: str, said: dict[str, object], error: type[Exception]
 ) -> None:
     with pytest.raises(error):
@@ -125,11 +125,11 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(
 
 def test_the_sliders_leave_the_file_as_it_is_and_fly_what_they_say(still: Designer) -> None:
     still.do("values", {"values": {"environment.wind.speed_kt": 5, "rules.n_z_max": 8}})
-    asked = still._lanes[0].asked[-1]  # what the lane is to fly
-    assert asked.values == (
+    request = still._sessions[0].requests[-1]
+    assert request.values == (
         "environment.wind.speed_kt=5",
         "environment.wind.from_deg=0",
         "rules.n_z_max=8",
     )
-    load_inputs(asked.track, overrides=asked.values)
+    load_inputs(request.track, overrides=request.values)
     assert not still.track.unsaved

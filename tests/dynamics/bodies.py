@@ -139,13 +139,13 @@ def fly_point_mass(
 
 def surroundings(air: Air) -> dict[str, Any]:
     """The arguments of a model that belong to the air."""
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     return {"weather": Weather(atmosphere_parameters(air), field, field.values(air))}
 
 
 def wind_at(air: Air, position: tuple[float, float, float]) -> Array:
     """The wind in O, m/s."""
-    field = WindField.of(air)
+    field = WindField.from_air(air)
     return np.array(field.velocity(*position, field.values(air)))
 
 

@@ -184,7 +184,7 @@ STATES = PointMassState.quantities()
 
 def crowd_distance(crowd: Crowd, place: Point, height: float, *, exact: bool) -> tuple[float, np.ndarray]:
     """Distance, and its gradient in north, east and down."""
-    observation = crowd_observation(STATES, CrowdKind.of(crowd), exact=exact)
+    observation = crowd_observation(STATES, CrowdKind.from_crowd(crowd), exact=exact)
     x = ca.SX.sym("x", len(STATES))
     b = np.array(crowd_values(crowd))
     value = observation.values(x, b)

@@ -31,7 +31,11 @@ from airrace.dynamics.rigid_body import body_axes, lags, level_lags, linear_para
 from airrace.dynamics.six_dof import SixDofState
 from airrace.dynamics.state_space import StateSpaceState, normal_load_factor, surrounding
 from airrace.dynamics.state_space_inversion import (
-    GAINS,
+    ALPHA_BANDWIDTH,
+    BETA_BANDWIDTH,
+    P_BANDWIDTH,
+    Q_BANDWIDTH,
+    R_BANDWIDTH,
     StateSpaceInversionState,
     angle_of_attack,
     deflections,
@@ -263,11 +267,11 @@ def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
     C_L = normal_load_factor(state, plant.eta, here, number)[1]
     beta_des = sideslip(state.n_y_cmd, state, C_L, here, number)
     alpha_error = angle_of_attack(state.n_z_cmd, state, here, number) - path.alpha_A
-    q_des = q_Kbar + GAINS.alpha * alpha_error
-    r_des = r_Kbar - GAINS.beta * (beta_des - path.beta_A)
-    assert rate.p_s == pytest.approx(GAINS.p * (state.p_cmd - state.p_s), rel=1e-9, abs=1e-7)
-    assert rate.q_K == pytest.approx(GAINS.q * (q_des - state.q_K), rel=1e-9, abs=1e-7)
-    assert rate.r_s == pytest.approx(GAINS.r * (r_des - state.r_s), rel=1e-9, abs=1e-7)
+    q_des = q_Kbar + ALPHA_BANDWIDTH * alpha_error
+    r_des = r_Kbar - BETA_BANDWIDTH * (beta_des - path.beta_A)
+    assert rate.p_s == pytest.approx(P_BANDWIDTH * (state.p_cmd - state.p_s), rel=1e-9, abs=1e-7)
+    assert rate.q_K == pytest.approx(Q_BANDWIDTH * (q_des - state.q_K), rel=1e-9, abs=1e-7)
+    assert rate.r_s == pytest.approx(R_BANDWIDTH * (r_des - state.r_s), rel=1e-9, abs=1e-7)
 
 
 @settings(max_examples=40)
@@ -335,4 +339,4 @@ def test_a_roll_rate_commanded_in_flight_is_reached_within_a_third_of_a_second(e
     flown = solve_ivp(derivative, (0.0, 0.33), list(start.join()), rtol=1e-9, atol=1e-9, t_eval=times).y
     rolling = StateSpaceInversionState.split(flown).p_s
     # the first-order lag of the chain's gain, whatever else the aircraft does
-    assert rolling == pytest.approx(4.0 * (1.0 - np.exp(-GAINS.p * times)), abs=1e-5)
+    assert rolling == pytest.approx(4.0 * (1.0 - np.exp(-P_BANDWIDTH * times)), abs=1e-5)

@@ -124,8 +124,8 @@ def test_own_kind_is_passed_by_its_own_rule_in_any_attitude(ring_run: tuple[Ran,
     for split, node in zip(splits[:-1], trajectory.first_node[:-1].tolist(), strict=True):
         north, east, height, heading_deg = PLACES[split.name.partition(":")[2]]
         axis = np.array([math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))])
-        offset = np.array([trajectory.of("x")[node] - north, trajectory.of("y")[node] - east])
-        up = -trajectory.of("z")[node] - height
+        offset = np.array([trajectory["x"][node] - north, trajectory["y"][node] - east])
+        up = -trajectory["z"][node] - height
         assert axis @ offset == pytest.approx(0.0, abs=0.01)
         farthest.append(math.hypot(axis[0] * offset[1] - axis[1] * offset[0], up) + HALF_SPAN)
     assert max(farthest) == pytest.approx(ROOM, abs=0.02)  # a fast race touches the limit, and keeps it

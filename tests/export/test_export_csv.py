@@ -105,12 +105,12 @@ def test_the_mesh_is_exported_as_it_is() -> None:
     trajectory = flight()
     np.testing.assert_allclose(floats(columns["time_s"]), TIME, atol=1e-6, rtol=0)
     for name, header in {"x": "x_m", "z": "z_m", "V_K": "V_K_m_s", "q0": "q0", "q3": "q3"}.items():
-        np.testing.assert_allclose(floats(columns[header]), trajectory.of(name), atol=1e-6, rtol=0)
+        np.testing.assert_allclose(floats(columns[header]), trajectory[name], atol=1e-6, rtol=0)
     np.testing.assert_allclose(floats(columns["height_m"]), 20.0 + TIME, atol=1e-6)
-    np.testing.assert_allclose(floats(columns["V_K_kt"]) * 1852 / 3600, trajectory.of("V_K"), atol=1e-6, rtol=0)
-    np.testing.assert_allclose(np.radians(floats(columns["p_rate_deg_s"])), trajectory.of("p_rate"), atol=1e-6)
+    np.testing.assert_allclose(floats(columns["V_K_kt"]) * 1852 / 3600, trajectory["V_K"], atol=1e-6, rtol=0)
+    np.testing.assert_allclose(np.radians(floats(columns["p_rate_deg_s"])), trajectory["p_rate"], atol=1e-6)
     # A control holds over its interval, the last one stays; a row at a gate belongs to the phase that begins there.
-    control = trajectory.of("n_z_cmd_dot")
+    control = trajectory["n_z_cmd_dot"]
     np.testing.assert_allclose(floats(columns["n_z_cmd_dot_per_s"]), [*control, control[-1]], atol=1e-6)
     first, second = trajectory.phases
     assert columns["phase"] == [first] * 5 + [second] * (INTERVALS - 4)
@@ -153,7 +153,7 @@ def test_between_the_nodes_states_are_linear_and_controls_constant() -> None:
     time = floats(columns["time_s"])
     np.testing.assert_allclose(floats(columns["y_m"]), -50.0 * time, atol=1e-6)
     index = int(np.searchsorted(time, 0.5 * (TIME[3] + TIME[4])))
-    assert float(columns["n_z_cmd_dot_per_s"][index]) == pytest.approx(flight().of("n_z_cmd_dot")[3])
+    assert float(columns["n_z_cmd_dot_per_s"][index]) == pytest.approx(flight()["n_z_cmd_dot"][3])
 
 
 def test_a_rate_that_meets_the_nodes_gives_what_the_mesh_gives() -> None:
@@ -196,7 +196,7 @@ def test_derived_columns_follow_in_their_own_units() -> None:
         Quantity("qbar", "Pa"): lambda histories: 0.6 * histories["V_K"] ** 2,
     }
     columns = exported(derived=derived)
-    speed = flight().of("V_K")
+    speed = flight()["V_K"]
     np.testing.assert_allclose(floats(columns["alpha_A_deg"]), speed, atol=1e-6)
     np.testing.assert_allclose(floats(columns["qbar_Pa"]), 0.6 * speed**2, atol=1e-6)
 

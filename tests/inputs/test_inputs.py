@@ -15,7 +15,7 @@ from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.document import TRACKS
 from airrace.inputs.inputs import shorten
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import FINDINGS_MAX
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, document_of_objects, is_of_objects
 from airrace.inputs.variation import Variation
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
@@ -324,10 +324,10 @@ def test_the_same_gate_across_the_end_of_a_lap_is_told_where_the_lap_begins() ->
 def test_at_most_a_hundred_findings_are_told_of_a_document() -> None:
     track = edited(TRACK, "lap: [g1,", "lap: [" + "".join(f"no{index}, " for index in range(250)) + "g1,")
     found = findings_of(track, settings="schema: airrace/settings/1\nguess: 1\n")
-    assert [finding.file for finding in found] == ["s.yaml"] + ["t.yaml"] * (LIMITS.findings + 1)
-    assert found[-1].message == f"and {250 - LIMITS.findings} more findings from here on"
-    assert found[-1].key == f"course.lap.{LIMITS.findings}"
-    some = [Finding("t.yaml", line, 1, "", f"{line}") for line in range(LIMITS.findings, 0, -1)]
+    assert [finding.file for finding in found] == ["s.yaml"] + ["t.yaml"] * (FINDINGS_MAX + 1)
+    assert found[-1].message == f"and {250 - FINDINGS_MAX} more findings from here on"
+    assert found[-1].key == f"course.lap.{FINDINGS_MAX}"
+    some = [Finding("t.yaml", line, 1, "", f"{line}") for line in range(FINDINGS_MAX, 0, -1)]
     assert shorten(some) == sorted(some)
 
 

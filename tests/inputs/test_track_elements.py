@@ -10,7 +10,7 @@ from language_texts import RICH, TRACK, edited, findings_of, understood
 from airrace.errors import InputError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds, register
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import PASSAGES_MAX
 from airrace.inputs.places import Places
 from airrace.inputs.schema import tags_of
 from airrace.inputs.track import track_language
@@ -253,7 +253,7 @@ def test_a_course_without_laps_says_what_it_needs() -> None:
 
 
 def test_more_passings_than_can_be_flown_are_refused() -> None:
-    lap = ", ".join(["g1, g2"] * (LIMITS.passages // 200 + 1))
+    lap = ", ".join(["g1, g2"] * (PASSAGES_MAX // 200 + 1))
     track = edited(edited(RICH, "q, dive]", f"q, dive, {lap}]"), "laps: 2", "laps: 100")
     (found,) = findings_of(track)
     assert (found.key, found.message) == ("course.laps", "10800 passings are too many; at most 10000")

@@ -11,7 +11,7 @@ from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, edits, findings_
 
 from airrace.errors import Finding, InputError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.inputs.nodes import LIMITS
+from airrace.inputs.nodes import FINDINGS_MAX
 
 Mutation = Callable[[str, random.Random], str]
 
@@ -343,7 +343,7 @@ def survive(count: int, seed: int) -> Counter[str]:
             assert len(str(finding)) < 2000
             assert finding.file in ("t.yaml", "a.yaml", "s.yaml")
             assert (finding.line >= 1) == (finding.column >= 1)
-        assert max(Counter(finding.file for finding in findings or ()).values(), default=0) <= LIMITS.findings + 1
+        assert max(Counter(finding.file for finding in findings or ()).values(), default=0) <= FINDINGS_MAX + 1
     return outcomes
 
 

@@ -14,7 +14,7 @@ from language_texts import findings_of, understood
 from operations import assert_grows_no_faster_than_its_input
 
 from airrace.errors import Finding, InputError
-from airrace.inputs.nodes import LIMITS, MappingNode, Node
+from airrace.inputs.nodes import DEPTH_MAX, REREAD_MAX, VALUES_MAX, MappingNode, Node
 from airrace.inputs.yaml_reader import FAST, PURE, Loader, read_yaml
 
 KEYS = st.text(alphabet=string.ascii_letters + string.digits + "_-", min_size=1, max_size=12)
@@ -130,8 +130,8 @@ def test_fifty_thousand_brackets_are_refused() -> None:
 
 
 def test_nesting_up_to_the_limit_is_read() -> None:
-    assert read_yaml("t.yaml", "[" * LIMITS.depth + "]" * LIMITS.depth)
-    assert findings_in("[" * (LIMITS.depth + 1) + "]" * (LIMITS.depth + 1))
+    assert read_yaml("t.yaml", "[" * DEPTH_MAX + "]" * DEPTH_MAX)
+    assert findings_in("[" * (DEPTH_MAX + 1) + "]" * (DEPTH_MAX + 1))
 
 
 def test_a_text_beyond_the_size_limit_is_refused() -> None:
@@ -245,11 +245,11 @@ def test_sixty_thousand_brackets_are_refused_without_reading_them_all(opening: s
     Counted: Loader = type("Counted", (loader,), {name: counting(name) for name in counted})
     found = read(opening * 60_000, Counted)
     assert isinstance(found, list)
-    assert counted["get_event"] <= 2 * LIMITS.depth + 3
+    assert counted["get_event"] <= 2 * DEPTH_MAX + 3
     assert counted["fetch_more_tokens"] <= 1100
 
 
-@pytest.mark.parametrize(("comments", "parsers"), [(1, [FAST, PURE]), (LIMITS.reread // 8, [FAST])])
+@pytest.mark.parametrize(("comments", "parsers"), [(1, [FAST, PURE]), (REREAD_MAX // 8, [FAST])])
 def test_a_text_that_is_no_yaml_is_read_again_unless_it_is_long(
     comments: int, parsers: list[Loader], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,8 +268,8 @@ def test_a_text_that_is_no_yaml_is_read_again_unless_it_is_long(
 
 
 def test_a_document_of_too_many_values_is_left_where_they_become_too_many() -> None:
-    found = read("[" + "1," * (LIMITS.values + 10) + "]", FAST)
-    assert found == [f"t.yaml:1:{2 * LIMITS.values}: more than {LIMITS.values} values; nothing behind this one is read"]
+    found = read("[" + "1," * (VALUES_MAX + 10) + "]", FAST)
+    assert found == [f"t.yaml:1:{2 * VALUES_MAX}: more than {VALUES_MAX} values; nothing behind this one is read"]
 
 
 @pytest.mark.parametrize("loader", [FAST, PURE])

@@ -10,7 +10,7 @@ import pytest
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate, random_point
 
-from airrace.optimal_control.assembly import Assembly, StageMatrices
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
@@ -18,7 +18,7 @@ from airrace.optimal_control.mesh_refinement import divide, limits_of, transfer_
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.optimal_control.solvers import INTERIOR_POINT, IPOPT, bounded_program, interior_point
-from airrace.optimal_control.solvers.bounded_program import STEP, BoundedProgram, Measures, Vector
+from airrace.optimal_control.solvers.bounded_program import EQUALITY_WEIGHT, BoundedProgram, Measures, Vector
 from airrace.optimal_control.solvers.interface import (
     Bounds,
     Ending,
@@ -77,7 +77,7 @@ def bounded(name: str) -> tuple[BoundedProgram, Vector, Vector, Measures]:
     functions.p[:] = layout.parameter_values()
     functions.forget()
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    program = BoundedProgram(functions, StageMatrices(functions.assembly), bounds)
+    program = BoundedProgram(functions, bounds)
     point, residuals, random = program.vector(), program.vector(), np.random.default_rng(3)
     point.w[:] = random_point(layout, 3)[0]
     point.y[:], point.e[:] = random.normal(size=len(point.y)), random.normal(size=len(point.e))
@@ -105,7 +105,7 @@ def dense(program: BoundedProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     ):
         matrix[sums.rows, sums.columns] = nonzeros
     rows = np.vstack([J[layout.row_index], np.eye(layout.unknowns)])
-    return H, J[layout.gap_index.ravel()], rows[program.equality], program.sign[:, None] * rows[program.side]
+    return H, J[layout.gap_index.ravel()], rows[program.equality], program.sign[:, None] * rows[program.inequality]
 
 
 DAMPING = 100.0  # enough for a step to a minimum from anywhere
@@ -122,7 +122,7 @@ def test_step_solves_the_linear_conditions(at_a_point: tuple[BoundedProgram, Vec
     stationarity = curvature + F.T @ step.y + C.T @ step.e - B.T @ step.z
     assert stationarity == pytest.approx(-residuals.w, abs=1e-8)
     assert F @ step.w == pytest.approx(-residuals.y, abs=1e-9)
-    assert C @ step.w - step.e / STEP.equality_weight == pytest.approx(-residuals.e, abs=1e-9)
+    assert C @ step.w - step.e / EQUALITY_WEIGHT == pytest.approx(-residuals.e, abs=1e-9)
     assert B @ step.w - step.s == pytest.approx(-residuals.s, abs=1e-9)
     assert point.s * step.z + point.z * step.s == pytest.approx(products, abs=1e-9)
 
@@ -162,16 +162,16 @@ def test_steps_keep_slacks_and_multipliers_positive_and_bring_the_conditions_clo
 ) -> None:
     program, point, residuals, _ = at_a_point
     assert program.factorise(point, DAMPING)
-    step, following = program.vector(), program.vector()
+    step, next_point = program.vector(), program.vector()
     primal, dual = program.predict_and_correct(point, residuals, 1e-9, step)
     assert 0.0 < primal <= 1.0
     assert 0.0 < dual <= 1.0
-    following.become(point, step, primal, dual)
-    assert following.s.min() > 0.0
-    assert following.z.min() > 0.0
+    next_point.become(point, step, primal, dual)
+    assert next_point.s.min() > 0.0
+    assert next_point.z.min() > 0.0
     _, F, C, _ = dense(program)
     assert F @ (primal * step.w) == pytest.approx(-primal * residuals.y, abs=1e-9)  # linear: they close by that share
-    assert C @ step.w - step.e / STEP.equality_weight == pytest.approx(-residuals.e, abs=1e-9)
+    assert C @ step.w - step.e / EQUALITY_WEIGHT == pytest.approx(-residuals.e, abs=1e-9)
 
 
 def test_the_first_multipliers_balance_the_gradient_best() -> None:
@@ -182,7 +182,7 @@ def test_the_first_multipliers_balance_the_gradient_best() -> None:
     functions.p[:] = layout.parameter_values()
     functions.forget()
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    program = BoundedProgram(functions, StageMatrices(functions.assembly), bounds)
+    program = BoundedProgram(functions, bounds)
     solve = interior_point._Solve(program, SolverOptions())
     solve._begin(layout.pack(random_iterate(problem, 1)), None)
     functions.objective_gradient()
@@ -195,6 +195,125 @@ def test_the_first_multipliers_balance_the_gradient_best() -> None:
     assert F @ left == pytest.approx(np.zeros(len(F)), abs=1e-6)
     assert C @ left == pytest.approx(np.zeros(len(C)), abs=1e-4)  # of which the penalty leaves some
     assert point.s * point.z == pytest.approx(np.full(len(point.s), 0.1))
+
+
+# centring, restarts, local infeasibility
+
+
+@pytest.mark.parametrize("barrier", [1e-6, 1e-2, 10.0])
+def test_centred_products_are_at_least_the_barrier_parameter_and_the_larger_factor_is_kept(barrier: float) -> None:
+    random = np.random.default_rng(5)
+    slacks, multipliers = random.normal(size=200), 10.0 ** random.uniform(-8.0, 3.0, size=200)  # slacks: even negative
+    s, z = interior_point.centre(slacks, multipliers, barrier)
+    assert (s * z >= barrier * (1.0 - 1e-12)).all()
+    assert (s >= slacks).all()
+    assert (np.minimum(s, z) > 0.0).all()
+    large, middle = np.maximum(slacks, multipliers), np.sqrt(barrier)
+    kept = np.where(multipliers >= slacks, z, s)
+    assert kept == pytest.approx(np.maximum(large, middle), rel=1e-12)
+    small = large < middle
+    assert s[small] == pytest.approx(middle)  # both are small: neither tells anything
+    assert z[small] == pytest.approx(middle)
+
+
+def solve_at_a_point(product: float) -> tuple[interior_point._Solve, Measures]:
+    """A solve without progress over some iterates, with all products of slack and multiplier equal."""
+    program, point, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    solve._point.whole[:] = point.whole
+    solve._point.s[:] = solve._point.z[:] = np.sqrt(product)
+    measures = program.linearise(solve._point, solve._residuals)
+    assert measures is not None
+    solve._recent.extend([measures.violation] * interior_point.MEMORY)
+    return solve, measures
+
+
+@pytest.mark.parametrize(("ratio", "centred"), [(0.9, True), (1.1, False)])
+def test_without_progress_a_point_off_its_central_path_is_centred_and_another_searched_from(
+    ratio: float, centred: bool
+) -> None:
+    _, measures = solve_at_a_point(1.0)
+    product = ratio * interior_point.PRODUCT_RATIO * measures.primal
+    for _ in range(2):  # as the infeasibility depends on the slacks
+        solve, measures = solve_at_a_point(product)
+        product = ratio * interior_point.PRODUCT_RATIO * measures.primal
+    target = interior_point.CENTRING * measures.primal
+    products: list[np.ndarray] = []
+    solve._take_free_step = lambda: bool(products.append(solve._point.s * solve._point.z)) or True  # type: ignore
+    solve._take_search_step = lambda _: True  # type: ignore
+    assert solve._advance(measures)
+    assert (solve._search is None) is centred
+    if centred:
+        assert products[0].min() == pytest.approx(target)
+        # not again before the objective has fallen
+        solve._recent.extend([0.0] * interior_point.MEMORY)
+        assert solve._advance(measures)
+        assert solve._search is not None
+
+
+def test_where_no_step_is_found_slacks_and_multipliers_are_reset_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    products: list[np.ndarray] = []
+    barriers: list[float] = []
+
+    def no_step(search: interior_point.FilterSearch, point: Vector, *_: object) -> None:
+        products.append(point.s * point.z)
+        barriers.append(search.barrier)
+        point.z[:] = 1e6  # whatever led astray
+
+    monkeypatch.setattr(interior_point.FilterSearch, "advance", no_step)
+    free_steps: list[interior_point._Solve] = []
+    monkeypatch.setattr(interior_point._Solve, "_take_free_step", lambda solve: bool(free_steps.append(solve)))
+    program, point, _, _ = bounded("everything")
+    result = interior_point._Solve(program, SolverOptions()).solve(point.w, None, begins_in_search=True)
+    assert result.ending is Ending.NO_STEP
+    assert len(products) == 1 + interior_point.RESTARTS_MAX
+    assert len(free_steps) == interior_point.RESTARTS_MAX
+    for previous, product in zip(barriers, products[1:], strict=False):
+        expected = max(interior_point.RESTART_FACTOR * previous, interior_point.RESTART_BARRIER_MIN)
+        assert product == pytest.approx(expected)
+
+
+def infeasible_measures(infeasibility: float, primal: float = 1.0) -> Measures:
+    return Measures(primal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, infeasibility)
+
+
+@pytest.mark.parametrize(
+    ("reduction", "primal", "stagnates"),
+    [(0.0, 1.0, True), (0.001, 1.0, True), (0.11, 1.0, False), (0.0, 1e-4, False)],
+    ids=["none", "a thousandth", "enough", "nearly feasible"],
+)
+def test_violations_that_stay_tell_a_locally_infeasible_program(
+    reduction: float, primal: float, stagnates: bool
+) -> None:
+    program, _, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    stay = interior_point.STAGNATION_MAX + 1
+    verdicts: list[bool] = []
+    for number in range(stay + 1):
+        verdicts.append(solve._stagnates(infeasible_measures((1.0 - reduction) ** number, primal)))
+    assert not any(verdicts[:-1])
+    assert verdicts[-1] is stagnates
+
+
+def test_a_reduction_of_the_violations_begins_the_count_of_stagnation_anew() -> None:
+    program, _, _, _ = bounded("everything")
+    solve = interior_point._Solve(program, SolverOptions())
+    half = [1.0] * interior_point.STAGNATION_MAX + [0.5] * (interior_point.STAGNATION_MAX + 1)
+    for infeasibility in half:
+        assert not solve._stagnates(infeasible_measures(infeasibility))
+    assert solve._stagnates(infeasible_measures(0.5))
+
+
+@pytest.mark.parametrize("end", [3.0, 10.0])
+def test_an_end_out_of_reach_is_locally_infeasible(end: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a speed of 3 at most, 3 can be reached in a second, 10 cannot."""
+    monkeypatch.setattr(interior_point, "STAGNATION_MAX", 2)
+    problem = coasting(lambda _, u: u, lambda x: x, start=0.0, lowest=-9.0, end=exactly(end))
+    solution = attempt(problem, level(problem, 0.0))
+    assert solution.success is (end == 3.0)
+    if not solution.success:
+        assert solution.ending is Ending.INFEASIBLE
+        assert 3 <= solution.iterations < 10
 
 
 # optima
@@ -358,7 +477,7 @@ def test_steps_to_and_fro_are_damped() -> None:
 
 
 def test_steps_to_and_fro_that_are_not_damped_are_searched_along(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interior_point, "PARAMETERS", replace(interior_point.PARAMETERS, as_long=np.inf))
+    monkeypatch.setattr(interior_point, "REVERSAL_RATIO", np.inf)
     solution = with_idle_control(cycling_cost, -1.0, 0.3)
     assert solution.iterations <= 40
     assert solution.iterate.control[1] == pytest.approx(0.0, abs=1e-2)

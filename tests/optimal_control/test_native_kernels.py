@@ -34,7 +34,7 @@ from airrace.optimal_control.kernels import (
 )
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, VERNER_7, RungeKutta
-from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
+from airrace.optimal_control.solvers.ipopt import ProgramFunctions
 from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
 from airrace.procedure.fidelity import LONGEST_INTERVAL
 from airrace.quantities import Quantity

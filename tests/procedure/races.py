@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,13 +14,14 @@ from airrace.environment import Air, StaticWind, g0
 from airrace.frames import product, rotation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import Plan, plan, plan_race
 from airrace.planning.planning_model import cruise
 from airrace.procedure.fidelity import iterate_of
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.stage import Stage
+from airrace.procedure.stage_models import StageModels
 from airrace.procedure.stage_problem import StageProblem, formulate, mesh_of
 from airrace.quantities import Interval
 from airrace.race import Race
@@ -114,6 +116,12 @@ def settings(guess: GuessKind, *, search: SearchEffort = SearchEffort.OFF) -> Se
     """
     silent = Settings(mesh_check=MeshCheck.ALL)
     return dataclasses.replace(silent, guess=guess, search=search)
+
+
+def models_of(race: Race, chosen: Settings, *stages: Stage) -> StageModels:
+    """The models of some stages of a race."""
+    with ThreadPoolExecutor(1) as maker:
+        return StageModels.request(maker, race, chosen, plan_race(race), stages)
 
 
 @cached_across_workers

@@ -11,8 +11,8 @@ from races import EDGE_540, RACES, RULES, SMALL, blown, course, level, optimum, 
 from airrace.dynamics.limits import LEAST_ROOM
 from airrace.environment import Air
 from airrace.planning.plan import ONE_PLACE
+from airrace.procedure.procedure import recertify
 from airrace.procedure.result import StageResult, Status
-from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import sampler
@@ -175,4 +175,4 @@ def test_one_height_alone_can_be_kept(turned: float) -> None:
     gates = level("a", 0.0, 0.0, 0.0), level("b", 500.0, 100.0, turned), level("c", 800.0, 900.0, 90.0)
     result = optimum(Race(course("level", *gates, rules=kept), EDGE_540, Air()), settings(GuessKind.PLAN))
     assert result.certified
-    assert result.trajectory.of("z") == pytest.approx(-HEIGHT, abs=0.51 * LEAST_ROOM)
+    assert result.trajectory["z"] == pytest.approx(-HEIGHT, abs=0.51 * LEAST_ROOM)

@@ -9,11 +9,10 @@ import pytest
 from races import PLAN, SMALL, optimum, prepared
 
 from airrace.frames import quaternion
-from airrace.procedure import fidelity_continuation
+from airrace.procedure import choice
+from airrace.procedure.choice import simplest_of, with_note_on_faster
 from airrace.procedure.complexity import FlightComplexity, complexity_of
-from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.result import HARDLY_SLOWER, NoteKind, StageResult, Status
-from airrace.procedure.settings import Settings
 from airrace.trajectory import Array
 
 
@@ -85,10 +84,9 @@ def chosen(*flights: tuple[float, FlightComplexity], certified: bool = True) -> 
     ]
     counts = {id(one.trajectory): complexity for one, (_, complexity) in zip(results, flights, strict=True)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fidelity_continuation, "complexity_of", lambda _, trajectory: counts[id(trajectory)])
-        continuation = FidelityContinuation(SMALL, Settings(), ())
-        best = continuation.choice(results)
-        noted = continuation.with_note_on_faster(best, results)
+        patch.setattr(choice, "complexity_of", lambda _, trajectory: counts[id(trajectory)])
+        best = simplest_of(prepared(SMALL), results)
+        noted = with_note_on_faster(prepared(SMALL), best, results)
     return next(number for number, one in enumerate(results) if one is best), noted
 
 

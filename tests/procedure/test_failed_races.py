@@ -9,10 +9,10 @@ from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility import conflicts
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Iteration, Progress, Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
-from airrace.procedure.solver_session import LIMITS
+from airrace.procedure.solver_session import CONTINUATIONS_MAX
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.race import Race
@@ -111,7 +111,7 @@ def test_too_few_iterations_are_not_converged() -> None:
     joint = [one for one in result.attempts if one.purpose.startswith("all")]
     from_starts = [one.solver for one in joint if "farther down" not in one.purpose]
     assert from_starts == ["interior-point", "interior-point", "ipopt", "ipopt"]
-    assert len(joint) <= len(from_starts) + 2 * LIMITS.descents_max
+    assert len(joint) <= len(from_starts) + 2 * CONTINUATIONS_MAX
     assert all(one.iterations <= 6 for one in joint)
 
 

@@ -20,6 +20,7 @@ from races import (
     SMALL,
     WITHOUT_ANGLES,
     assert_certified,
+    models_of,
     motion,
     optimum_of,
     prepared,
@@ -31,12 +32,12 @@ from airrace.control.path_following import from_optimum
 from airrace.control.simulation import at
 from airrace.dynamics import flight_model, state_space_inversion
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop import ATTITUDE, LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.state_space import Surrounding
 from airrace.environment import g0
 from airrace.errors import Finding, InputError
-from airrace.frames import angles, rotation
+from airrace.frames import QUATERNION, angles, rotation
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Problem
 from airrace.optimal_control.replay import interval_durations
@@ -44,10 +45,9 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure import fidelity
 from airrace.procedure.fidelity import Fidelity, fidelity_of, register
-from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 from airrace.procedure.stage_problem import history, mesh_of
@@ -95,9 +95,9 @@ def test_all_that_a_stage_observes_is_loaded_before_it_is_solved(stage: Stage) -
         ) -> None:
             loaded.update(one.values for one in observed)
 
-    continuation = FidelityContinuation(SHIPPED["half_cuban_eight"], PLAN, ())
-    continuation.preload(stage, Service())
-    flight = continuation.flight(stage)
+    models = models_of(SHIPPED["half_cuban_eight"], PLAN, stage)
+    models.preload(stage, Service())
+    flight = models.problem(stage)
     layout = Layout(flight.problem(first_mesh(flight.plan, PLAN.mesh)))
     assert len(loaded) > 1
     assert loaded == {sample.observation.values for sample in layout.output_samples}
@@ -176,7 +176,7 @@ def test_loads_roll_rate_lift_and_sideslip_have_the_same_limits_in_all_stages(na
 def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
     flown, surfaces = optimum_of(name, stage).trajectory, EDGE_540.surfaces
     for surface, travel in (("eta", surfaces.eta), ("xi", surfaces.xi), ("zeta", surfaces.zeta)):
-        deflection = flown.of(surface)
+        deflection = flown[surface]
         rates = np.diff(deflection) / np.diff(flown.time)
         assert travel.lower - 1e-6 < deflection.min()
         assert deflection.max() < travel.upper + 1e-6
@@ -206,7 +206,7 @@ def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
             within = np.abs(moved / steps) <= one.upper
             assert np.allclose((row * steps)[within], moved[within], atol=1e-9)
         else:  # the lever: as much in every interval as was pulled in it
-            held = np.clip(flown.of(one.name), one.lower, one.upper) @ np.diff(flown.time)
+            held = np.clip(flown[one.name], one.lower, one.upper) @ np.diff(flown.time)
             assert row @ steps == pytest.approx(held, rel=1e-6)
 
 
@@ -346,7 +346,7 @@ def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, s
     assert set(moved) == expected
     flown = result.trajectory
     for one, value in moved.items():
-        assert value == pytest.approx(np.abs(np.diff(flown.of(one))).sum() / flown.race_time, rel=1e-4)
+        assert value == pytest.approx(np.abs(np.diff(flown[one])).sum() / flown.race_time, rel=1e-4)
         assert value > 0.0
 
 
@@ -357,7 +357,7 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     rates = {one.name: row / one.upper for one, row in zip(flown.controls, flown.control, strict=True)}
     brisk = {"eta_dot": 0.5, "xi_dot": 0.5, "zeta_dot": 0.25}
     weighed = sum(((rates[name] / share) ** 2 * steps).sum() for name, share in brisk.items())
-    attitudes = zip(*(flown.of(name)[:-1] for name in ATTITUDE), strict=True)
+    attitudes = zip(*(flown[name][:-1] for name in QUATERNION), strict=True)
     climbs_and_banks = [angles(rotation(q))[1:] for q in attitudes]
     upside_down = [0.5 * (1.0 - math.cos(climb) * math.cos(bank)) for climb, bank in climbs_and_banks]
     expected = Settings().regularisation * (weighed + upside_down @ steps)

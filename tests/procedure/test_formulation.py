@@ -19,7 +19,7 @@ from airrace.frames import quaternion, rotation
 from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, PathConstraint, Problem
 from airrace.procedure.formulation import PILOT_NAMES, path_constraints, piece_boundary
-from airrace.procedure.guess import QUATERNION, align_quaternions, first_mesh, rotate
+from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, first_mesh, rotate
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
 from airrace.race import Race
@@ -370,7 +370,7 @@ signs = arrays(np.float64, (NODES,), elements=st.sampled_from([-1.0, 1.0]))
 def history(angles: list[tuple[float, float, float]]) -> Array:
     """A state history with these courses, climbs and banks; the other rows hold their own numbers."""
     state = np.arange(PointMassState.size(), dtype=float)[:, None] + np.arange(len(angles), dtype=float)
-    state[QUATERNION] = np.array([quaternion(*one) for one in angles]).T
+    state[QUATERNION_ROWS] = np.array([quaternion(*one) for one in angles]).T
     return state
 
 
@@ -379,7 +379,7 @@ histories = st.builds(history, st.lists(st.tuples(angle, angle, angle), min_size
 
 def matrices(state: Array) -> Array:
     """`R_OKbar` at every node, shape (3, 3, N)."""
-    return np.array(rotation(list(state[QUATERNION])))
+    return np.array(rotation(list(state[QUATERNION_ROWS])))
 
 
 @settings(max_examples=30)
@@ -387,15 +387,15 @@ def matrices(state: Array) -> Array:
 def test_aligning_keeps_attitudes_and_other_rows_and_puts_neighbours_on_the_side_of_the_first(
     state: Array, sign: Array
 ) -> None:
-    assert [PointMassState.names()[row] for row in QUATERNION] == ["q0", "q1", "q2", "q3"]
-    state[QUATERNION] *= sign
+    assert [PointMassState.names()[row] for row in QUATERNION_ROWS] == ["q0", "q1", "q2", "q3"]
+    state[QUATERNION_ROWS] *= sign
     aligned = state.copy()
     align_quaternions(aligned)
     assert np.allclose(matrices(aligned), matrices(state), atol=1e-12)
-    others = [row for row in range(len(state)) if row not in QUATERNION]
+    others = [row for row in range(len(state)) if row not in QUATERNION_ROWS]
     assert (aligned[others] == state[others]).all()
     assert (aligned[:, 0] == state[:, 0]).all()
-    q = aligned[QUATERNION]
+    q = aligned[QUATERNION_ROWS]
     assert ((q[:, 1:] * q[:, :-1]).sum(axis=0) >= 0.0).all()
     again = aligned.copy()
     align_quaternions(again)
@@ -406,12 +406,12 @@ def test_aligning_keeps_attitudes_and_other_rows_and_puts_neighbours_on_the_side
 @given(histories, histories, histories)
 def test_directions_turn_with_the_reference(state: Array, before: Array, after: Array) -> None:
     """What `before` is turned by, in O, is what `state` is turned by: R_new R_old^T is the same for both."""
-    assert np.allclose(rotate(state, before, before), state[QUATERNION], atol=1e-12)
-    assert np.allclose(rotate(before, before, after), after[QUATERNION], atol=1e-12)
+    assert np.allclose(rotate(state, before, before), state[QUATERNION_ROWS], atol=1e-12)
+    assert np.allclose(rotate(before, before, after), after[QUATERNION_ROWS], atol=1e-12)
     there = state.copy()
-    there[QUATERNION] = rotate(state, before, after)
-    assert np.allclose((there[QUATERNION] ** 2).sum(axis=0), 1.0, atol=1e-12)
-    assert np.allclose(rotate(there, after, before), state[QUATERNION], atol=1e-12)
+    there[QUATERNION_ROWS] = rotate(state, before, after)
+    assert np.allclose((there[QUATERNION_ROWS] ** 2).sum(axis=0), 1.0, atol=1e-12)
+    assert np.allclose(rotate(there, after, before), state[QUATERNION_ROWS], atol=1e-12)
     for node in range(NODES):
         turn = matrices(after)[:, :, node] @ matrices(before)[:, :, node].T
         assert np.allclose(matrices(there)[:, :, node], turn @ matrices(state)[:, :, node], atol=1e-9)

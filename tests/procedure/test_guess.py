@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from races import RACES, SIXTEEN, SMALL, planned, prepared, settings
+from races import RACES, SIXTEEN, SMALL, models_of, planned, prepared, settings
 from transformations import mirrored
 
 from airrace.control.dynamic_inversion import InnerLoopInverse
@@ -15,11 +15,10 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure import fidelity_continuation as module
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure import stage_models as module
 from airrace.procedure.guess import (
     FIRST_MESH,
-    QUATERNION,
+    QUATERNION_ROWS,
     SHORTEST_SHARE,
     concatenate,
     counts_of,
@@ -190,11 +189,9 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
         return tracking_simulator(model, inverse)
 
     monkeypatch.setattr(module, "tracking_simulator", watched)
-    ladder = FidelityContinuation(SMALL, settings(GuessKind.PLAN), ())
-    for _ in range(2):
-        ladder.prepare(stage)
+    models = models_of(SMALL, settings(GuessKind.PLAN), stage)
     assert len(made) == simulations
-    assert all(model is ladder.flight(stage).model for model in made)
+    assert all(model is models.problem(stage).model for model in made)
 
 
 def flight(name: str) -> tuple[Problem, Iterate]:
@@ -223,7 +220,7 @@ def test_pieces_share_the_node_at_their_gate_join_again_and_move_from_plan_to_pl
         assert (one.state[:, -1] == next_one.state[:, 0]).all()
     before = pieces[0]
     after = Iterate(before.durations + 0.3, before.state + 2.0, before.control - 0.1)
-    after.state[QUATERNION] = before.state[QUATERNION][:, ::-1]
+    after.state[QUATERNION_ROWS] = before.state[QUATERNION_ROWS][:, ::-1]
     shifted = shift(before, before, after)
     assert np.allclose(shifted.state, after.state, atol=1e-9)
     assert np.allclose(shifted.control, after.control)
@@ -238,7 +235,7 @@ def test_joining_keeps_the_later_of_two_states_at_a_gate_and_aligns_the_signs_of
     assert later.state[0, node] == whole.state[0, node] + 5.0
     assert later.state[0, node - 1] == whole.state[0, node - 1]
     flipped = second.state.copy()
-    flipped[QUATERNION] *= -1.0
+    flipped[QUATERNION_ROWS] *= -1.0
     again = concatenate([first, Iterate(second.durations, flipped, second.control), third])
     assert np.allclose(again.state, whole.state, atol=1e-12)
 

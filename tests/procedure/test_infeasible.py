@@ -16,6 +16,7 @@ from races import (
     SMALL,
     course,
     level,
+    models_of,
     optimum,
     planned,
     prepared,
@@ -30,20 +31,22 @@ from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.parameters import Parameter, attribute_parameter
 from airrace.planning.parameters import relaxable_parameters
-from airrace.procedure import fidelity_continuation
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure import procedure
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, solve_homotopy
+from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, HomotopyOutcome, solve_homotopy
 from airrace.procedure.infeasibility.conflicts import (
     RelaxedRoutes,
 )
 from airrace.procedure.infeasibility.local_infeasibility import (
     WINDOWS_MAX,
+    LocalInfeasibility,
     diagnose_window,
     find_local_infeasibility,
 )
+from airrace.procedure.procedure import FirstFlight, solve_first_flight, solve_point_mass
 from airrace.procedure.result import Silent, StageResult, Status, SuggestedChange
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
@@ -300,15 +303,17 @@ def test_nothing_is_infeasible_that_there_was_no_budget_to_try() -> None:
 
 
 @pytest.mark.parametrize("answer", [True, False])
-def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_hopeless(answer: bool) -> None:
+def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_infeasible(answer: bool) -> None:
     used, tested_phases = session("stuck"), list[int]()
 
-    def window_is_infeasible(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
+    def infeasibility(race: Problem, index: int, guesses: Sequence[Iterate]) -> LocalInfeasibility | None:
         tested_phases.append(index)
         assert all(one.state.shape == (len(race.system.states), race.intervals + 1) for one in guesses)
-        return answer
+        return LocalInfeasibility(race, guesses[0], index, "") if answer else None
 
-    result = solve_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
+    outcome = solve_homotopy(prepared(SIXTEEN), used, infeasibility)
+    result = outcome.result
+    assert (outcome.infeasibility is not None) is answer
     assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert result.remarks == f"left as planned: {', '.join(result.trajectory.phases)}"
@@ -335,11 +340,12 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     plans = 4 if search is SearchEffort.QUICK else 0  # solved beside the homotopy, which finds it out
     verdicts = (*before, *found_out, *["stuck"] * plans, "stuck", "solved")
     used = SolverSession(Canned(*verdicts), chosen, Silent())
-    ladder = FidelityContinuation(SMALL, chosen, ())
+    models, first_flight = models_of(SMALL, chosen, Stage.HOMOTOPY), None
     if kind is GuessKind.HOMOTOPY:
-        assert ladder.solve_stage(Stage.HOMOTOPY, used).outcome is Status.SOLVED
+        first_flight = solve_first_flight(models, used, searches=True)
+        assert first_flight.homotopy.result.outcome is Status.SOLVED
         used.reset_log()
-    result = ladder.solve_stage(Stage.POINT_MASS, used)
+    result = solve_point_mass(models, used, solve_certified, first_flight)
     assert result.outcome is Status.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]
@@ -361,16 +367,18 @@ def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_w
     def location(_: object) -> str:
         return "a -> b"
 
-    monkeypatch.setattr(fidelity_continuation, "conflict_location", location)
+    monkeypatch.setattr(procedure, "conflict_location", location)
     chosen = settings(GuessKind.HOMOTOPY, search=SearchEffort.OFF)
     used = SolverSession(Canned("stuck", "solved", "stuck"), chosen, Silent())
-    ladder = FidelityContinuation(SMALL, chosen, ())
-    pieces = ladder.solve_stage(Stage.HOMOTOPY, used)
+    models = models_of(SMALL, chosen, Stage.HOMOTOPY)
+    first_flight = solve_first_flight(models, used, searches=True)
+    pieces = first_flight.homotopy.result
     assert pieces.remarks.startswith("left as planned: ")
     if from_file:
-        ladder = FidelityContinuation(SMALL, chosen, (pieces,))
+        relaxed = RelaxedRoutes(SMALL, models.problem(Stage.POINT_MASS), chosen.mesh)
+        first_flight = FirstFlight(HomotopyOutcome(pieces), relaxed)
     used.reset_log()
-    result = ladder.solve_stage(Stage.POINT_MASS, used)
+    result = solve_point_mass(models, used, solve_certified, first_flight)
     assert result.outcome is Status.INFEASIBLE
     assert not [one.purpose for one in result.attempts if one.purpose.startswith("all ")]
 

@@ -9,8 +9,8 @@ from races import SMALL, settings
 
 from airrace.errors import NotCertified
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
+from airrace.procedure.procedure import optimize, recertify
 from airrace.procedure.result import NoteKind, Silent, StageResult, Status
-from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.procedure.stage import Stage
 from airrace.runs.verification import discrepancies

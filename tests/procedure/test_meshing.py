@@ -81,29 +81,29 @@ def flown(
     return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), lambda: evidence)
 
 
-def counts(draft: MeshProposal) -> list[int]:
-    return [len(phase) for phase in draft.mesh]
+def counts(proposal: MeshProposal) -> list[int]:
+    return [len(phase) for phase in proposal.mesh]
 
 
 def adapted(solution: MeshSolution, *, early: bool = True, joining: bool = True) -> MeshProposal:
-    draft = adapt(solution, LIMITS, early=early, joining=joining)
-    assert draft is not None
-    return draft
+    proposal = adapt(solution, LIMITS, early=early, joining=joining)
+    assert proposal is not None
+    return proposal
 
 
 def mended(solution: MeshSolution) -> MeshProposal:
-    draft = refine_flagged(solution, LIMITS)
-    assert draft is not None
-    return draft
+    proposal = refine_flagged(solution, LIMITS)
+    assert proposal is not None
+    return proposal
 
 
-def parts(draft: MeshProposal) -> np.ndarray:
+def parts(proposal: MeshProposal) -> np.ndarray:
     """Into how many each interval of the coarser mesh is cut."""
-    return np.diff(np.flatnonzero(draft.coarser))
+    return np.diff(np.flatnonzero(proposal.coarser))
 
 
-def where(draft: MeshProposal, why: RefinementReason) -> list[int]:
-    return [index for index, one in enumerate(draft.why.tolist()) if one == why]
+def where(proposal: MeshProposal, why: RefinementReason) -> list[int]:
+    return [index for index, one in enumerate(proposal.why.tolist()) if one == why]
 
 
 def nodes(mesh: Sequence[Sequence[float]]) -> np.ndarray:
@@ -127,11 +127,11 @@ RESTLESS = everywhere(2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
 
 
 def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
-    draft = adapted(flown())
-    assert counts(draft) == [6, 4]
-    assert set(draft.why.tolist()) == {RefinementReason.CALM}
-    assert draft.guess.control[0].tolist() == [0.5 + 2.0 * index for index in range(10)]
-    for one in (bisect_all(flown(), LIMITS), draft):
+    proposal = adapted(flown())
+    assert counts(proposal) == [6, 4]
+    assert set(proposal.why.tolist()) == {RefinementReason.CALM}
+    assert proposal.guess.control[0].tolist() == [0.5 + 2.0 * index for index in range(10)]
+    for one in (bisect_all(flown(), LIMITS), proposal):
         N = sum(counts(one))
         assert (one.guess.state.shape, one.guess.control.shape) == ((2, N + 1), (1, N))
         assert (one.why.shape, one.coarser.shape) == ((N,), (N + 1,))
@@ -150,23 +150,23 @@ def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[
 def test_phase_keeps_a_few_intervals() -> None:
     solved = flown()
     for _ in range(5):
-        draft = adapt(solved, LIMITS, early=True, joining=True)
-        if draft is None:
+        proposal = adapt(solved, LIMITS, early=True, joining=True)
+        if proposal is None:
             break
-        assert min(counts(draft)) >= 4
-        problem = on_mesh(solved.problem, draft.mesh)
+        assert min(counts(proposal)) >= 4
+        problem = on_mesh(solved.problem, proposal.mesh)
         still = np.zeros(problem.intervals)
-        evidence = Evidence(replay(problem, draft.guess), ConstraintCheck((), still, still), still, still)
-        solved = MeshSolution(problem, draft.guess, draft, functools.partial(lambda one: one, evidence))
-    assert draft is None
+        evidence = Evidence(replay(problem, proposal.guess), ConstraintCheck((), still, still), still, still)
+        solved = MeshSolution(problem, proposal.guess, proposal, functools.partial(lambda one: one, evidence))
+    assert proposal is None
 
 
 def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
-    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}))
+    proposal = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}))
     into = 4  # more than four times what is wanted of it
-    assert counts(draft) == [9 + 3 * into, 8]
-    assert len(where(draft, RefinementReason.HAMILTONIAN)) == 3 * into
-    steps = np.concatenate(draft.mesh)[: 9 + 3 * into] * 12
+    assert counts(proposal) == [9 + 3 * into, 8]
+    assert len(where(proposal, RefinementReason.HAMILTONIAN)) == 3 * into
+    steps = np.concatenate(proposal.mesh)[: 9 + 3 * into] * 12
     assert steps[:4] == pytest.approx(np.ones(4))
     assert steps[4 : 4 + 3 * into] == pytest.approx(np.full(3 * into, 1 / into))
     # What is cut is not joined at the same time, nor is what lies beside it.
@@ -194,10 +194,10 @@ def test_no_interval_is_joined_beyond_a_length(durations: tuple[float, float], l
 
 
 def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
-    draft = bisect_all(flown(), LIMITS)
-    assert counts(draft) == [24, 16]
-    assert draft.coarser.tolist() == [True, False] * 20 + [True]
-    assert set(draft.why.tolist()) == {RefinementReason.FIRST}
+    proposal = bisect_all(flown(), LIMITS)
+    assert counts(proposal) == [24, 16]
+    assert proposal.coarser.tolist() == [True, False] * 20 + [True]
+    assert set(proposal.why.tolist()) == {RefinementReason.FIRST}
 
 
 @pytest.mark.parametrize(
@@ -214,12 +214,12 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
     ],
 )
 def test_interval_is_cut_into_what_it_needs(name: str, value: float, count: int, why: RefinementReason) -> None:
-    draft = bisect_all(flown({name: {5: value}}), LIMITS)
-    first, last = np.flatnonzero(draft.coarser)[5:7]
-    into = parts(draft)
+    proposal = bisect_all(flown({name: {5: value}}), LIMITS)
+    first, last = np.flatnonzero(proposal.coarser)[5:7]
+    into = parts(proposal)
     assert into[5] == count
     assert into.min() == 2
-    assert set(draft.why[first:last].tolist()) == {why}
+    assert set(proposal.why[first:last].tolist()) == {why}
     # What is wrong in an interval may move into the next; an integration error does so less than in full.
     assert set(np.flatnonzero(into > 2).tolist()) <= {4, 5, 6}
     assert into[[4, 6]].max() <= count
@@ -243,7 +243,7 @@ def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved_once() -> None
     assert sum(counts(fine)) == np.maximum(parts(good), 2).sum()
     assert fine.guess.durations.tolist() == good.guess.durations.tolist()
     assert fine.guess.control[0, fine.coarser[:-1]].tolist() == good.guess.control[0, good.coarser[:-1]].tolist()
-    once = bisect_coarse(flown().draft)
+    once = bisect_coarse(flown().proposal)
     twice = bisect_coarse(once)
     assert twice.mesh == once.mesh == bisect_all(flown(), LIMITS).mesh
     np.testing.assert_array_equal(twice.guess.state, once.guess.state)
@@ -271,21 +271,21 @@ def test_a_leg_that_is_cut_again_for_the_same_reason_becomes_as_fine_everywhere(
     solved = flown({name: {4: value}})
     assert np.flatnonzero(parts(mended(solved)) > 1).tolist() == [3, 4, 5]
     for interval, expected in ((9, [2 * COUNTS[0], COUNTS[1]]), (16, [COUNTS[0] + 3, COUNTS[1]])):  # the other leg
-        before = solved.draft.why.copy()
+        before = solved.proposal.why.copy()
         before[interval] = why
-        again = mended(replace(solved, draft=replace(solved.draft, why=before)))
+        again = mended(replace(solved, proposal=replace(solved.proposal, why=before)))
         assert counts(again) == expected
 
 
 def test_mended_mesh_remembers_the_coarser_one() -> None:
     assert refine_flagged(flown(), LIMITS) is None
     solved = flown({"excess": {4: 1.5}})
-    first = solved.draft.coarser.copy()
+    first = solved.proposal.coarser.copy()
     first[1::2] = False
-    draft = mended(replace(solved, draft=replace(solved.draft, coarser=first)))
-    assert counts(draft) == [15, 8]
-    assert draft.coarser.sum() == first.sum()
-    assert nodes(draft.mesh)[draft.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
+    proposal = mended(replace(solved, proposal=replace(solved.proposal, coarser=first)))
+    assert counts(proposal) == [15, 8]
+    assert proposal.coarser.sum() == first.sum()
+    assert nodes(proposal.mesh)[proposal.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
 
 
 @pytest.mark.parametrize(
@@ -323,20 +323,20 @@ def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mes
     force = solved.iterate.control.copy()
     force[0, 4] += 100.0
     guess = replace(solved.iterate, state=np.stack([x, 0.0 * x]), control=force)
-    first = solved.draft.coarser.copy()
+    first = solved.proposal.coarser.copy()
     first[1::2] = False
-    draft = refine_guess(replace(solved.draft, guess=guess, coarser=first), solved.problem, LIMITS)
-    assert counts(draft) == [13, 8]
-    assert np.flatnonzero(draft.why == RefinementReason.INTEGRATION).tolist() == [4, 5]
-    assert draft.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
-    assert draft.guess.state[0, 4:7].tolist() == [4.0, 4.5, 5.0]
-    assert nodes(draft.mesh)[draft.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
+    proposal = refine_guess(replace(solved.proposal, guess=guess, coarser=first), solved.problem, LIMITS)
+    assert counts(proposal) == [13, 8]
+    assert np.flatnonzero(proposal.why == RefinementReason.INTEGRATION).tolist() == [4, 5]
+    assert proposal.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
+    assert proposal.guess.state[0, 4:7].tolist() == [4.0, 4.5, 5.0]
+    assert nodes(proposal.mesh)[proposal.coarser] == pytest.approx(nodes(solved.problem.mesh)[first])
 
 
 def test_only_errors_of_the_integrator_are_foreseen() -> None:
-    still = replace(flown().draft, guess=replace(flown().iterate, control=np.zeros((1, sum(COUNTS)))))
+    still = replace(flown().proposal, guess=replace(flown().iterate, control=np.zeros((1, sum(COUNTS)))))
     assert counts(refine_guess(still, flown().problem, LIMITS)) == list(COUNTS)
-    swung = replace(flown().draft, guess=replace(flown().iterate, control=np.full((1, sum(COUNTS)), 1000.0)))
+    swung = replace(flown().proposal, guess=replace(flown().iterate, control=np.full((1, sum(COUNTS)), 1000.0)))
     assert counts(refine_guess(swung, flown().problem, LIMITS)) == [2 * count for count in COUNTS]
 
 
@@ -345,13 +345,13 @@ def test_only_errors_of_the_integrator_are_foreseen() -> None:
 
 def finer(before: MeshSolution, gained: float, **varied: float) -> MeshSolution:
     """The halved mesh, on which the controls differ within some intervals of the mesh before: `i5=2.0` by two."""
-    draft = bisect_all(before, LIMITS)
-    problem = on_mesh(before.problem, draft.mesh, objective=Objective(regularisation={"f": 1.0}))
+    proposal = bisect_all(before, LIMITS)
+    problem = on_mesh(before.problem, proposal.mesh, objective=Objective(regularisation={"f": 1.0}))
     control = np.zeros((1, problem.intervals))
     for name, difference in varied.items():
         control[0, 2 * int(name[1:])] = difference
-    iterate = replace(draft.guess, durations=draft.guess.durations * (1.0 - gained / 3.0), control=control)
-    return MeshSolution(problem, iterate, draft, before.measure)
+    iterate = replace(proposal.guess, durations=proposal.guess.durations * (1.0 - gained / 3.0), control=control)
+    return MeshSolution(problem, iterate, proposal, before.measure)
 
 
 def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go_back() -> None:
@@ -400,8 +400,8 @@ def test_errors_of_the_integrator_that_add_up_are_cut_before_all_is_halved() -> 
 def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows(minutes: float, cut: bool) -> None:
     durations = (40.0 * minutes, 20.0 * minutes)
     erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
-    draft = adapt(flown({"drift": RESTLESS, "integration": erring}, durations), LIMITS, early=True, joining=True)
-    assert (draft is not None) is cut
+    proposal = adapt(flown({"drift": RESTLESS, "integration": erring}, durations), LIMITS, early=True, joining=True)
+    assert (proposal is not None) is cut
 
 
 def test_short_race_is_cut_for_a_race_time_that_a_long_one_may_change_by() -> None:

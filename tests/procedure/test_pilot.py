@@ -9,7 +9,7 @@ import pytest
 from races import OPTIMA, PLAN, RACES, SMALL, differentiated, motion, optimum, prepared
 from transformations import mirrored
 
-from airrace.dynamics.pilot_observation import LOW_RELIEF
+from airrace.dynamics.pilot_observation import RELIEF_SLOPE
 from airrace.frames import angles, quaternion, rotation
 from airrace.inputs.rules import PILOT_PRESETS
 from airrace.optimal_control.problem import Problem
@@ -113,7 +113,7 @@ def test_limits_hold_on_the_certified_flight_as_seen_from_outside(pilot: PilotLi
     x = {one.name: row for one, row in zip(result.trajectory.states, result.trajectory.state, strict=True)}
     gates = result.trajectory.first_node
     assert np.abs(x["p_Kbar"][gates]).max() <= pilot.roll_rate + 1e-6
-    assert (x["n_z"] + LOW_RELIEF.slope * np.maximum(-x["z"] - pilot.low_height, 0.0)).min() >= pilot.n_z_low - 1e-6
+    assert (x["n_z"] + RELIEF_SLOPE * np.maximum(-x["z"] - pilot.low_height, 0.0)).min() >= pilot.n_z_low - 1e-6
     for node, steady in ((0, pilot.steady_start), (-1, pilot.steady_finish)):
         assert x["n_z"][node] >= pilot.n_z_ends - 1e-6
         if steady:

@@ -16,7 +16,7 @@ from airrace.dynamics.observations import PylonRoom, pylon_room_observation
 from airrace.inputs import load_inputs
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.planning.clearance import SEARCH, PylonPost, closest_approaches, wing_distance
+from airrace.planning.clearance import LEAST_CLEARANCE, PylonPost, closest_approaches, wing_distance
 from airrace.procedure.certification import approaches, replayed_wing
 from airrace.procedure.fidelity import iterate_of, stage_model
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
@@ -197,7 +197,7 @@ def planted_race() -> tuple[Race, StageResult]:
     finish = exact.course.passages[3].element
     assert finish.place is not None
     across = finish.axis + math.pi / 2
-    north, east = free.trajectory.of("x") - finish.place[0], free.trajectory.of("y") - finish.place[1]
+    north, east = free.trajectory["x"] - finish.place[0], free.trajectory["y"] - finish.place[1]
     along = north * math.cos(finish.axis) + east * math.sin(finish.axis)
     beside = north * math.cos(across) + east * math.sin(across)
     first_legs = slice(0, int(free.trajectory.first_node[2]))
@@ -216,7 +216,7 @@ def test_a_pylon_planted_on_a_leg_is_kept_clear_of() -> None:
     found = nearest(by(ClearanceRule.FLIGHT, planted), clear)
     assert (
         min(away for (name, _), away in found.items() if name == "last")
-        >= SEARCH.least_clearance - PLAN.certificate.gate_length
+        >= LEAST_CLEARANCE - PLAN.certificate.gate_length
     )
     assert any(one.element == "last" and one.leg < 2 for one in clear.pylon_conditions)
     assert clear.trajectory.race_time > free.trajectory.race_time
@@ -238,9 +238,7 @@ def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
         found = solve_certified(session, start, session.solvers[0])
     assert isinstance(found, StageResult)
     assert found.certified
-    assert (
-        min(away for (name, _), away in nearest(race, found).items() if name == "last") >= SEARCH.least_clearance - 0.01
-    )
+    assert min(away for (name, _), away in nearest(race, found).items() if name == "last") >= LEAST_CLEARANCE - 0.01
     assert [one.side for one in found.pylon_conditions if one.element == "last" and one.leg < 2] == [other.side]
 
 

@@ -31,12 +31,21 @@ from airrace.environment import Air, g0
 from airrace.frames import angle_between
 from airrace.inputs import load_inputs
 from airrace.planning import plan as planning
-from airrace.planning.plan import ONE_PLACE, ROOM, TURN, Plan, decisions_from_solution, plan, plan_race, plan_with_room
-from airrace.planning.planning_model import ASSUMED, cruise
+from airrace.planning.plan import (
+    ONE_PLACE,
+    SLOPE_MAX,
+    TURN,
+    Plan,
+    decisions_from_solution,
+    plan,
+    plan_race,
+    plan_with_room,
+)
+from airrace.planning.planning_model import AIR_DENSITY, cruise
 from airrace.planning.route_decisions import ANY, MIRRORED_TIES
 from airrace.procedure.guess import guess
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.procedure.stored_stages import derived_quantities, sampler
 from airrace.quantities import Interval
@@ -267,7 +276,7 @@ def test_pace_is_below_the_top_speed_and_lift_and_limits_carry_its_level_turns()
     top, S, weight = top_speed(EDGE_540), EDGE_540.airframe.S, EDGE_540.airframe.m * g0
     pace = cruise(EDGE_540, RULES)
     assert EDGE_540.envelope.V.lower < pace.V < top
-    lift = 0.5 * ASSUMED.air_density * pace.V**2 * S * EDGE_540.lift.C_L_max
+    lift = 0.5 * AIR_DENSITY * pace.V**2 * S * EDGE_540.lift.C_L_max
     assert 1.0 < pace.n < min(RULES.n_z.upper, lift / weight)
     assert 0.0 < pace.p < EDGE_540.point_mass.p
     chi_dot = g0 * math.tan(math.acos(1.0 / pace.n)) / pace.V
@@ -370,7 +379,7 @@ def test_a_plan_with_room_takes_a_longer_way_to_a_height() -> None:
     assert up is not None
     assert down is not None
     (lower, top, end) = (one.position[2] for one in roomy.waypoints if one.position is not None)
-    assert up.length + down.length >= (2.0 * top - lower - end) / ROOM.slope > 300.0
+    assert up.length + down.length >= (2.0 * top - lower - end) / SLOPE_MAX > 300.0
     north, east, heading = (float(values[0]) for values in down.points(np.array([down.length])))
     assert (north, east) == pytest.approx((300.0, 0.0), abs=1e-6)
     assert angle_between(heading, roomy.waypoints[-1].heading) == pytest.approx(0.0, abs=1e-9)

@@ -10,8 +10,8 @@ from airrace.errors import UsageError
 from airrace.inputs import load_inputs
 from airrace.procedure import restart, solver_session
 from airrace.procedure.formulation import ensure_same_passings, passings_of
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.race import Race
@@ -98,7 +98,7 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
 
 
 def test_flight_whose_multipliers_lead_nowhere_is_started_from_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_session, "LIMITS", dataclasses.replace(solver_session.LIMITS, known_iterations_max=1))
+    monkeypatch.setattr(solver_session, "WARM_ITERATIONS_MAX", 1)
     (result,) = started(WINDY, stored())
     assert result.remarks == ""
     assert [one.success for one in result.attempts[:2]] == [False, True]

@@ -89,7 +89,7 @@ def at_the_start(flown: Race, limit: float) -> tuple[list[str], float]:
     passages[0] = dataclasses.replace(passages[0], speed=Interval(upper=limit * KNOT))
     changed = dataclasses.replace(flown, course=dataclasses.replace(flown.course, passages=tuple(passages)))
     said = [one.text for one in review(changed) if one.kind is RemarkKind.START_SPEED]
-    return said, float(races.optimum(changed, races.PLAN).trajectory.of("V_K")[0]) / KNOT
+    return said, float(races.optimum(changed, races.PLAN).trajectory["V_K"][0]) / KNOT
 
 
 def test_a_start_speed_that_is_said_to_limit_nothing_is_not_reached_and_one_that_is_reached_is_not_said_to() -> None:

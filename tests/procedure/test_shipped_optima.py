@@ -62,7 +62,7 @@ def test_mirrored_course_is_flown_in_the_mirrored_way(name: str, wind: float, gu
 def test_mirrored_race_takes_the_same_time(name: str, guess: GuessKind) -> None:
     flown, image = (optimum(one, settings(guess)).trajectory for one in (RACES[name], mirrored(RACES[name])))
     assert image.race_time == pytest.approx(flown.race_time, abs=1e-5)
-    assert np.allclose(image.of("y"), -flown.of("y"), atol=0.01)
+    assert np.allclose(image["y"], -flown["y"], atol=0.01)
 
 
 # the half Cuban eight and its plane
@@ -85,7 +85,7 @@ class Plane:
 
 def plane_of(result: StageResult, *, vertical: bool = False) -> Plane:
     flown = result.trajectory
-    north, east, height = flown.of("x"), flown.of("y"), -flown.of("z")
+    north, east, height = flown["x"], flown["y"], -flown["z"]
     columns = [np.ones_like(north), north] + ([] if vertical else [height])
     matrix = np.array(columns).T
     solution = np.linalg.lstsq(matrix, east, rcond=None)[0]
@@ -97,7 +97,7 @@ def plane_of(result: StageResult, *, vertical: bool = False) -> Plane:
 def test_half_cuban_eight_in_still_air_stays_in_a_vertical_plane(guess: GuessKind) -> None:
     result = optimum(HALF_CUBAN, settings(guess))
     assert plane_of(result, vertical=True).miss < 1.0
-    assert np.abs(result.trajectory.of("y")).max() < 1.0
+    assert np.abs(result.trajectory["y"]).max() < 1.0
 
 
 @pytest.mark.parametrize(

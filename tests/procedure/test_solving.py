@@ -21,11 +21,22 @@ from airrace.optimal_control.solvers.solver import Solution
 from airrace.procedure import solver_session
 from airrace.procedure.guess import first_mesh, guess, phase_piece
 from airrace.procedure.homotopy import SMALLEST_STEP, fixed_state, solve_homotopy
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
 from airrace.procedure.solve_and_refine import solve_with_refinement
-from airrace.procedure.solver_session import LIMITS, MEASURED, Budget, SolverPool, SolverSession
+from airrace.procedure.solver_session import (
+    CONTINUATIONS_MAX,
+    INTERVALS_MIN,
+    MEASURED,
+    NEARLY_FEASIBLE,
+    TIME_GAIN_MIN,
+    WARM_ITERATIONS_MAX,
+    WORK_PER_INTERVAL,
+    Budget,
+    SolverPool,
+    SolverSession,
+)
 from airrace.procedure.stage import Stage
 from airrace.procedure.warm_start import InitialBarrier, Start
 
@@ -147,9 +158,9 @@ class Exhausted(Canned):
 @pytest.mark.parametrize(
     ("gained", "violation", "descents"),
     [
-        (1.0, 1e-3, LIMITS.descents_max),  # on its way down
-        (0.5 * LIMITS.descent, 1e-3, 0),  # at a standstill
-        (1.0, LIMITS.nearly_feasible, 0),  # far from feasible
+        (1.0, 1e-3, CONTINUATIONS_MAX),  # on its way down
+        (0.5 * TIME_GAIN_MIN, 1e-3, 0),  # at a standstill
+        (1.0, NEARLY_FEASIBLE, 0),  # far from feasible
     ],
 )
 def test_a_solve_that_ran_out_of_iterations_on_its_way_down_is_continued(
@@ -177,7 +188,7 @@ def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: Ini
     used.solve(problem, made, "all phases", barrier=barrier, multipliers=known)
     assert [one.purpose for one in used.attempts[:3]] == ["all phases", "all phases, farther down", "all phases"]
     most = [options.iterations_max for _, options, _ in asked(used)[:3]]
-    assert most == [LIMITS.known_iterations_max, *[Settings().solver.iterations_max] * 2]
+    assert most == [WARM_ITERATIONS_MAX, *[Settings().solver.iterations_max] * 2]
     assert [one is None for one in service.known[:3]] == [False, False, True]
     assert asked(used)[1][1].barrier == InitialBarrier.OTHER_PROBLEM.value
     fewer = SolverSession(Exhausted("stuck"), Settings(), Silent())
@@ -185,14 +196,14 @@ def test_known_multipliers_lead_on_once_before_a_solve_without_them(barrier: Ini
     assert [one.purpose for one in fewer.attempts] == ["all phases"] * 3
 
 
-@pytest.mark.parametrize("passing", [False, True])
-def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passing: bool) -> None:
+@pytest.mark.parametrize("reference_only", [False, True])
+def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(reference_only: bool) -> None:
     used = session("inexact")
     problem, made = small()
-    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD, passing=passing)
+    solution = used.solve(problem, made, "all phases", barrier=InitialBarrier.COLD, reference_only=reference_only)
     assert solution is not None
     assert solution.success
-    assert [one.purpose for one in used.attempts] == ["all phases", "all phases, closer"][: 1 if passing else 2]
+    assert [one.purpose for one in used.attempts] == ["all phases", "all phases, closer"][: 1 if reference_only else 2]
 
 
 def test_last_answer_is_returned_where_nobody_succeeds_and_none_where_no_solver_comes_back() -> None:
@@ -218,7 +229,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert solution.success
     assert isinstance(used.service, Canned)
     assert used.service.known == [known, None]
-    assert [options.iterations_max for _, options, _ in asked(used)] == [LIMITS.known_iterations_max, 500]
+    assert [options.iterations_max for _, options, _ in asked(used)] == [WARM_ITERATIONS_MAX, 500]
     assert [solver for solver, _, _ in asked(used)] == ["interior-point", "interior-point"]
     failing = session("infeasible")
     failing.solve(problem, start, "joint", barrier=InitialBarrier.OTHER_MESH, multipliers=known)
@@ -276,7 +287,7 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
 @pytest.mark.parametrize("name", RACES)
 def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
     flight, used = prepared(RACES[name]), session("stuck")
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
     assert result.outcome is Status.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
@@ -287,7 +298,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
 
 def test_homotopy_tries_the_whole_way_first() -> None:
     flight, used = prepared(SMALL), session("solved")
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
     assert result.remarks == ""
@@ -304,7 +315,7 @@ def test_homotopy_tries_the_whole_way_first() -> None:
 def test_step_that_fails_is_halved_until_it_leads_to_the_real_gate_or_is_too_small(
     verdicts: list[str], parts: list[float], remarks: bool
 ) -> None:
-    result = solve_homotopy(prepared(SMALL), session(*verdicts))
+    result = solve_homotopy(prepared(SMALL), session(*verdicts)).result
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     made = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
     assert made[:6] == parts
@@ -322,7 +333,7 @@ def test_a_phase_that_failed_is_not_tried_again_on_another_lap() -> None:
 
     name = flight.plan.waypoints[3].passage.name.partition(":")[2]
     used = SolverSession(Failing("stuck"), Settings(), Silent())
-    result = solve_homotopy(flight, used)
+    result = solve_homotopy(flight, used).result
     first, second = (one for one in result.trajectory.phases if one.endswith(f":{name}"))
     assert result.remarks == f"left as planned: {first}, {second}"
     tried = {attempt.purpose.partition(",")[0] for attempt in result.attempts}
@@ -355,13 +366,15 @@ def limited(work: float, *verdicts: str) -> SolverSession:
 def test_a_race_may_take_more_the_longer_it_is_and_the_finer_its_mesh() -> None:
     plan, mesh = planned(SIXTEEN), MeshSettings()
     intervals = sum(len(phase) for phase in first_mesh(plan, mesh))
-    assert intervals > LIMITS.fewest_intervals
-    assert Budget.of(plan, mesh).work == LIMITS.work_per_interval * intervals
+    assert intervals > INTERVALS_MIN
+    assert Budget.from_plan(plan, mesh).work == WORK_PER_INTERVAL * intervals
     assert (
-        Budget.of(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
-        == LIMITS.work_per_interval * LIMITS.fewest_intervals
+        Budget.from_plan(planned(SMALL), dataclasses.replace(mesh, interval=9.0)).work
+        == WORK_PER_INTERVAL * INTERVALS_MIN
     )
-    assert Budget.of(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.of(plan, mesh).work
+    assert (
+        Budget.from_plan(plan, dataclasses.replace(mesh, interval=0.05)).work > 2.5 * Budget.from_plan(plan, mesh).work
+    )
 
 
 def test_only_what_is_solved_in_vain_is_counted_by_what_it_costs() -> None:
@@ -438,7 +451,7 @@ def flown(threads: int) -> StageResult:
 
 
 def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_session, "LIMITS", dataclasses.replace(LIMITS, work_per_interval=5))
+    monkeypatch.setattr(solver_session, "WORK_PER_INTERVAL", 5)
     one, two = flown(1), flown(2)
     assert one.outcome is Status.NOT_CONVERGED
     assert Ending.BUDGET_EXHAUSTED.value in one.message
@@ -449,7 +462,6 @@ def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monk
 
 def test_a_sound_run_is_the_same_with_a_hundredth_of_its_budget(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = flown(1)
-    fewer = dataclasses.replace(LIMITS, work_per_interval=LIMITS.work_per_interval // 100)
-    monkeypatch.setattr(solver_session, "LIMITS", fewer)
+    monkeypatch.setattr(solver_session, "WORK_PER_INTERVAL", WORK_PER_INTERVAL // 100)
     assert (flown(1).trajectory.state == whole.trajectory.state).all()
     assert whole.certified

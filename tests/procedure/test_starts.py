@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 
 import pytest
-from races import OPTIMA, PLAN, SMALL, prepared, solve_stages
+from races import OPTIMA, PLAN, SMALL, models_of, prepared, solve_stages
 from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
@@ -12,10 +12,10 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
 from airrace.procedure.fidelity import iterate_of
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.procedure import solve_stage_above
 from airrace.procedure.result import Silent, StageResult, Status
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.solve_and_refine import solve_with_refinement
+from airrace.procedure.solve_and_refine import solve_certified, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
@@ -38,14 +38,14 @@ def canned(*verdicts: str) -> SolverSession:
 
 
 @pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
-def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
+def test_stage_that_fails_says_so(kept: int) -> None:
     finished, used = solve_stages(SMALL)[:kept], canned("stuck")
-    ladder = FidelityContinuation(SMALL, PLAN, finished)
-    result = ladder.solve_stage(OPTIMA[kept], used)
+    stage, done = OPTIMA[kept], {result.stage: result for result in finished}
+    models = models_of(SMALL, PLAN, stage, *done)
+    result = solve_stage_above(models, used, solve_certified, stage, done)
     assert (result.stage, result.outcome) == (OPTIMA[kept], Status.NOT_CONVERGED)
     assert not result.certified
     assert "gave up (stuck)" in result.message
-    assert [ladder.done[stage] for stage in OPTIMA[:kept]] == list(finished)
 
 
 def solved_start(*, torn: float = 0.0) -> Start:

@@ -22,8 +22,8 @@ from test_shipped_optima import plane_of
 
 from airrace.environment import Thermal
 from airrace.inputs import load_inputs
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.quantities import Interval
 from airrace.race import Race
@@ -64,7 +64,7 @@ def test_rudder_is_not_wagged_where_the_angle_of_attack_is_at_its_limit() -> Non
     within = (flown.time > flown.time[flown.first_node[phase]] + 1.5) & (
         flown.time < flown.time[flown.first_node[phase + 1]] - 1.5
     )
-    assert np.ptp(flown.of("r_s")[within]) < 0.3
+    assert np.ptp(flown["r_s"][within]) < 0.3
 
 
 @pytest.mark.slow
@@ -83,7 +83,7 @@ def test_thermals_beside_a_leg_are_felt() -> None:
 def between_thermals(race: Race) -> Race:
     """The race with a thermal on either side of its longest leg, as the point mass flies it in still air."""
     flown = optimum(race, PLAN).trajectory
-    north, east = (flown.of(name)[flown.first_node] for name in ("x", "y"))
+    north, east = (flown[name][flown.first_node] for name in ("x", "y"))
     lengths = np.hypot(np.diff(north), np.diff(east))
     leg = int(lengths.argmax())
     along = np.array([np.diff(north)[leg], np.diff(east)[leg]]) / lengths[leg]
@@ -138,7 +138,7 @@ def climb_within_the_quad(result: StageResult, lap: int) -> float:
     trajectory = result.trajectory
     phase = trajectory.phases.index(f"{lap}:quad/1 -> {lap}:quad/2")
     first, last = trajectory.first_node[phase], trajectory.first_node[phase + 1]
-    height = -trajectory.of("z")[first : last + 1]
+    height = -trajectory["z"][first : last + 1]
     assert height[[0, -1]] == pytest.approx([GATES, GATES], abs=0.1)
     return float(height.max() - GATES)
 

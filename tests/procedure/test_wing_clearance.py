@@ -13,7 +13,7 @@ from airrace.inputs import load_inputs
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.replay import replay
 from airrace.planning.clearance import (
-    SEARCH,
+    LEAST_CLEARANCE,
     PylonPost,
     Wing,
     closest_approaches,
@@ -36,7 +36,7 @@ from airrace.track.course import ClearanceRule, Course
 from airrace.track.gates import Passing
 from airrace.trajectory import Array
 
-POST = PylonPost("g", 3.0, -2.0, 25.0, SEARCH.least_clearance)
+POST = PylonPost("g", 3.0, -2.0, 25.0, LEAST_CLEARANCE)
 
 
 def wings(seed: int) -> tuple[Array, Array]:
@@ -85,7 +85,7 @@ def test_the_least_distance_of_a_rolling_wing_in_a_turn_is_found_between_samples
 
     fine, time = np.arange(-0.3, 0.3, 1e-5), np.arange(-0.3, 0.3, step)
     for beside in (0.0, 0.3, 4.2, 5.0):
-        post = PylonPost("g", 1.7, beside, 25.0, SEARCH.least_clearance)
+        post = PylonPost("g", 1.7, beside, 25.0, LEAST_CLEARANCE)
         truth = wing_distance(post, *way(fine))
         distance, when = closest_in_steps(Wing(time, *way(time)), post)
         assert distance.min() == pytest.approx(truth.min(), abs=2e-3)
@@ -112,12 +112,12 @@ def test_pylons_ask_for_what_their_passing_asks_but_never_for_less_than_half_a_m
     course = SHIPPED["rovinj_2014"].course
     asked = {one.name: one.required for one in pylons_of(course)}
     for element in {one.element for one in course.passages}:
-        assert asked[element.name] == max(SEARCH.least_clearance, element.tolerances.clearance)
+        assert asked[element.name] == max(LEAST_CLEARANCE, element.tolerances.clearance)
     exact = tuple(
         dataclasses.replace(one, element=dataclasses.replace(one.element, passing=Passing.POINT))
         for one in course.passages
     )
-    assert {one.required for one in pylons_of(dataclasses.replace(course, passages=exact))} == {SEARCH.least_clearance}
+    assert {one.required for one in pylons_of(dataclasses.replace(course, passages=exact))} == {LEAST_CLEARANCE}
 
 
 def test_keys_tell_the_height_of_pylons_and_when_the_wing_keeps_clear_of_them() -> None:
@@ -145,7 +145,7 @@ def test_a_flight_that_touches_a_pylon_is_certified_by_the_rule_crossing_alone()
             found = approaches(other, problem, iterate, flown_again)
             items[width] = clearance_item(other, problem, found, PLAN.certificate)
         assert items[40.0].value <= PLAN.certificate.gate_length  # which no gate's width changes
-        assert 0.0 < items[1.0].value <= SEARCH.least_clearance
+        assert 0.0 < items[1.0].value <= LEAST_CLEARANCE
         assert items[1.0].holds is (rule is ClearanceRule.CROSSING)
         assert "pylon of" in items[1.0].where
 

@@ -228,7 +228,7 @@ def test_the_aircraft_is_where_the_file_has_it_and_lies_as_the_file_has_it(
     flown = airrace.open(folder / "still.h5").stage()
     histories, nodes = flown.trajectory, flown.trajectory.time
     node = int(np.abs(nodes - seconds).argmin())
-    x, y, z, *q = (float(histories.of(name)[node]) for name in ("x", "y", "z", "q0", "q1", "q2", "q3"))
+    x, y, z, *q = (float(histories[name][node]) for name in ("x", "y", "z", "q0", "q1", "q2", "q3"))
     laptop.set(float(nodes[node]))
     laptop.drawn()
     place, nose, wing = laptop.run(

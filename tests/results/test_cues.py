@@ -14,13 +14,12 @@ from example_flights import ROOT, circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.frames import quaternion
+from airrace.frames import QUATERNION, quaternion
 from airrace.quantities import Quantity
 from airrace.race import Race
 from airrace.results import Basis, Flight, History, Source, TimedCrossing
 from airrace.results.cues import Action, Pull, RollAction, cues_of, turning_points
 from airrace.results.derivation import complete_histories
-from airrace.results.flight import PATH_ATTITUDE
 from airrace.runs.stage_data import Brief
 from airrace.trajectory import Array
 from airrace.views.stage_tables import action_table, cue_text, place_text
@@ -66,7 +65,7 @@ def constructed(mirror: float = 1.0) -> Flight:
         ("V_K", "m/s"): np.full_like(time, SPEED),
         ("n_z", "1"): n_z,
         ("p_Kbar", "rad/s"): mirror * np.radians(np.gradient(bank, time)),
-        **{(name, "1"): row for name, row in zip(PATH_ATTITUDE, attitude, strict=True)},
+        **{(name, "1"): row for name, row in zip(QUATERNION, attitude, strict=True)},
     }
     given = {name: History(Quantity(name, unit), values, Basis.SOLVED) for (name, unit), values in columns.items()}
     return flight_through(race, "constructed", time, given, PASSED)
@@ -99,7 +98,7 @@ def optimum() -> Flight:
     attitude[:, 1:] *= np.cumprod(np.where(np.sum(attitude[:, 1:] * attitude[:, :-1], axis=0) < 0.0, -1.0, 1.0))
     values = {name: columns[key] for name, key in (("x", "x_m"), ("y", "y_m"), ("V_K", "V_K_m_s"), ("n_z", "n_z"))}
     values |= {"z": -columns["height_m"], "p_Kbar": np.radians(columns["p_Kbar_deg_s"])}
-    values |= zip(PATH_ATTITUDE, attitude, strict=True)
+    values |= zip(QUATERNION, attitude, strict=True)
     given = {name: History(Quantity(name, ""), one, Basis.SOLVED) for name, one in values.items()}
     passed = [float(row["time_s"]) for row in rows("rovinj_2014.splits.csv")]
     return flight_through(rovinj(), "optimum", columns["time_s"], given, passed).at_rate(50.0)
@@ -202,7 +201,7 @@ def noisy(flight: Flight, seed: int) -> Flight:
     for name, deviation in noise.items():
         one = histories[name]
         histories[name] = replace(one, values=one.values + deviation * random.standard_normal(count))
-    q0, q1, q2, q3 = (flight[name] for name in PATH_ATTITUDE)
+    q0, q1, q2, q3 = (flight[name] for name in QUATERNION)
     x, y, z = 0.5 * math.radians(1.0) * random.standard_normal((3, count))
     turned = np.array(
         [
@@ -212,7 +211,7 @@ def noisy(flight: Flight, seed: int) -> Flight:
             q3 + q0 * z + q1 * y - q2 * x,
         ]
     )
-    for name, row in zip(PATH_ATTITUDE, turned / np.linalg.norm(turned, axis=0), strict=True):
+    for name, row in zip(QUATERNION, turned / np.linalg.norm(turned, axis=0), strict=True):
         histories[name] = replace(histories[name], values=row)
     return replace(flight, histories=histories)
 

@@ -14,16 +14,16 @@ from airrace.procedure.stage_problem import FULL_THROTTLE
 def test_the_hamiltonian_is_minus_one_and_the_costates_of_places_are_constant_within_a_leg() -> None:
     """In calm air nothing depends on x and y, so their costates change at passages alone."""
     stage = half_cuban()["point-mass"]
-    np.testing.assert_allclose(stage.hamiltonian.of("H"), -1.0, atol=0.02)
+    np.testing.assert_allclose(stage.hamiltonian["H"], -1.0, atol=0.02)
     ends = stage.trajectory.first_node
     for name in ("x", "y"):
-        costate = stage.costates.of(name)
+        costate = stage.costates[name]
         for first, last in itertools.pairwise(ends):
             leg = costate[first : last - 1]
             np.testing.assert_allclose(leg, leg[:1].repeat(len(leg)), atol=1e-7)
-    assert stage.costates.of("V_K")[0] < 0.0  # who is faster arrives earlier
+    assert stage.costates["V_K"][0] < 0.0  # who is faster arrives earlier
     with pytest.raises(KeyError):
-        stage.costates.of("nothing")
+        stage.costates["nothing"]
 
 
 def test_multipliers_press_on_the_bounds_that_are_met() -> None:
@@ -49,7 +49,7 @@ def test_the_program_of_a_stage_has_its_optimum_where_the_stage_has_it() -> None
     nlp = stage.to_casadi()
     f = ca.Function("f", [nlp.nlp["x"], nlp.nlp["p"]], [nlp.nlp["f"]])
     regularisation = stage.result.provenance.regularisation
-    reward = FULL_THROTTLE * float(stage.trajectory.of("delta_T")[-1])
+    reward = FULL_THROTTLE * float(stage.trajectory["delta_T"][-1])
     assert float(f(nlp.x0, nlp.p)) == pytest.approx(stage.race_time + regularisation - reward, abs=1e-6)
     assert len(nlp.x_names) == len(nlp.x0) == len(nlp.scale)
     assert nlp.x_names[:2] == ("x at node 0", "y at node 0")

@@ -43,7 +43,7 @@ def test_a_flight_of_an_optimum_has_its_nodes_and_an_independent_integration_bet
     assert np.isin(flown.time, flight.time).all()
     assert np.diff(flight.time).max() <= 0.02 + 1e-12
     assert np.diff(flight.time).min() > 0.0
-    np.testing.assert_array_equal(flight["x"][np.searchsorted(flight.time, flown.time)], flown.of("x"))
+    np.testing.assert_array_equal(flight["x"][np.searchsorted(flight.time, flown.time)], flown["x"])
     for crossing, split in zip(flight.crossings, run.splits, strict=True):
         assert (crossing.name, crossing.time) == (split.name, split.time)
         assert crossing.value("height") == pytest.approx(split.height, abs=1e-9)
@@ -135,7 +135,7 @@ def test_histories_say_where_they_come_from_and_what_bounds_held_and_others_are_
     assert not flight.has("latitude")  # this course has no origin
     assert "eta" not in flight
     assert np.isnan(flight.values("eta")).all()
-    assert not flight.limit("eta").bounded
+    assert not flight.limit("eta").constrained
     with pytest.raises(KeyError):
         flight["eta"]
 

@@ -13,7 +13,7 @@ import airrace
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.errors import SolverCrash
-from airrace.procedure import run as procedure
+from airrace.procedure import procedure
 from airrace.procedure.result import Status
 
 pytestmark = pytest.mark.usefixtures("measured_once")

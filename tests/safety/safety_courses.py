@@ -6,8 +6,8 @@ from disk_cache import cached_across_workers
 from short_course import AIRCRAFT, FROM_PLAN, short_course
 
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
-from airrace.procedure.run import optimize
 from airrace.procedure.stage import Stage
 from airrace.safety.closed_loop import ClosedLoop
 from airrace.safety.monte_carlo import closed_loop_of

@@ -16,9 +16,9 @@ from airrace.procedure.result import Status
 from airrace.quantities import KNOT
 from airrace.runs.safety_case import SafetyCase, fly_safety_case
 from airrace.runs.safety_rose import SafetyRose
-from airrace.safety.closed_loop import UNDISTURBED, Flights, Scatter, fly
+from airrace.safety.closed_loop import Flights, fly
+from airrace.safety.disturbances import UNDISTURBED, Gusts, Scatter
 from airrace.safety.evaluation import Judge, grid_of, measure, together
-from airrace.safety.gusts import Gusts
 from airrace.safety.monte_carlo import (
     Count,
     closed_loop_of,
@@ -41,7 +41,7 @@ SMALL = Scatter(Gusts.NONE, 0.1 * KNOT, 0.001, 0.001, 0.0, 0.0)
 
 
 def judge() -> Judge:
-    return Judge.of(inputs().race, optimum(), loop())
+    return Judge.from_optimum(inputs().race, optimum(), loop())
 
 
 def test_errors_and_displacements_are_inverse() -> None:
@@ -115,7 +115,7 @@ def test_so_it_is_where_no_gate_stands_and_on_a_vertical() -> None:
     system = trained.plant.system
     path = [replace(one, lower=-np.inf, upper=np.inf) if one.name == "alpha_A" else one for one in system.path]
     eight = replace(trained, plant=replace(trained.plant, system=replace(system, path=tuple(path))))
-    places = Judge.of(race, eight_optimum(), eight)
+    places = Judge.from_optimum(race, eight_optimum(), eight)
     assert abs(rotation([float(one) for one in places.states[4:8, 1]])[2][0]) > 0.999  # straight up
     undisturbed = measure(places, eight, fly(eight, UNDISTURBED, 0, [0])).crossed
     flights = measure(places, eight, fly(eight, SMALL, 1, range(200)))
@@ -143,7 +143,7 @@ def test_more_delay_scatters_more_and_too_much_is_told() -> None:
         closed_loop_of(inputs().race, optimum(), PilotModel(delay=3.0))
     with pytest.raises(UsageError, match=r"decides every 0\.02 s, so it must be 0\.14 or 0\.16 s"):
         closed_loop_of(inputs().race, optimum(), PilotModel(delay=0.15))
-    hopeless = replace(quick, counts={**quick.counts, "lost": Count.among(30, 40)})
+    hopeless = replace(quick, counts={**quick.counts, "lost": Count.with_interval(30, 40)})
     assert "cannot hold this optimum: 30 of 40 flights" in hopeless.note
     assert not quick.note
 
@@ -260,9 +260,9 @@ def test_a_wing_too_near_to_a_pylon_or_an_obstacle_breaks_a_rule_without_a_touch
 
 
 def test_counts_have_the_interval_of_clopper_and_pearson() -> None:
-    assert Count.among(0, 100).upper == pytest.approx(1.0 - 0.025 ** (1 / 100))
-    assert Count.among(100, 100).lower == pytest.approx(0.025 ** (1 / 100))
-    half = Count.among(50, 100)
+    assert Count.with_interval(0, 100).upper == pytest.approx(1.0 - 0.025 ** (1 / 100))
+    assert Count.with_interval(100, 100).lower == pytest.approx(0.025 ** (1 / 100))
+    half = Count.with_interval(50, 100)
     assert half.lower == pytest.approx(1.0 - half.upper)
     assert half.lower == pytest.approx(0.3983, abs=1e-4)  # table of the binomial distribution
 

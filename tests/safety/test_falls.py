@@ -76,7 +76,7 @@ def test_a_vertical_fall_with_constant_drag_takes_the_time_of_the_closed_form() 
 
 def test_falls_in_a_sheared_wind_are_those_of_an_independent_integration() -> None:
     states = many()
-    air = AirColumn.of(Air(wind=StaticWind(math.radians(240.0), 9.0, Profile.POWER)), 800.0)
+    air = AirColumn.from_air(Air(wind=StaticWind(math.radians(240.0), 9.0, Profile.POWER)), 800.0)
     fall = fall_with_drag(states, air, mass=MASS, drag_area=DRAG_AREA)
 
     def rates(_: float, y: Array) -> Array:

@@ -64,7 +64,7 @@ def size(outlines: tuple[Outline, ...]) -> float:
 def test_a_ring_of_points_gives_a_border_and_a_hole_that_run_against_one_another() -> None:
     angle = np.linspace(0.0, 2.0 * math.pi, 2000)
     points = np.stack([100.0 * np.sin(angle), 50.0 + 100.0 * np.cos(angle)], axis=1)
-    (found,) = Raster.of([(points, points)], 10.0, 400).outlines()
+    (found,) = Raster.from_stretches([(points, points)], 10.0, 400).outlines()
     assert len(found.holes) == 1
     assert size((found,)) == pytest.approx(math.pi * (110.0**2 - 90.0**2), rel=0.04)
     assert size((Outline(found.border),)) > 0.0 > size((Outline(found.holes[0]),))
@@ -74,7 +74,7 @@ def test_a_ring_of_points_gives_a_border_and_a_hole_that_run_against_one_another
 def test_a_swept_stretch_leaves_no_gap() -> None:
     begin, end = np.array([[0.0, 0.0], [0.0, 50.0]]), np.array([[30.0, 0.0], [10.0, 60.0]])
     assert np.linalg.norm(np.diff(sweep(begin, end, 1.0), axis=0), axis=1).min() < 1.0
-    (found,) = Raster.of([(begin, end)], 2.0, 200).outlines()
+    (found,) = Raster.from_stretches([(begin, end)], 2.0, 200).outlines()
     assert not found.holes
     corners = [Point(0.0, 0.0), Point(0.0, 50.0), Point(10.0, 60.0), Point(30.0, 0.0)]
     assert size((found,)) == pytest.approx(abs(area(corners)) + 2.0 * 145.0, rel=0.05)  # and its border, 2 m wide
@@ -170,7 +170,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_loop_that_is_vertical_somewhere_falls_without_a_jump(flown: Path) -> None:
     flight = airrace.open(flown).flight()
-    found = footprint_of(flight.race, [Track.of(flight)])
+    found = footprint_of(flight.race, [Track.from_flight(flight)])
     steps = np.linalg.norm(np.diff(found.vacuum.place, axis=0), axis=1)
     assert steps.max() < 30.0
 

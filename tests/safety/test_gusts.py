@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from airrace.quantities import FOOT, KNOT
-from airrace.safety.gusts import Gusts
+from airrace.safety.disturbances import Gusts
 from airrace.safety.plant import STATIONARY_GUSTS, GustFilter, intensity
 
 STEP = 0.02

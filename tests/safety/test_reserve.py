@@ -30,9 +30,9 @@ from airrace.runs.plan import Changes, in_force, plan_changed_run, plan_new_run,
 from airrace.runs.reserve import fly_reserve
 from airrace.runs.reserve_attempts import asked_text, reserve_state
 from airrace.runs.run import RunState, new_run, open_run
-from airrace.safety.closed_loop import Scatter, fly
+from airrace.safety.closed_loop import fly
+from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.evaluation import Judge, measure
-from airrace.safety.gusts import Gusts
 from airrace.safety.monte_carlo import LOAD, closed_loop_of
 from airrace.safety.pilot import PilotModel
 from airrace.safety.reserve import STALL, Limit, allocate, limits_of
@@ -122,7 +122,7 @@ def test_a_margin_takes_from_the_room_what_its_rate_says() -> None:
 
 def test_the_room_beside_a_pylon_scatters_as_flights_do() -> None:
     """Standard deviation of 400 flights, good to 4 %."""
-    one, judge = loop(), Judge.of(inputs().race, optimum(), loop())
+    one, judge = loop(), Judge.from_optimum(inputs().race, optimum(), loop())
     found = measure(judge, one, fly(one, SMALL, 3, range(400)))
     (row,) = (row for row, pylon in enumerate(judge.pylons) if pylon.name == "side")
     (near,) = (each for each in limits() if each.kind == "flight clearance" and each.key == "gates.side.clearance_m")

@@ -1,6 +1,6 @@
 // The page of the designer: a view of the state that the server has, and the link to it.
 
-import { showLanes, showPiece, showSliders, showTables } from "./panels.js";
+import { showSessions, showPiece, showSliders, showTables } from "./panels.js";
 import { Placing, Plan } from "./plan.js";
 
 const RETRY_MS = 1000;
@@ -82,24 +82,24 @@ function show(state) {
   document.title = `${state.unsaved ? "• " : ""}${state.name} – airrace design`;
   find("name").textContent = state.name;
   find("file").textContent = `${state.file}${state.unsaved ? ", not saved" : ""}`;
-  find("undo").disabled = !state.back;
-  find("redo").disabled = !state.forth;
+  find("undo").disabled = !state.undo;
+  find("redo").disabled = !state.redo;
   find("save").disabled = !state.unsaved;
   if (find("kind").options.length === 1) find("kind").append(...state.kinds.map((one) => new Option(one, one)));
   plan.show(state);
-  showLanes(state, plan.pieces(), plan.hand, ask);
+  showSessions(state, plan.pieces(), plan.hand, ask);
   showTables(state);
   showSliders(state, ask);
   showPiece(plan.chosenPiece(), ask);
-  showScene(state.lanes[0]);
+  showScene(state.sessions[0]);
 }
 
 // The scene of the last answer, drawn anew as soon as the answer is complete and no hand moves.
-function showScene(lane) {
+function showScene(session) {
   const scene = find("scene");
   scene.hidden = !find("beside").checked;
-  const key = `scene?flight=${lane.time}-${lane.answered}`;
-  const complete = lane.holds && lane.slope_time === lane.time && !plan.hand;
+  const key = `scene?flight=${session.time}-${session.answered}`;
+  const complete = session.holds && session.slope_time === session.time && !plan.hand;
   if (!scene.hidden && complete && scene.dataset.key !== key) {
     scene.dataset.key = key;
     scene.contentWindow.location.replace(key); // no step of its own to go back to
@@ -131,7 +131,7 @@ const remove = () => plan.chosenPiece() && ask("remove", { path: plan.chosenPiec
 const plan = new Plan(find("plan"), {
   ask,
   click,
-  changed: () => showLanes(plan.state, plan.pieces(), plan.hand, ask),
+  changed: () => showSessions(plan.state, plan.pieces(), plan.hand, ask),
   chosen: (piece) => showPiece(piece, ask),
 });
 const placing = new Placing(plan, ask);
@@ -153,7 +153,7 @@ find("arrows").onchange = (event) => {
   plan.arrows = event.target.checked;
   plan.draw();
 };
-find("beside").onchange = () => link.state && showScene(link.state.lanes[0]);
+find("beside").onchange = () => link.state && showScene(link.state.sessions[0]);
 find("kind").onchange = () => find("plan").classList.toggle("adding", Boolean(find("kind").value));
 document.addEventListener("keydown", (event) => {
   const typing = ["INPUT", "SELECT"].includes(document.activeElement?.tagName);

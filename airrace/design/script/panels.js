@@ -21,56 +21,56 @@ const seconds = (time) => `${time.toFixed(3)} s`;
 const rows = (table, all) => table.replaceChildren(...all.map(([cells, name = ""]) =>
   element("tr", { className: name }, ...cells.map((cell) => element("td", { textContent: cell })))));
 
-export function showLanes(state, pieces, held, ask) {
-  const shown = state.lanes.map((lane, index) => {
-    const known = lane.answered === state.revision && !held;
-    const time = known ? lane.time : predicted(lane, pieces);
+export function showSessions(state, pieces, held, ask) {
+  const shown = state.sessions.map((session, index) => {
+    const known = session.answered === state.revision && !held;
+    const time = known ? session.time : predicted(session, pieces);
     const text = typeof time === "number" ? `${known ? "" : "≈ "}${seconds(time)}` : "—";
     const told = element("div", { className: `time ${known ? "known" : "guess"}`, textContent: text });
     told.dataset.time = time ?? "";
-    const difference = index && time && state.lanes[0].time ? time - state.lanes[0].time : null;
+    const difference = index && time && state.sessions[0].time ? time - state.sessions[0].time : null;
     const names = [...state.aircraft];
     const choice = element("select", { onchange: (event) => {
-      const all = state.lanes.map((one) => one.aircraft);
+      const all = state.sessions.map((one) => one.aircraft);
       all[index] = event.target.value || null;
       ask("aircraft", { names: all });
     } }, ...["", ...names].map((name) => element("option", { value: name, textContent: name || "as the file says",
-      selected: name === (lane.aircraft ?? "") })));
-    const range = lane.n_z_range && lane.holds ? `, n_z ${lane.n_z_range[0]} to ${lane.n_z_range[1]}` : "";
-    const six = lane.six_dof && element("div", { textContent: `six-dof: ${lane.six_dof.time === null ? lane.six_dof.message
-      : seconds(lane.six_dof.time)}, ${lane.six_dof.status}${lane.six_dof.revision === state.revision ? "" : ", of an earlier layout"}` });
-    return element("div", { className: `lane ${index ? "second" : ""}` },
-      element("div", { textContent: lane.title ?? "" }), told,
+      selected: name === (session.aircraft ?? "") })));
+    const range = session.n_z_range && session.holds ? `, n_z ${session.n_z_range[0]} to ${session.n_z_range[1]}` : "";
+    const six = session.six_dof && element("div", { textContent: `six-dof: ${session.six_dof.time === null ? session.six_dof.message
+      : seconds(session.six_dof.time)}, ${session.six_dof.status}${session.six_dof.revision === state.revision ? "" : ", of an earlier layout"}` });
+    return element("div", { className: `session ${index ? "second" : ""}` },
+      element("div", { textContent: session.title ?? "" }), told,
       ...(difference === null ? [] : [element("div", { textContent: `${difference >= 0 ? "+" : ""}${difference.toFixed(3)} s` })]),
-      element("div", { textContent: `${lane.status ?? ""}${range}` }),
+      element("div", { textContent: `${session.status ?? ""}${range}` }),
       ...(six ? [six] : []),
-      element("div", { className: "problem", textContent: lane.problem || (lane.holds ? "" : lane.message ?? "") }),
-      element("div", { textContent: lane.note ?? "" }),
-      element("div", { className: "busy", textContent: lane.busy ?? "" }),
+      element("div", { className: "problem", textContent: session.problem || (session.holds ? "" : session.message ?? "") }),
+      element("div", { textContent: session.note ?? "" }),
+      element("div", { className: "busy", textContent: session.busy ?? "" }),
       choice,
-      element("button", { textContent: "Six degrees of freedom", onclick: () => ask("six-dof", { lane: index }) }));
+      element("button", { textContent: "Six degrees of freedom", onclick: () => ask("six-dof", { session: index }) }));
   });
-  const first = state.lanes.map((one) => one.aircraft);
-  const pair = state.lanes.length < 2
+  const first = state.sessions.map((one) => one.aircraft);
+  const pair = state.sessions.length < 2
     ? element("button", { textContent: "A second aircraft", onclick: () => ask("aircraft", {
       names: [...first, state.aircraft.find((one) => one !== first[0])] }) })
     : element("button", { textContent: "One aircraft", onclick: () => ask("aircraft", { names: first.slice(0, 1) }) });
-  if (!find("lanes").contains(document.activeElement) || document.activeElement.tagName !== "SELECT") {
-    find("lanes").replaceChildren(...shown, pair);
+  if (!find("sessions").contains(document.activeElement) || document.activeElement.tagName !== "SELECT") {
+    find("sessions").replaceChildren(...shown, pair);
   }
 }
 
 export function showTables(state) {
-  const lane = state.lanes[0];
-  rows(find("splits"), (lane.splits ?? []).map(([name, time, speed, load]) => [[name, time.toFixed(2), `${speed} kt`, `${load} g`]]));
-  rows(find("distances"), (lane.distances ?? []).map(([what, distance, required]) => [
+  const session = state.sessions[0];
+  rows(find("splits"), (session.splits ?? []).map(([name, time, speed, load]) => [[name, time.toFixed(2), `${speed} kt`, `${load} g`]]));
+  rows(find("distances"), (session.distances ?? []).map(([what, distance, required]) => [
     [what, `${distance} m`, `≥ ${required} m`], distance < required - 0.01 ? "missed" : distance < required + 0.05 ? "tight" : ""]));
-  find("warnings").replaceChildren(...(lane.warnings ?? []).map((text) => element("li", { textContent: text })));
+  find("warnings").replaceChildren(...(session.warnings ?? []).map((text) => element("li", { textContent: text })));
 }
 
 export function showSliders(state, ask) {
   const form = find("sliders");
-  const limits = state.lanes[0].limits ?? {};
+  const limits = state.sessions[0].limits ?? {};
   if (!form.children.length) {
     for (const [text, [name], min, max, step] of SLIDERS) {
       const input = element("input", { type: "range", name, min, max, step });

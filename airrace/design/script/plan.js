@@ -74,33 +74,33 @@ class Hand {
   }
 }
 
-// How the race time follows by the sensitivities of a lane's latest optimum; null where it has none.
-export function predicted(lane, pieces) {
-  if (!lane.slopes) return null;
-  let time = lane.slope_time;
+// How the race time follows by the sensitivities of a session's latest optimum; null where it has none.
+export function predicted(session, pieces) {
+  if (!session.slopes) return null;
+  let time = session.slope_time;
   const add = (slope, change) => {
     if (slope) time += change * slope[change > 0 ? 0 : 1];
   };
   for (const piece of pieces) {
     for (const spot of piece.spots) {
-      const [before, slopes] = [lane.slope_places[key(spot.path)], lane.slopes[key(spot.path)] ?? {}];
+      const [before, slopes] = [session.slope_places[key(spot.path)], session.slopes[key(spot.path)] ?? {}];
       if (!before) return null;
       add(slopes.north, spot.north - before[0]);
       add(slopes.east, spot.east - before[1]);
     }
-    if (piece.turn && key(piece.path) in lane.slope_turns) {
-      const change = ((piece.turn[1] - lane.slope_turns[key(piece.path)] + 540) % 360) - 180;
-      add((lane.slopes[key(piece.path)] ?? {}).turn, change);
+    if (piece.turn && key(piece.path) in session.slope_turns) {
+      const change = ((piece.turn[1] - session.slope_turns[key(piece.path)] + 540) % 360) - 180;
+      add((session.slopes[key(piece.path)] ?? {}).turn, change);
     }
   }
   return time;
 }
 
 // Where a piece would make the race faster, ms per metre to the north and to the east.
-function gain(lane, piece) {
+function gain(session, piece) {
   const sum = { north: 0, east: 0 };
   for (const spot of piece.spots) {
-    const slopes = lane.slopes?.[key(spot.path)] ?? {};
+    const slopes = session.slopes?.[key(spot.path)] ?? {};
     for (const axis of ["north", "east"]) {
       const [up, down] = slopes[axis] ?? [0, 0];
       // To either side only as far as both agree on it.
@@ -165,7 +165,7 @@ export class Plan {
   }
 
   fit() {
-    const lines = this.state.lanes.flatMap((lane) => lane.line ?? []);
+    const lines = this.state.sessions.flatMap((session) => session.line ?? []);
     const spots = this.pieces().flatMap((one) => one.spots.map((spot) => [spot.north, spot.east]));
     const [norths, easts] = [0, 1].map((index) => [...lines, ...spots].map((one) => one[index]));
     const [low, high] = [norths, easts].map((all) => [Math.min(...all), Math.max(...all)]);
@@ -267,7 +267,7 @@ export class Plan {
     const pieces = this.pieces();
     this.svg.replaceChildren(
       ...this.below(),
-      ...this.state.lanes.flatMap((lane, index) => this.line(lane, index)),
+      ...this.state.sessions.flatMap((session, index) => this.line(session, index)),
       ...pieces.filter((one) => one.spots.length).map((one) => this.piece(one)),
       ...(this.arrows ? pieces.flatMap((one) => this.arrow(one)) : []),
     );
@@ -294,21 +294,21 @@ export class Plan {
     return [element("g", { transform }, ...marks)];
   }
 
-  line(lane, index) {
+  line(session, index) {
     const lines = [];
-    if (lane.six_dof?.line?.length) {
-      lines.push(element("g", { class: "six" }, element("polyline", { class: "line", points: points(lane.six_dof.line) })));
+    if (session.six_dof?.line?.length) {
+      lines.push(element("g", { class: "six" }, element("polyline", { class: "line", points: points(session.six_dof.line) })));
     }
-    if (!lane.line) return lines;
-    const old = lane.answered !== undefined && !lane.holds;
+    if (!session.line) return lines;
+    const old = session.answered !== undefined && !session.holds;
     const group = element("g", { class: `${old ? "old" : ""} ${index ? "second" : ""}`, "data-line": index });
-    const [low, high] = lane.n_z_range;
+    const [low, high] = session.n_z_range;
     const shade = (row) => Math.round((COLOURS * (row[2] - low)) / Math.max(high - low, 1e-9));
-    for (let begin = 0; begin < lane.line.length - 1; ) {
+    for (let begin = 0; begin < session.line.length - 1; ) {
       let end = begin + 1;
-      while (end < lane.line.length - 1 && shade(lane.line[end]) === shade(lane.line[begin])) end += 1;
-      const stroke = colour(shade(lane.line[begin]) / COLOURS);
-      group.append(element("polyline", { class: "line", points: points(lane.line.slice(begin, end + 1)), stroke }));
+      while (end < session.line.length - 1 && shade(session.line[end]) === shade(session.line[begin])) end += 1;
+      const stroke = colour(shade(session.line[begin]) / COLOURS);
+      group.append(element("polyline", { class: "line", points: points(session.line.slice(begin, end + 1)), stroke }));
       begin = end;
     }
     return [...lines, group];
@@ -355,9 +355,9 @@ export class Plan {
   }
 
   arrow(piece) {
-    const lane = this.state.lanes[0];
-    if (piece.path[0] !== "gates" || !piece.spots.length || !lane.holds) return [];
-    const { north, east } = gain(lane, piece);
+    const session = this.state.sessions[0];
+    if (piece.path[0] !== "gates" || !piece.spots.length || !session.holds) return [];
+    const { north, east } = gain(session, piece);
     const size = Math.hypot(north, east);
     if (size < LEAST_GAIN) return [];
     const { scale } = this.view;

@@ -61,8 +61,14 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
         """Return the gate; what leaves nothing of it is reported."""
         path, numbers = ("gates", name), self.numbers(defaults)
         if self.pylons is None:
-            centre, width = self._stand(path, places), numbers["width_m"]
+            centre, width = places.point(self, path), numbers["width_m"]
             heading = math.radians(self.heading_deg or 0.0)
+            if self.heading_deg is None:
+                centre = NOWHERE
+                message = (
+                    f"missing; {self.what} needs `heading_deg`: its axis in forward direction; or its two `pylons`"
+                )
+                places.reporter.key((*path, "heading_deg"), message)
         else:
             centre, heading, width = self._between(self.pylons, path, places)
         gate = Gate(
@@ -87,21 +93,12 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
             )
         return gate
 
-    def _stand(self, path: KeyPath, places: Places) -> Point:
-        """Return the centre by the gate's own numbers."""
-        centre = places.point(self, path)
-        if self.heading_deg is not None:
-            return centre
-        message = f"missing; {self.what} needs `heading_deg`: its axis in forward direction; or its two `pylons`"
-        places.reporter.key((*path, "heading_deg"), message)
-        return NOWHERE
-
     def _between(self, pylons: list[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, float, float]:
         """Return the centre, the axis (rad) and the width (m) of a gate whose two pylons are known."""
         for key in ("heading_deg", "width_m", *METRIC, *GEODETIC):
             if getattr(self, key) is not None:
                 places.reporter.key((*path, key), "the gate's place is given twice; keep it, or `pylons`")
-        left, right = (places.point(one, (*path, "pylons", index)) for index, one in enumerate(pylons))
+        left, right = (places.point(pylon, (*path, "pylons", index)) for index, pylon in enumerate(pylons))
         north, east = right.north - left.north, right.east - left.east
         width = math.hypot(north, east)
         if width == 0.0:

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args
 
 from annotated_types import Ge, Gt, Le
 
@@ -119,11 +119,17 @@ wings are level within 10 degrees; the rest are choices.
 
 def passing_numbers(entry: PassingEntry, defaults: GateDefaultsEntry) -> dict[str, float]:
     """Return the numbers of a passing by their keys: its own, else those of `gate_defaults`, which must be complete."""
-    keys = [key for key in GateDefaultsEntry.model_fields if key in type(entry).model_fields and key != "passing"]
-    numbers = {key: own if (own := getattr(entry, key)) is not None else getattr(defaults, key) for key in keys}
-    height = numbers["height_m"]
-    band = {"height_min_m": max(0.0, height - HEIGHT_BAND_M), "height_max_m": height + HEIGHT_BAND_M}
-    return numbers | {key: value for key, value in band.items() if numbers[key] is None}
+    numbers: dict[str, Any] = {}  # Any: None stands for a height that follows from the nominal one
+    for key in GateDefaultsEntry.model_fields:
+        if key in type(entry).model_fields and key != "passing":
+            own = getattr(entry, key)
+            numbers[key] = getattr(defaults, key) if own is None else own
+    return numbers | {key: value for key, value in height_band(numbers["height_m"]).items() if numbers[key] is None}
+
+
+def height_band(height: float) -> dict[str, float]:
+    """Return the legal heights around a nominal one (m) where a file says nothing, by their keys."""
+    return {"height_min_m": max(0.0, height - HEIGHT_BAND_M), "height_max_m": height + HEIGHT_BAND_M}
 
 
 class KindEntry(Schema):
@@ -134,7 +140,7 @@ class KindEntry(Schema):
 
     @abstractmethod
     def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
-        """Return the passages of an entry of this kind; what makes no sense goes to the reporter of `places`.
+        """Return the passages of an entry of this kind; invalid values go to the reporter of `places`.
 
         Args:
             name: the key of the entry in `gates`.
@@ -158,7 +164,7 @@ _kinds: list[type[KindEntry]] = []
 def register(kind: Kind) -> Kind:
     """Add a kind of element to the track language (a class decorator).
 
-    A file that calls this is all that a kind of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
+    An extension that calls this needs nothing else: import it, or name it in `AIRRACE_EXTENSIONS`.
 
     Raises:
         ValueError: the class declares no `type`, or one that is a kind's already.
@@ -166,8 +172,9 @@ def register(kind: Kind) -> Kind:
     types = _types(kind)
     if not types:
         raise ValueError(f'{kind.__name__} declares no `type: Literal["..."]` by which a file could name it')
-    if taken := types & {name for one in _kinds for name in _types(one)}:
-        raise ValueError(f"there is a kind of element of the type {min(taken)} already")
+    for registered in _kinds:
+        if duplicates := types & _types(registered):
+            raise ValueError(f"there is a kind of element of the type {min(duplicates)} already")
     _kinds.append(kind)
     return kind
 

@@ -133,7 +133,7 @@ def _over_ground(entry: ManoeuvreEntry, path: KeyPath, places: Places) -> tuple[
     exact = (entry.north_m, entry.east_m) if point is None else (point.north, point.east)
     north = Interval.between(entry.north_min_m, entry.north_max_m)
     east = Interval.between(entry.east_min_m, entry.east_max_m)
-    if point is not None and (north.bounded or east.bounded):
+    if point is not None and (north.constrained or east.constrained):
         message = "is exact; not together with bounds of north or east, such as `north_min_m`"
         places.reporter.value((*path, "latitude_deg"), message)
         north = east = Interval()
@@ -145,7 +145,7 @@ def _over_ground(entry: ManoeuvreEntry, path: KeyPath, places: Places) -> tuple[
 
 def _range(axis: str, exact: float | None, bounds: Interval, path: KeyPath, reporter: Reporter) -> Interval:
     if exact is not None:
-        if bounds.bounded:
+        if bounds.constrained:
             reporter.value((*path, f"{axis}_m"), f"is exact; not together with `{axis}_min_m` or `{axis}_max_m`")
         return Interval.exactly(exact)
     if bounds.empty:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.native.library import library
-from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly, StageMatrices
+from airrace.optimal_control.assembly import MOST_UNKNOWNS, Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.interface import Bounds
@@ -24,42 +24,29 @@ def available(assembly: Assembly) -> bool:
     return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
 
 
-@dataclass(frozen=True)
-class StepParameters:
-    """The constants of a step.
-
-    Attributes:
-        spread: products of slack and multiplier stay within this factor of the barrier parameter.
-        boundary_fraction: part of the way to where the first slack vanishes.
-        corrections_max, step_gain, least_gain, long_enough: of Gondzio's corrections: how many, by how much one tries
-            to lengthen the step, the least that it has to win, and the step from which on there is none.
-        equality_weight: of the penalty on equalities; what is left of them the next step sees to.
-    """
-
-    spread: float = 10.0
-    boundary_fraction: float = 0.99
-    corrections_max: int = 3
-    step_gain: float = 0.3
-    least_gain: float = 0.02
-    long_enough: float = 0.95
-    equality_weight: float = 1e6
-
-
-STEP = StepParameters()
+PRODUCT_SPREAD = 10.0
+"""Products of slack and multiplier stay within this factor of the barrier parameter."""
+BOUNDARY_FRACTION = 0.99
+"""The part of the way to where the first slack vanishes."""
+CORRECTIONS_MAX, STEP_GAIN, STEP_GAIN_MIN, STEP_LENGTH_ENOUGH = 3, 0.3, 0.02, 0.95
+"""Gondzio's corrections: how many, by how much each tries to lengthen the step, the least that it has to gain, and the
+length from which on there is none."""
+EQUALITY_WEIGHT = 1e6
+"""The weight of the penalty on equalities; the next step sees to what is left of them."""
 
 
 class _ProgramArrays(ctypes.Structure):
     """`struct interior_program` of `interior_point.h`."""
 
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("stages", "states", "unknowns", "gaps", "rows", "equalities", "sides")),
-        ("constraints", ctypes.c_int),
+        *((name, ctypes.c_int) for name in ("stages", "states", "unknowns", "gaps", "rows")),
+        *((name, ctypes.c_int) for name in ("equalities", "inequalities", "constraints")),
         *((name, ctypes.c_void_p) for name in ("sizes", "row_counts", "hessian", "dynamics", "gradients")),
         *((name, ctypes.c_void_p) for name in ("gap_index", "row_index", "equality", "jump", "target")),
-        *((name, ctypes.c_void_p) for name in ("side", "sign", "bound")),
+        *((name, ctypes.c_void_p) for name in ("inequality", "sign", "bound")),
         ("equality_weight", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("factors", "first", "lead", "costs")),
-        *((name, ctypes.c_void_p) for name in ("bounded", "pull", "changes", "weights")),
+        *((name, ctypes.c_void_p) for name in ("factors", "first", "feedforward", "cost_gradients")),
+        *((name, ctypes.c_void_p) for name in ("values", "multipliers", "changes", "weights")),
         *((name, ctypes.c_void_p) for name in ("right_hand", "predicted", "correction", "candidate")),
     ]
 
@@ -68,13 +55,13 @@ class _Corrections(ctypes.Structure):
     """`struct interior_corrections` of `interior_point.h`."""
 
     _fields_ = [
-        ("most", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("gain", "least_gain", "long_enough", "spread", "boundary_fraction")),
+        ("count", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("gain", "gain_min", "length_enough", "spread", "boundary_fraction")),
     ]
 
 
 _CORRECTIONS = _Corrections(
-    STEP.corrections_max, STEP.step_gain, STEP.least_gain, STEP.long_enough, STEP.spread, STEP.boundary_fraction
+    CORRECTIONS_MAX, STEP_GAIN, STEP_GAIN_MIN, STEP_LENGTH_ENOUGH, PRODUCT_SPREAD, BOUNDARY_FRACTION
 )
 
 
@@ -119,7 +106,7 @@ class Measures:
 
     @property
     def dual_scale(self) -> float:
-        """By what dual errors are lessened because multipliers are large."""
+        """The factor by which dual errors are reduced because multipliers are large."""
         return MULTIPLIER_SCALE / max(MULTIPLIER_SCALE, self.constraint_multiplier, self.bound_multiplier)
 
     @property
@@ -129,7 +116,7 @@ class Measures:
 
     @property
     def violation(self) -> float:
-        """The same whatever the size of the multipliers: what has to come closer from iterate to iterate."""
+        """The same whatever the size of the multipliers: what has to fall from iterate to iterate."""
         return max(self.primal, self.stationarity, self.largest_product)
 
 
@@ -138,14 +125,13 @@ class BoundedProgram:
 
     Args:
         functions: of the program.
-        matrices: those of its stages.
         bounds: of unknowns and constraints.
     """
 
-    def __init__(self, functions: Evaluation, matrices: StageMatrices, bounds: Bounds) -> None:
+    def __init__(self, functions: Evaluation, bounds: Bounds) -> None:
         native = library()
         assert native is not None  # see `available`
-        layout = functions.assembly.layout
+        layout, matrices = functions.assembly.layout, functions.stage_matrices
         self.functions, self.matrices, self._native = functions, matrices, native.evaluator
         gaps, rows = layout.gap_index.ravel(), layout.row_index
         lower = np.concatenate([bounds.g_lower[rows], bounds.lower])
@@ -153,11 +139,11 @@ class BoundedProgram:
         self.equality = np.flatnonzero(lower == upper)
         below = np.flatnonzero((lower != upper) & np.isfinite(lower))
         above = np.flatnonzero((lower != upper) & np.isfinite(upper))
-        self.side: Indices = np.concatenate([below, above])
+        self.inequality: Indices = np.concatenate([below, above])
         self.sign = np.concatenate([np.ones(len(below)), -np.ones(len(above))])
         self.bound = np.concatenate([lower[below], upper[above]])
         self.rows = rows
-        self.sizes = layout.unknowns, len(gaps), len(self.equality), len(self.side)
+        self.sizes = layout.unknowns, len(gaps), len(self.equality), len(self.inequality)
         self.targets = lower[self.equality]
         fixed = self.equality >= len(rows)
         self._fixed, self._fixed_to = self.equality[fixed] - len(rows), self.targets[fixed]
@@ -169,12 +155,12 @@ class BoundedProgram:
             *(matrices.sizes, matrices.row_counts, matrices.hessian.doubles),
             *(constraints, constraints[matrices.gap_size :]),
             *(gaps, rows, self.equality, bounds.g_lower[gaps], self.targets),
-            *(self.side, self.sign, self.bound),
+            *(self.inequality, self.sign, self.bound),
         ]
         self._arrays = *arrays, *work  # which the library knows by their addresses alone
         counts = len(matrices.sizes), matrices.states, *self.sizes[:2], len(rows), *self.sizes[2:], layout.constraints
         addresses, room = ([array.ctypes.data for array in part] for part in (arrays, work))
-        self._program = ctypes.byref(_ProgramArrays(*counts, *addresses, STEP.equality_weight, *room))
+        self._program = ctypes.byref(_ProgramArrays(*counts, *addresses, EQUALITY_WEIGHT, *room))
         self._measures, self._lengths = np.zeros(9), np.zeros(2)
 
     def vector(self) -> Vector:
@@ -183,7 +169,7 @@ class BoundedProgram:
 
     def slacks(self, w: Array) -> Array:
         """Return the room to the one-sided bounds at unknowns where the constraints are evaluated, shape (n_s,)."""
-        return self.sign * (np.concatenate([self.functions.g[self.rows], w])[self.side] - self.bound)
+        return self.sign * (np.concatenate([self.functions.g[self.rows], w])[self.inequality] - self.bound)
 
     def multipliers(self, point: Vector, constraint_multipliers: Array) -> None:
         """Write the multipliers of the constraints."""
@@ -208,9 +194,9 @@ class BoundedProgram:
         """Evaluate the program and its derivatives at a point, write its residuals; None where one is not finite."""
         functions = self.functions
         self.go_to(point)
-        curved = functions.hessian_sources()  # first: values and Jacobian of steps are by-products
+        hessian = functions.hessian_sources()  # first: values and Jacobian of steps are by-products
         functions.values()
-        finite = self.matrices.write(functions.jacobian_sources(), curved)
+        finite = self.matrices.write(functions.jacobian_sources(), hessian)
         measures = self.residuals(point, residuals)
         numbers = functions.f, measures.stationarity, measures.infeasibility
         return measures if finite and np.isfinite(numbers).all() else None
@@ -226,11 +212,11 @@ class BoundedProgram:
         self._native.interior_solve(self._program, point.address, residuals.address, step.address)
 
     def predict_and_correct(
-        self, point: Vector, residuals: Vector, least_barrier: float, step: Vector
+        self, point: Vector, residuals: Vector, barrier_min: float, step: Vector
     ) -> tuple[float, float]:
         """Write Mehrotra's step with Gondzio's corrections, and return its primal and dual length."""
         addresses = ctypes.byref(_CORRECTIONS), point.address, residuals.address
         lengths = self._lengths.ctypes.data
-        self._native.interior_predictor_corrector(self._program, *addresses, least_barrier, step.address, lengths)
+        self._native.interior_predictor_corrector(self._program, *addresses, barrier_min, step.address, lengths)
         primal, dual = self._lengths.tolist()
         return primal, dual

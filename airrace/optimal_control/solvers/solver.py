@@ -6,12 +6,10 @@ A solve that fails is a value: `Solution.success` is False, `ending` says why, `
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.assembly import Assembly, StageMatrices
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.certificate import Curvature, SecondOrder
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels
@@ -30,7 +28,7 @@ from airrace.optimal_control.solvers.interface import (
     SolverResult,
 )
 from airrace.optimal_control.solvers.interior_point import InteriorPoint
-from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
+from airrace.optimal_control.solvers.ipopt import Ipopt
 from airrace.trajectory import Array
 
 
@@ -117,66 +115,6 @@ class Solution:
         )
 
 
-IPOPT_ENDINGS = {
-    "Solve_Succeeded": Ending.OPTIMAL,
-    "Solved_To_Acceptable_Level": Ending.ACCEPTABLE,
-    "Infeasible_Problem_Detected": Ending.INFEASIBLE,
-    "Maximum_Iterations_Exceeded": Ending.ITERATION_LIMIT,
-    "Restoration_Failed": Ending.NO_BETTER_POINT,
-    "Error_In_Step_Computation": Ending.NO_STEP,
-    "Search_Direction_Becomes_Too_Small": Ending.NO_STEP,
-    "Invalid_Number_Detected": Ending.NOT_FINITE,
-}
-
-
-class Ipopt(Solver):
-    """The solver IPOPT with MUMPS on the same program, which it evaluates through `ipopt_functions.py`.
-
-    On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass.
-    """
-
-    effort = 2
-
-    def __init__(self, functions: Evaluation, options: SolverOptions) -> None:
-        self._program = ProgramFunctions(functions)
-        own: dict[str, float | str] = {"tol": options.tolerance, "max_iter": options.iterations_max, "sb": "yes"}
-        own |= {"mu_init": options.barrier, "bound_relax_factor": 0.0, "nlp_scaling_method": "none"}
-        cache = self._program.derivatives
-        self._settings = {"print_time": False, "calc_lam_p": False, "cache": cache, "ipopt": own}
-        self._nlpsols: dict[bytes, ca.Function] = {}
-
-    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> SolverResult:
-        self._program.begin(p)
-        arguments: dict[str, Array] = {"x0": guess, "p": p, "lbx": bounds.lower, "ubx": bounds.upper}
-        arguments |= {"lbg": bounds.g_lower, "ubg": bounds.g_upper}
-        if multipliers is not None:
-            arguments |= {"lam_g0": multipliers.constraints, "lam_x0": multipliers.bounds}
-        nlpsol = self._nlpsol(bounds)
-        result = nlpsol(**arguments)
-        stats = nlpsol.stats()
-        status = str(stats["return_status"])
-        return SolverResult(
-            w=np.asarray(result["x"]).ravel(),
-            lam_g=np.asarray(result["lam_g"]).ravel(),
-            objective=float(result["f"]),
-            ending=IPOPT_ENDINGS.get(status, Ending.UNKNOWN),
-            status=status,
-            success=bool(stats["success"]),
-            iterations=int(stats.get("iter_count", 0)),
-            derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
-        )
-
-    def _nlpsol(self, bounds: Bounds) -> ca.Function:
-        """Return the solver for bounds of these kinds: casadi tells IPOPT once which constraints are equalities."""
-        kinds = b"".join(
-            np.concatenate([np.isfinite(lower), np.isfinite(upper), lower == upper]).tobytes()
-            for lower, upper in ((bounds.lower, bounds.upper), (bounds.g_lower, bounds.g_upper))
-        )
-        if kinds not in self._nlpsols:
-            self._nlpsols[kinds] = ca.nlpsol("solve", "ipopt", self._program.nlp, dict(self._settings))
-        return self._nlpsols[kinds]
-
-
 SOLVERS: Mapping[str, type[Solver]] = {INTERIOR_POINT: InteriorPoint, IPOPT: Ipopt}
 """The solvers by the names that settings know; where the former's steps cannot be computed the latter is asked."""
 
@@ -253,10 +191,6 @@ class PreparedProblem:
             second_order=second_order,
         )
 
-    @cached_property
-    def _matrices(self) -> StageMatrices:
-        return StageMatrices(self._functions.assembly)
-
     def _beyond_saddles(
         self, layout: Layout, bounds: Bounds, p: Array, result: SolverResult
     ) -> tuple[SolverResult, SecondOrder | None]:
@@ -265,7 +199,7 @@ class PreparedProblem:
         Returns:
             The better optimum, else the one that is given, and the verdict on it.
         """
-        judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
+        judged = judge(self._functions, layout, result.w, p, result.lam_g)
         for side in (STEP_FROM_SADDLE, -STEP_FROM_SADDLE):
             if judged is None or judged[0].curvature is not Curvature.INDEFINITE:
                 break
@@ -278,7 +212,7 @@ class PreparedProblem:
             result = replace(found, status=f"{found.status}, beyond a saddle") if better else result
             result = replace(result, iterations=spent, derivative_seconds=derived)
             if better:
-                judged = judge(self._functions, self._matrices, layout, result.w, p, result.lam_g)
+                judged = judge(self._functions, layout, result.w, p, result.lam_g)
         return result, None if judged is None else judged[0]
 
     def _refusal(self, start: Array, bounds: Bounds, p: Array) -> Ending | None:

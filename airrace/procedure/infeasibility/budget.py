@@ -14,7 +14,7 @@ WORK_PER_INTERVAL = 2500
 
 def conflict_budget(plan: Plan, settings: MeshSettings) -> Budget:
     """Return the budget of the search for the conflicts of a race, from its plan."""
-    whole = Budget.of(plan, settings, WORK_PER_INTERVAL)
+    whole = Budget.from_plan(plan, settings, WORK_PER_INTERVAL)
     return dataclasses.replace(whole, failed_only=False)
 
 

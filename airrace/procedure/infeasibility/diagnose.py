@@ -28,7 +28,7 @@ from airrace.procedure.infeasibility.local_infeasibility import diagnose_window
 from airrace.procedure.result import StageResult, Status, SuggestedChange
 from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solve_and_refine import solve_certified
-from airrace.procedure.solver_session import LIMITS, Budget, SolverSession
+from airrace.procedure.solver_session import INTERVALS_MIN, Budget, SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, formulate, mesh_of
 from airrace.procedure.warm_start import InitialBarrier, Start
@@ -72,7 +72,7 @@ def diagnose_infeasibility(
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
-    session = dataclasses.replace(session, budget=session.budget.for_an_explanation())
+    session = dataclasses.replace(session, budget=session.budget.reserve_for_diagnosis())
     routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
     searching = searching_conflicts(session, routes.budget)
     trials = Trials(searching, race, flight.stage)
@@ -207,7 +207,7 @@ class Trials:
         settings, whole = self.session.settings, self.session.budget
         limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        own, left = TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals)), whole.work - whole.spent
+        own, left = TRIAL.work * float(max(start.problem.intervals, INTERVALS_MIN)), whole.work - whole.spent
         if left <= 0.0:
             return NOT_TRIED
         budget = Budget(min(own, left), failed_only=False)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.environment import g0
-from airrace.frames import product, quaternion, rotation
+from airrace.frames import QUATERNION, product, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.guess import QUATERNION, align_quaternions
+from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions
 from airrace.trajectory import Array
 
 
@@ -115,7 +115,7 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each roll from side to side through inverted instead of level flight, or the other way round."""
     time = _time(problem, iterate)
     fastest = problem.system.states[ROLL_RATE_ROW].upper
-    for one in reversals(iterate.state[QUATERNION]):
+    for one in reversals(iterate.state[QUATERNION_ROWS]):
         turn, first, last = -math.copysign(math.tau, one.angle), one.first, one.last
         if time[last] - time[first] > SETTINGS.roll_max:
             continue
@@ -129,7 +129,7 @@ def _other_ways(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
 
 def _other_sides(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each short pull down banked to the other side."""
-    time, q = _time(problem, iterate), iterate.state[QUATERNION]
+    time, q = _time(problem, iterate), iterate.state[QUATERNION_ROWS]
     R, bank = rotation(list(q)), _bank(q)
     turned = {node for one in reversals(q) if one.inverted for node in (one.first, one.last)}
     for first, last in _runs((R[2][2] < 0.0) & (np.abs(R[2][1]) > SETTINGS.banked)):
@@ -159,7 +159,7 @@ def pushes(time: Array, load: Array) -> list[tuple[int, int]]:
 
 def _pulled(problem: Problem, iterate: Iterate) -> Iterator[Reroll]:
     """Yield each stretch that is pushed, under negative load factors, pulled half a roll away with the same lift."""
-    time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION])
+    time, load, bank = _time(problem, iterate), iterate.state[LOAD_FACTOR_ROW], _bank(iterate.state[QUATERNION_ROWS])
     for first, last in pushes(time, load):
         shares = np.clip((time - time[[[first], [last]]]) / SETTINGS.blend, -1.0, 1.0)
         around = (np.flatnonzero(np.abs(one) < 1.0) for one in shares)
@@ -180,7 +180,7 @@ def _roll_over(problem: Problem, iterate: Iterate, added: Array) -> Iterate:
     fastest, time = problem.system.states[ROLL_RATE_ROW].upper, _time(problem, iterate)
     state, control, half = iterate.state.copy(), iterate.control.copy(), 0.5 * added
     turned = [np.cos(half), np.sin(half), np.zeros_like(half), np.zeros_like(half)]
-    state[QUATERNION] = np.array(product(list(state[QUATERNION]), turned))
+    state[QUATERNION_ROWS] = np.array(product(list(state[QUATERNION_ROWS]), turned))
     state[ROLL_RATE_ROW] = np.clip(state[ROLL_RATE_ROW] + np.gradient(added, time), -fastest, fastest)
     names = [one.rate_of for one in problem.system.controls]
     control[names.index(PointMassState.names()[ROLL_RATE_ROW])] = np.diff(state[ROLL_RATE_ROW]) / np.diff(time)
@@ -261,7 +261,7 @@ def _set_attitude(state: Array, time: Array, rows: Sequence[str]) -> None:
         quaternion(math.atan2(y, x), -math.asin(max(-1.0, min(1.0, float(z)))), bank)
         for (x, y, z), bank in zip(ahead.T, banks, strict=True)
     ]
-    for row, history in zip(("q0", "q1", "q2", "q3"), np.array(q).T, strict=True):
+    for row, history in zip(QUATERNION, np.array(q).T, strict=True):
         state[rows.index(row)] = history
     align_quaternions(state)
     state[rows.index("V_K")] = speed

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.frames import rotation
-from airrace.planning.plan import ATTITUDE, POSITION, stops_of, track_turn
+from airrace.frames import QUATERNION, rotation
+from airrace.planning.plan import POSITION, stops_of, track_turn
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
 from airrace.procedure.multistart.rolls import Reversal, reversals
 from airrace.track.course import Course
@@ -178,7 +178,7 @@ def _position_and_attitude(coarse: CoarseSolution, first: int, last: int) -> tup
     """Return positions (3, n) and attitudes (4, n) at the nodes of some phases."""
     names, nodes = [one.name for one in coarse.problem.system.states], coarse.problem.first_node
     state = coarse.iterate.state[:, nodes[first] : nodes[last] + 1]
-    return state[[names.index(name) for name in POSITION]], state[[names.index(name) for name in ATTITUDE]]
+    return state[[names.index(name) for name in POSITION]], state[[names.index(name) for name in QUATERNION]]
 
 
 def _samples(coarse: CoarseSolution, phase: int) -> tuple[Array, Array]:

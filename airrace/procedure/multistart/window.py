@@ -14,7 +14,7 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.service import SolverService
-from airrace.procedure.guess import QUATERNION, align_quaternions, concatenate, phase_piece
+from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions, concatenate, phase_piece
 from airrace.procedure.homotopy import fixed_state
 from airrace.procedure.multistart.coarse_solution import (
     CoarseSolution,
@@ -232,9 +232,9 @@ def _continuation(names: Sequence[str], state: np.ndarray, start: Iterate) -> Bo
     fixed as well it would be one condition too many.
     """
     state = state.copy()
-    if state[QUATERNION] @ start.state[QUATERNION, -1] < 0.0:
-        state[QUATERNION] *= -1.0
-    largest = QUATERNION[int(np.abs(state[QUATERNION]).argmax())]
+    if state[QUATERNION_ROWS] @ start.state[QUATERNION_ROWS, -1] < 0.0:
+        state[QUATERNION_ROWS] *= -1.0
+    largest = QUATERNION_ROWS[int(np.abs(state[QUATERNION_ROWS]).argmax())]
     bounds: dict[str, Interval] = {}
     for row, (name, value) in enumerate(zip(names, state.tolist(), strict=True)):
         if row == largest:

@@ -12,8 +12,8 @@ from races import optimum as without_search
 from airrace.environment import Air
 from airrace.optimal_control.solvers.service import SolverService
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
+from airrace.procedure.procedure import optimize
 from airrace.procedure.result import Silent, StageResult
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage

@@ -9,20 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fake_optimizer import solve_roughly, solve_single_mesh
-from races import SHIPPED, SMALL
+from races import SHIPPED, SMALL, models_of
 from search_races import OFF, QUICK, open_session, planned_coarse_solution
 from search_races import optimum as search_optimum
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
-from airrace.procedure import fidelity_continuation
-from airrace.procedure.fidelity_continuation import CARRIED_LAG, FidelityContinuation
+from airrace.procedure import mesh_check, procedure, pylon_sides
+from airrace.procedure.homotopy import HomotopyOutcome
 from airrace.procedure.multistart.multistart import FoundRoutes
+from airrace.procedure.procedure import CARRIED_LAG, check_mesh, optimize, solve_point_mass, solve_stage_above
+from airrace.procedure.pylon_sides import with_other_sides
 from airrace.procedure.result import NOT_SEARCHED, Route, SearchReport, Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
-from airrace.procedure.solve_and_refine import Failure
+from airrace.procedure.solve_and_refine import Failure, solve_certified
+from airrace.procedure.solve_and_refine import solve_single_mesh as real_single_mesh
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
+from airrace.procedure.stage_models import StageModels
 from airrace.procedure.warm_start import InitialBarrier, Start
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -88,13 +91,13 @@ def stage_above(
 ) -> tuple[StageResult, int]:
     """The stage above the point mass, whose best route takes 9 s, and how often its alternative was solved."""
     left = list(of_alternative)
-    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", Answers(main or taking(9.0), making=False))
-    monkeypatch.setattr(fidelity_continuation, "solve_certified", lambda *_: left.pop(0))
-    for way in ("track", "trimmed_start"):
-        monkeypatch.setattr(fidelity_continuation, way, lambda *_: None)
+    monkeypatch.setattr(procedure, "solve_with_refinement", Answers(main or taking(9.0), making=False))
+    for name in ("start_along", "start_trimmed"):
+        monkeypatch.setattr(procedure, name, lambda *_: None)
+    models = models_of(HALF_CUBAN, settings, Stage.TRANSFER_FUNCTION)
+    done = {Stage.POINT_MASS: search_optimum(HALF_CUBAN, BOTH)}
     with open_session(settings) as session:
-        continuation = FidelityContinuation(HALF_CUBAN, settings, (search_optimum(HALF_CUBAN, BOTH),))
-        result = continuation.solve_stage(Stage.TRANSFER_FUNCTION, session)
+        result = solve_stage_above(models, session, lambda *_: left.pop(0), Stage.TRANSFER_FUNCTION, done)
     return result, len(of_alternative) - len(left)
 
 
@@ -114,19 +117,17 @@ def test_of_rough_routes_that_a_run_now_ends_with_the_faster_one_is_chosen_once_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     times = {9.0: taking(8.99), 9.02: taking(8.96)}
-    monkeypatch.setattr(
-        fidelity_continuation, "check_mesh_convergence", lambda _, optimum, __: times[round(seconds(optimum), 3)]
-    )
+    monkeypatch.setattr(mesh_check, "check_mesh_convergence", lambda _, optimum, __: times[round(seconds(optimum), 3)])
     rough = dataclasses.replace(solve_roughly(taking(9.0)), alternatives=(solve_roughly(taking(9.02)),))
     with open_session(BOTH) as session:
-        result = FidelityContinuation(SMALL, BOTH, (rough,)).check_mesh(rough.stage, session)
+        result = check_mesh(models_of(SMALL, BOTH), rough, session)
     assert result.certified
     assert seconds(result) == pytest.approx(8.96)
     assert [seconds(one) for one in result.alternatives] == [pytest.approx(8.99)]
 
 
 def test_every_alternative_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where they were read from a file: what a ladder stands on is what is finished."""
+    """Also where they were read from a file: the next stage starts from all that is finished."""
     result, _ = stage_above(monkeypatch, taking(8.9))
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
@@ -158,7 +159,7 @@ class Answers:
         self.asked: list[list[Start]] = []
 
     def __call__(
-        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnose: object
+        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnose: object = None
     ) -> StageResult:
         self.asked.append([make() for make in starts] if self.making else [])
         return self.verdicts.pop(0)
@@ -184,12 +185,12 @@ def first_stage(
     coarse = planned_coarse_solution(SMALL)
     starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
-    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
+    monkeypatch.setattr(procedure, "solve_with_refinement", answers)
     routes = FoundRoutes(starts, lambda _: search, near)
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: routes)
-    monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
+    monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
+    monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
     with open_session(chosen) as session:
-        result = FidelityContinuation(SMALL, chosen, ()).solve_stage(Stage.POINT_MASS, session)
+        result = solve_point_mass(models_of(SMALL, chosen, Stage.HOMOTOPY), session, solve_certified, None)
     assert answers.verdicts == []
     return result, answers.asked, list(starts)
 
@@ -229,12 +230,10 @@ def test_routes_are_compared_with_the_certified_one(monkeypatch: pytest.MonkeyPa
     coarse = planned_coarse_solution(SMALL)
     starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
     told = [SearchReport(routes=(Route(text, 9.0, 0.0, "joint"),)) for text in ("first", "second")]
-    monkeypatch.setattr(
-        fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
-    )
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
+    monkeypatch.setattr(procedure, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05)))
+    monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: FoundRoutes(starts, told.__getitem__))
     with open_session(QUICK) as session:
-        result = FidelityContinuation(SMALL, QUICK, ()).solve_stage(Stage.POINT_MASS, session)
+        result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
     assert result.search.routes[0].text == "second"
 
 
@@ -277,14 +276,12 @@ def close_together(
         return checks[asked[-1]]
 
     left, routes = list(verdicts), FoundRoutes(starts, lambda _: NOT_SEARCHED, near=2)
-    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
-    monkeypatch.setattr(fidelity_continuation, "search_routes", lambda *_, **__: routes)
-    monkeypatch.setattr(fidelity_continuation, "solve_homotopy", lambda *_: search_optimum(SMALL, OFF))
-    monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
+    monkeypatch.setattr(procedure, "solve_with_refinement", lambda *_, **__: left.pop(0))
+    monkeypatch.setattr(procedure, "search_routes", lambda *_, **__: routes)
+    monkeypatch.setattr(procedure, "solve_homotopy", lambda *_: HomotopyOutcome(search_optimum(SMALL, OFF)))
+    monkeypatch.setattr(mesh_check, "check_mesh_convergence", answered)
     with open_session(two) as session:
-        result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).solve_stage(
-            Stage.POINT_MASS, session
-        )
+        result = solve_point_mass(models_of(SMALL, two, Stage.HOMOTOPY), session, real_single_mesh, None)
     return result, asked
 
 
@@ -346,7 +343,7 @@ def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypa
     rounds = [[beaten[0], beaten[1], *uncertified], [beaten[2]]]
     around: list[float] = []
 
-    def on_other_sides(_: FidelityContinuation, fastest: StageResult, tried: object) -> Sequence[object]:
+    def on_other_sides(_: StageModels, fastest: StageResult, *__: object) -> Sequence[object]:
         around.append(seconds(fastest))
         return [lambda session, one=one: spend(session, one) for one in rounds.pop(0)]
 
@@ -354,10 +351,10 @@ def test_other_sides_are_tried_around_the_fastest_while_that_gains_time(monkeypa
         session.budget.spent += 1000
         return one
 
-    monkeypatch.setattr(FidelityContinuation, "_on_other_sides", on_other_sides)
+    monkeypatch.setattr(pylon_sides, "on_other_sides", on_other_sides)
     with open_session(OFF) as session:
         given = flights_at([8.5, 8.6])
-        found = FidelityContinuation(SMALL, OFF, ()).with_other_sides(given, session)
+        found = with_other_sides(models_of(SMALL, OFF), given, session)
         assert session.budget.spent == 0
     assert around == pytest.approx([8.5, 8.0])
     assert [seconds(one) for one in found] == pytest.approx(

@@ -11,7 +11,7 @@ from test_moves import each_small_race, own_window
 from transformations import mirrored
 
 from airrace.frames import quaternion, rotation
-from airrace.procedure.guess import QUATERNION, align_quaternions
+from airrace.procedure.guess import QUATERNION_ROWS, align_quaternions
 from airrace.procedure.multistart import moves
 from airrace.procedure.multistart import rolls as roll_moves
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
@@ -28,10 +28,10 @@ PULLED = "pull instead of push"
 
 def attitudes(banks: Array) -> Array:
     """Attitudes on a course of 30 degrees, climbing by 10, at banks in degrees."""
-    state = np.zeros((max(QUATERNION) + 1, len(banks)))
-    state[QUATERNION] = np.transpose([quaternion(30 * DEGREE, 10 * DEGREE, bank * DEGREE) for bank in banks])
+    state = np.zeros((max(QUATERNION_ROWS) + 1, len(banks)))
+    state[QUATERNION_ROWS] = np.transpose([quaternion(30 * DEGREE, 10 * DEGREE, bank * DEGREE) for bank in banks])
     align_quaternions(state)
-    return state[QUATERNION]
+    return state[QUATERNION_ROWS]
 
 
 @pytest.mark.parametrize(
@@ -61,11 +61,13 @@ def test_roll_the_other_way_keeps_the_path_and_is_a_full_turn_apart(race: Race) 
     own = base.iterate.state
     for one in (one for one in rerolls(base.problem, base.iterate) if one.kind != PULLED):
         state = one.flight.state
-        other_rows = [row for row in range(len(own)) if row not in (*QUATERNION, ROLL_RATE_ROW)]
+        other_rows = [row for row in range(len(own)) if row not in (*QUATERNION_ROWS, ROLL_RATE_ROW)]
         assert state[other_rows] == pytest.approx(own[other_rows])
-        for here, there in zip(rotation(list(own[QUATERNION])), rotation(list(state[QUATERNION])), strict=True):
+        for here, there in zip(
+            rotation(list(own[QUATERNION_ROWS])), rotation(list(state[QUATERNION_ROWS])), strict=True
+        ):
             assert there[0] == pytest.approx(here[0], abs=1e-9)  # the direction of flight
-        cosine = (own[QUATERNION] * state[QUATERNION]).sum(axis=0)
+        cosine = (own[QUATERNION_ROWS] * state[QUATERNION_ROWS]).sum(axis=0)
         assert cosine[0] == pytest.approx(1.0)
         assert cosine[-1] == pytest.approx(-1.0 if one.kind.startswith("roll") else 1.0)
 
@@ -81,18 +83,18 @@ def test_what_is_pushed_is_pulled_with_the_same_lift(within: float, behind: floa
     banks: list[Array] = []
     for side in (1.0, -1.0):
         state = base.iterate.state.copy()
-        state[QUATERNION] = attitudes(side * np.where(pushed, within, np.where(nodes < middle, 20.0, behind)))
+        state[QUATERNION_ROWS] = attitudes(side * np.where(pushed, within, np.where(nodes < middle, 20.0, behind)))
         state[LOAD_FACTOR_ROW] = np.where(pushed, -1.5, 1.5)
         own = dataclasses.replace(base.iterate, state=state)
         (found,) = [one for one in rerolls(base.problem, own) if one.kind == PULLED]
         assert (found.first, found.last) == (middle - 8, middle + 8)
         there = found.flight.state
         assert (there[LOAD_FACTOR_ROW] > 0.0).all()
-        R, own_R = (rotation(list(one[QUATERNION])) for one in (there, state))
+        R, own_R = (rotation(list(one[QUATERNION_ROWS])) for one in (there, state))
         lift = there[LOAD_FACTOR_ROW] * np.array([row[2] for row in R])
         own_lift = state[LOAD_FACTOR_ROW] * np.array([row[2] for row in own_R])
         assert lift[:, away] == pytest.approx(own_lift[:, away], abs=1e-9)
-        cosine = (there[QUATERNION] * state[QUATERNION]).sum(axis=0)
+        cosine = (there[QUATERNION_ROWS] * state[QUATERNION_ROWS]).sum(axis=0)
         assert cosine[-1] * cosine[0] == pytest.approx(-1.0 if behind == 340.0 else 1.0)
         banks.append(np.unwrap(np.arctan2(R[2][1], R[2][2])))
     assert banks[1] == pytest.approx(-banks[0], abs=1e-9)  # as in the mirror
@@ -103,7 +105,7 @@ def test_a_flight_that_begins_or_ends_in_a_pull_down_has_windows_for_its_rolls(n
     """A pull down at a single node leaves nothing to be flown on the other side."""
     base = planned_coarse_solution(SMALL)
     state = base.iterate.state.copy()
-    state[QUATERNION, node] = quaternion(0.0, 0.0, 130.0 * DEGREE)
+    state[QUATERNION_ROWS, node] = quaternion(0.0, 0.0, 130.0 * DEGREE)
     align_quaternions(state)
     over = dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, state=state))
     assert not any(one.first == one.last for one in rerolls(over.problem, over.iterate))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from races import SHIPPED, SMALL, blown, prepared
+from races import SHIPPED, SMALL, blown, models_of, prepared
 from search_races import (
     OFF,
     PLAN,
@@ -24,8 +24,7 @@ from test_moves import own_window
 from transformations import mirrored
 
 from airrace.optimal_control.solvers.service import SolverPool, SolverService
-from airrace.procedure import fidelity_continuation, restart
-from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure import procedure, restart
 from airrace.procedure.multistart import search
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse, try_solve
 from airrace.procedure.multistart.moves import MoveGenerator
@@ -34,9 +33,10 @@ from airrace.procedure.multistart.rolls import rerolls
 from airrace.procedure.multistart.search import QUICK as BUDGET
 from airrace.procedure.multistart.search import SAVED_MIN, THOROUGH, Radius, Search, SearchBudget
 from airrace.procedure.multistart.window import EvaluatedMove
+from airrace.procedure.procedure import optimize, solve_point_mass
 from airrace.procedure.result import Route, SearchReport, Silent, StageResult, Status
-from airrace.procedure.run import optimize
 from airrace.procedure.settings import MeshSettings, SearchEffort, Settings
+from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import formulate
 from airrace.procedure.warm_start import InitialBarrier
@@ -194,9 +194,9 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
         found = search_routes(*arguments, **named)  # type: ignore[arg-type]
         return dataclasses.replace(found, report=lambda one: dataclasses.replace(found.report(one), loops=(loop,)))
 
-    monkeypatch.setattr(fidelity_continuation, "search_routes", looped)
+    monkeypatch.setattr(procedure, "search_routes", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
-        result = FidelityContinuation(SMALL, QUICK, ()).solve_stage(Stage.POINT_MASS, session)
+        result = solve_point_mass(models_of(SMALL, QUICK), session, solve_certified, None)
     assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 
@@ -243,7 +243,7 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
     """Were all other plans of no use, exploring would still end where the race ends without it."""
     others_lead_nowhere = dataclasses.replace(BUDGET, radii=(), iterations=0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fidelity_continuation, "BUDGETS", {SearchEffort.QUICK: others_lead_nowhere})
+        patch.setattr(procedure, "BUDGETS", {SearchEffort.QUICK: others_lead_nowhere})
         (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     assert (result.search.converged_to_best, result.search.converged_elsewhere, result.search.failed) == (1, 0, 0)
@@ -364,7 +364,7 @@ def test_flight_that_leads_nowhere_is_followed_by_what_the_point_mass_makes_of_i
 ) -> None:
     stored, scratch = optimum(SLALOM), optimum(WINDY)
     monkeypatch.setattr(restart, "ITERATIONS_MAX", 1)  # not enough to lead anywhere
-    monkeypatch.delattr(FidelityContinuation, "_search_routes")
+    monkeypatch.delattr(procedure, "search_routes")
     result = started(stored, QUICK)
     assert result.remarks.endswith("so the start is what the point mass makes of it")
     assert result.trajectory.race_time == pytest.approx(scratch.trajectory.race_time, abs=SAME)
@@ -433,9 +433,9 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
     """Another way seems faster when solved coarsely, and turns out to be slower, or to be no flight at all."""
     good = started(optimum(SLALOM), QUICK)
     for other in (slower(good), dataclasses.replace(good, outcome=Status.NOT_CERTIFIED)):
-        monkeypatch.setattr(FidelityContinuation, "refine_route", lambda *_, found=other: found)
+        monkeypatch.setattr(restart, "_refine_route", lambda *_, found=other: found)
         promise = RoutesAround(planned_coarse_solution(SLALOM), frozenset({1}), "left -> right, flat")
-        monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_, found=promise: lambda _: found)
+        monkeypatch.setattr(restart, "search_around", lambda *_, found=promise: found)
         result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
         assert result.remarks == ""
@@ -452,9 +452,9 @@ def test_the_report_of_a_search_around_a_flight_begins_with_the_route_of_the_fli
     quicker = dataclasses.replace(good, trajectory=scaled(good, 0.99))
     found = planned_coarse_solution(SLALOM)
     promise = RoutesAround(found, frozenset({1}), "the promise", reported("of the search"), reported("of the stored"))
-    monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_: lambda _: promise)
+    monkeypatch.setattr(restart, "search_around", lambda *_: promise)
     for other, first in ((slower(good), "of the stored"), (quicker, "of the search")):
-        monkeypatch.setattr(FidelityContinuation, "refine_route", lambda *_, found=other: found)
+        monkeypatch.setattr(restart, "_refine_route", lambda *_, found=other: found)
         assert started(optimum(SLALOM), QUICK).search.routes[0].text == first
 
 
@@ -464,7 +464,7 @@ def test_where_an_alternative_has_become_the_fastest_the_optima_of_the_stage_are
 ) -> None:
     """The search was around another flight, and its rough race times are not comparable with theirs."""
     found = RoutesAround(planned_coarse_solution(SLALOM), report_on_stored=reported("of the stored"))
-    monkeypatch.setattr(FidelityContinuation, "search_around", lambda *_: lambda _: None if chosen is OFF else found)
+    monkeypatch.setattr(restart, "search_around", lambda *_: found)
     result = started(dataclasses.replace(optimum(SLALOM, OFF), alternatives=(optimum(SLALOM),)), chosen)
     texts = [route.text for route in result.search.routes]
     assert texts == ["an alternative of the stored one", "the stored one"]

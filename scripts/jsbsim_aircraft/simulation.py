@@ -32,7 +32,9 @@ from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment import T_ISA, Air, AtmosphereParameters, Weather, WindField, density, g0
 from airrace.errors import UsageError
 from airrace.frames import angles, rotation
-from airrace.jsbsim.aircraft_xml import (
+from airrace.quantities import DEGREE, FOOT
+from airrace.trajectory import Array, Trajectory
+from jsbsim_aircraft.aircraft_xml import (
     DENSITY,
     MOVED,
     NAME,
@@ -43,8 +45,6 @@ from airrace.jsbsim.aircraft_xml import (
     Planet,
     write_model,
 )
-from airrace.quantities import DEGREE, FOOT
-from airrace.trajectory import Array, Trajectory
 
 ADAMS_BASHFORTH_3, BUSS_2 = 4.0, 7.0
 """JSBSim's numbers of its integrators: third order with a memory; second order on the sphere of the quaternions."""
@@ -56,20 +56,10 @@ INTEGRATORS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class SimulationSettings:
-    """Constants of JSBSim.
-
-    Attributes:
-        step: the step of JSBSim's integration, s.
-        earth_radius: the Earth's radius in the definition of the geopotential height, m [ISO 2533].
-    """
-
-    step: float = 1e-3
-    earth_radius: float = 6356766.0
-
-
-SIMULATION = SimulationSettings()
+STEP = 1e-3
+"""The step of JSBSim's integration, s."""
+EARTH_RADIUS = 6356766.0
+"""The Earth's radius in the definition of the geopotential height, m [ISO 2533]."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -109,14 +99,14 @@ class SimulatedAircraft:
         try:
             import jsbsim
         except ImportError as error:
-            raise UsageError("JSBSim is not installed; it comes with the extra `crosscheck` of airrace") from error
+            raise UsageError("JSBSim is not installed: pip install jsbsim") from error
         self.atmosphere, self._own_density = atmosphere, own_density
         jsbsim.FGJSBBase().debug_lvl = 0
         self._jsbsim = jsbsim.FGFDMExec(None)
         self._jsbsim.set_debug_level(0)
         if not self._jsbsim.load_model_with_paths(NAME, str(folder), str(folder), str(folder)):
             raise UsageError(f"JSBSim does not take the model in {folder}")
-        self._jsbsim.set_dt(SIMULATION.step)
+        self._jsbsim.set_dt(STEP)
         for name, kind in INTEGRATORS.items():
             self._jsbsim[f"simulation/integrator/{name}"] = kind
         self._jsbsim["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
@@ -211,23 +201,23 @@ def fly_course(
         at: states of the optimum at any times (s, shape (n,)), by name.
         tau_T: the time constant of the throttle, s.
     """
-    steps = round(1.0 / SIMULATION.step)  # s, which JSBSim flies without being put back onto the optimum
-    last = math.floor(optimum.race_time / SIMULATION.step + 1e-6)  # a race of whole steps is simulated to its end
+    steps = round(1.0 / STEP)  # s, which JSBSim flies without being put back onto the optimum
+    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is simulated to its end
     first = np.arange(0, last, steps)
     ends = np.minimum(first + steps, last)
-    starts, goals = (_states(at(count.astype(np.float64) * SIMULATION.step)) for count in (first, ends))
+    starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
     misses: list[Miss] = []
     for start, goal, begin, end in zip(starts, goals, first.tolist(), ends.tolist(), strict=True):
         simulation.start(start)
         below = np.array([start.x, start.y, 0.0])
-        for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * SIMULATION.step, tau_T):
+        for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * STEP, tau_T):
             simulation.control(moved)
             simulation.advance()
         distance = np.linalg.norm(below + simulation.position() - np.array([goal.x, goal.y, goal.z]))
         # of the rotation between two attitudes: |R_1 - R_2| = 2 sqrt(2) sin(angle / 2)
         turned = np.linalg.norm(simulation.attitude() - body_attitude(goal)) / np.sqrt(8.0)
         angle = float(2.0 * np.arcsin(min(1.0, turned)))
-        misses.append(Miss(begin * SIMULATION.step, end * SIMULATION.step, float(distance), angle))
+        misses.append(Miss(begin * STEP, end * STEP, float(distance), angle))
     return tuple(misses)
 
 
@@ -241,19 +231,19 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
     interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
     since = times - optimum.time[interval]
     histories = {
-        rate.rate_of: optimum.of(rate.rate_of)[interval] + optimum.of(rate.name)[interval] * since
+        rate.rate_of: optimum[rate.rate_of][interval] + optimum[rate.name][interval] * since
         for rate in SurfaceControl.quantities()
         if rate.rate_of
     }
-    commanded = optimum.of("delta_T_cmd")[interval]
-    histories["delta_T"] = commanded + (optimum.of("delta_T")[interval] - commanded) * np.exp(-since / tau_T)
+    commanded = optimum["delta_T_cmd"][interval]
+    histories["delta_T"] = commanded + (optimum["delta_T"][interval] - commanded) * np.exp(-since / tau_T)
     rows = zip(*(values.tolist() for values in histories.values()), strict=True)
     return [dict(zip(histories, row, strict=True)) for row in rows]
 
 
 def geopotential_height(h: float) -> float:
     """Return the height (m) at which constant gravity gives the potential that h (m above sea level) has."""
-    return SIMULATION.earth_radius * h / (SIMULATION.earth_radius + h)
+    return EARTH_RADIUS * h / (EARTH_RADIUS + h)
 
 
 def at_geopotential_height(state: SixDofState[float], air: AtmosphereParameters[float]) -> SixDofState[float]:
@@ -282,10 +272,10 @@ def random_states(count: int, seed: int) -> list[SixDofState[float]]:
     generator = np.random.default_rng(seed)
     states: list[SixDofState[float]] = []
     for _ in range(count):
-        drawn = {name: float(generator.uniform(low, high)) for name, (low, high) in RANGES.items()}
+        values = {name: float(generator.uniform(low, high)) for name, (low, high) in RANGES.items()}
         q = generator.normal(size=4)
         q0, q1, q2, q3 = (q / np.linalg.norm(q)).tolist()
-        states.append(SixDofState[float](x=0.0, y=0.0, q0=q0, q1=q1, q2=q2, q3=q3, **drawn))
+        states.append(SixDofState[float](x=0.0, y=0.0, q0=q0, q1=q1, q2=q2, q3=q3, **values))
     return states
 
 
@@ -296,7 +286,7 @@ def mirror(state: SixDofState[float]) -> SixDofState[float]:
 
 
 AT_REST = SurfaceControl[float](eta_dot=0.0, xi_dot=0.0, zeta_dot=0.0, delta_T_cmd=0.0)
-STILL = WindField.of(Air())
+STILL = WindField.from_air(Air())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -336,9 +326,9 @@ def differences(
 ) -> Differences:
     """Return JSBSim's accelerations in the one state minus ours in the other, pair by pair."""
     pairs: list[tuple[Accelerations, Accelerations]] = []
-    for one, other in zip(theirs, ours, strict=True):
-        simulation.start(one)
-        pairs.append((simulation.accelerations(), own_accelerations(other, aircraft, simulation.atmosphere)))
+    for simulated, own in zip(theirs, ours, strict=True):
+        simulation.start(simulated)
+        pairs.append((simulation.accelerations(), own_accelerations(own, aircraft, simulation.atmosphere)))
     return Differences(
         np.array([theirs.specific_force / g0 - ours.specific_force / g0 for theirs, ours in pairs]),
         np.array([theirs.angular - ours.angular for theirs, ours in pairs]),

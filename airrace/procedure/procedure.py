@@ -1,0 +1,646 @@
+"""The optimisation procedure, section 4 of the paper: the stages in order, each started from the one before.
+
+1. Homotopy: a first flight of the point mass, phase by phase. Plans of the search are solved coarsely meanwhile.
+2. Search: the joint problem has many local optima, so flights on other routes are looked for on coarse meshes.
+3. Point mass: the best of these routes are solved over all phases jointly, and the fastest ones are carried on.
+4. Transfer functions, state space with and without inversion, six degrees of freedom: each stage starts from the
+   flights of the stage before, followed by its own model, or trimmed in them.
+5. Mesh check: the race time of the stage that is the answer is confirmed on a second mesh.
+"""
+
+import functools
+import logging
+import math
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from airrace.dynamics import handling
+from airrace.native.library import MISSING, library_path
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers.service import SolverService
+from airrace.planning.plan import plan, plan_race, plan_with_room
+from airrace.planning.route_decisions import MIRRORED_TIES
+from airrace.procedure.certification import conclude
+from airrace.procedure.choice import (
+    SAME_FLIGHT,
+    fastest_of,
+    mesh_resolution,
+    place_of,
+    simplest_of,
+    with_note_on_faster,
+)
+from airrace.procedure.fidelity import fidelity_of, iterate_of, stage_model
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.homotopy import HomotopyOutcome, solve_homotopy
+from airrace.procedure.infeasibility.conflicts import RelaxedRoutes, conflict_location
+from airrace.procedure.infeasibility.diagnose import diagnose_infeasibility
+from airrace.procedure.infeasibility.local_infeasibility import (
+    LocalInfeasibility,
+    binding_limit,
+    diagnose_window,
+    find_local_infeasibility,
+)
+from airrace.procedure.mesh_check import confirm_mesh
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
+from airrace.procedure.multistart.multistart import search_routes
+from airrace.procedure.multistart.search import BUDGETS, SearchBudget, planned_starts
+from airrace.procedure.pylon_sides import with_other_sides
+from airrace.procedure.recomputation import recertify, recompute
+from airrace.procedure.restart import SourceRun, start_from
+from airrace.procedure.result import Note, NoteKind, Progress, PylonCondition, SearchReport, StageResult, Status
+from airrace.procedure.settings import GuessKind, MeshCheck, Settings
+from airrace.procedure.solve_and_refine import (
+    Failure,
+    Refinement,
+    solve_certified,
+    solve_roughly,
+    solve_single_mesh,
+    solve_with_refinement,
+)
+from airrace.procedure.solver_session import Budget, SolverSession
+from airrace.procedure.stage import STAGES, Stage
+from airrace.procedure.stage_models import StageModels, start_along, start_trimmed
+from airrace.procedure.stage_problem import StageProblem, mesh_of
+from airrace.procedure.warm_start import InitialBarrier, Start, planned_start
+from airrace.race import Race
+
+logger = logging.getLogger(__name__)
+
+__all__ = ["STAGES", "checks_mesh", "optimize", "recertify", "recompute", "wanted_stages"]
+
+CARRIED_MAX = 2
+"""How many routes go through all stages where the settings do not say.
+
+The order of routes at six-dof is another one than at the point mass on two of four courses, where rolls differ.
+"""
+CARRIED_LAG = 0.05
+"""The largest lag of a route that is carried on, s."""
+LOSS_MAX = 0.1
+"""The time by which an optimum may be slower than the coarse one that it started from, s.
+
+On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
+another route was certified than the one that was found.
+"""
+
+
+def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
+    """Return the stages of a run; with a guess from the plan there is no homotopy."""
+    first = STAGES.index(Stage.HOMOTOPY if settings.guess is GuessKind.HOMOTOPY else Stage.POINT_MASS)
+    return list(STAGES[first : STAGES.index(until) + 1])
+
+
+def checks_mesh(settings: Settings, stage: Stage, last: Stage | None) -> bool:
+    """Tell whether a stage of a run up to `last` is checked on a second mesh; `last` is None where every stage is."""
+    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
+
+
+def refinement_of(settings: Settings, stage: Stage, last: Stage | None) -> Refinement:
+    """Return how closely a stage of a run up to `last` is solved: certified, on one good mesh, or roughly."""
+    if checks_mesh(settings, stage, last):
+        return solve_certified
+    # Routes are chosen among by the point mass's race times; the other stages only lead to the next one.
+    return solve_single_mesh if stage is Stage.POINT_MASS else solve_roughly
+
+
+def optimize(
+    race: Race,
+    settings: Settings,
+    *,
+    until: Stage,
+    threads: int,
+    finished: Sequence[StageResult] = (),
+    start: Sequence[StageResult] = (),
+    start_name: str = "another run",
+    timeout: float | None = None,
+    progress: Progress,
+) -> Iterator[StageResult]:
+    """Run the stages up to `until` that are not in `finished`; yield each result as it is finished.
+
+    A stage that fails is yielded, too, and is the last. Finished stages that were solved on one mesh, and whose mesh is
+    to be checked, are yielded first, each as soon as its check has succeeded or failed.
+
+    Args:
+        race: the course, the aircraft and the air.
+        settings: how it is solved.
+        until: the last stage.
+        threads: threads that evaluate derivatives.
+        finished: stages of this very race that need not be run again.
+        start: stages of another run, of a race with the same passings. The highest of them that holds is the
+            start; lower stages are left out. Where it leads to no certified optimum the next lower one is the start,
+            and where none does, all stages are run; the first result then has a note that says so. Without effect
+            where stages are finished.
+        start_name: what users call that other run.
+        timeout: the longest wall time of all stages together, s; None for none. No result depends on it: what is not
+            finished by then is not there.
+        progress: who watches.
+
+    Raises:
+        OutOfTime: the stage under way is not finished within `timeout`.
+        InputError: aircraft and rules contradict each other.
+        UsageError: `start` has no certified or solved stage up to `until`, or flies other passings.
+        SolverCrash: the solver process died.
+    """
+    deadline = math.inf if timeout is None else time.monotonic() + timeout
+    stages = STAGES[: STAGES.index(until) + 1]
+    source = SourceRun(start_name, start)
+    done = {result.stage: result for result in finished}
+    first = next((optimum.stage for optimum in source.optima(stages)), Stage.POINT_MASS)
+    for stage in STAGES[STAGES.index(first) : STAGES.index(until) + 1]:
+        stage_model(stage, race)  # inputs that contradict each other are reported before anything is solved
+    if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
+        for remark in handling.remarks(race.aircraft):
+            logger.warning("%s: %s", race.aircraft.name, remark)
+    # A run that was started from another one has no stages below its first: what is finished needs them no more.
+    highest = max((STAGES.index(stage) for stage in done), default=-1)
+    wanted = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
+    unchecked = [
+        result.stage
+        for result in finished
+        if result.holds and not result.certified and checks_mesh(settings, result.stage, until)
+    ]
+    if not (wanted or unchecked):
+        return
+    if start and not finished:  # from the highest stage of the other run, from lower ones where that fails
+        needed = [first, Stage.POINT_MASS, *STAGES[STAGES.index(first) : STAGES.index(until) + 1], *wanted]
+    else:
+        needed = [*unchecked, *STAGES[max(highest, 0) : highest + 1], *wanted, *done]
+    own_plan = plan_race(race)
+    service = SolverService(
+        threads=threads,
+        stall_seconds=settings.solver.stall_seconds,
+        deadline=deadline,
+        on_notice=lambda text: progress.activity(text, 0, 0),
+    )
+    session = SolverSession(service, settings, progress, threads, deadline, Budget.from_plan(own_plan, settings.mesh))
+    with service, closing(session), _model_maker() as maker:
+        models = StageModels.request(maker, race, settings, own_plan, needed)
+        if library_path() is None:
+            progress.activity(MISSING, 0, 0)
+        for stage in unchecked:
+            progress.stage_started(stage)
+            done[stage] = check_mesh(models, done[stage], session)
+            yield done[stage]
+        remark = ""
+        if start and not finished:
+            refine = refinement_of(settings, Stage.POINT_MASS, until)
+            result, remark = start_from(source, stages, models, session, refine)
+            if result is not None:
+                result, remark = _with_note(result, remark), ""
+                done[result.stage] = result
+                wanted = list(stages[stages.index(result.stage) + 1 :])
+                yield result
+        yield from _solve_stages(models, session, wanted, done, until, remark)
+
+
+@contextmanager
+def _model_maker() -> Generator[ThreadPoolExecutor]:
+    """Yield what makes the models of stages in a thread, one after the other, until the run ends."""
+    maker = ThreadPoolExecutor(1, thread_name_prefix="stage models")
+    try:
+        yield maker
+    finally:
+        maker.shutdown(cancel_futures=True)
+
+
+def _solve_stages(
+    models: StageModels,
+    session: SolverSession,
+    wanted: Sequence[Stage],
+    finished: Mapping[Stage, StageResult],
+    last: Stage,
+    remark: str,
+) -> Iterator[StageResult]:
+    """Solve the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
+    done = dict(finished)
+    first_flight = None
+    if Stage.HOMOTOPY in done:
+        first_flight = FirstFlight(HomotopyOutcome(done[Stage.HOMOTOPY]), _relaxed_routes(models, session))
+    for following in wanted[:1]:
+        models.preload(following, session.service, _pylon_conditions(done))
+    for number, stage in enumerate(wanted):
+        session.progress.stage_started(stage)
+        if not remark:
+            session.reset_log()  # what led nowhere before stays on the record of the stage that was run instead
+        refine = refinement_of(session.settings, stage, last)
+        if fidelity_of(stage).guess:
+            first_flight = solve_first_flight(models, session, searches=last is not stage)
+            result = first_flight.homotopy.result
+        elif stage is Stage.POINT_MASS:
+            result = solve_point_mass(models, session, refine, first_flight)
+        else:
+            result = solve_stage_above(models, session, refine, stage, done)
+        done[stage] = result
+        result, remark = _with_note(result, remark), ""
+        if result.outcome is Status.SOLVED:
+            for following in wanted[number + 1 : number + 2]:  # while the result is stored and flown along
+                models.preload(following, session.service, _pylon_conditions(done))
+        yield result
+        if result.outcome is not Status.SOLVED:
+            return
+
+
+# Homotopy
+
+
+@dataclass(frozen=True)
+class FirstFlight:
+    """The outcome of the homotopy, and of what was solved beside it.
+
+    Attributes:
+        homotopy: the flight from piece to piece.
+        relaxed: the race with its limits relaxed, as far as that was asked for.
+        plans: what plans of the search have led to; None where none were solved.
+    """
+
+    homotopy: HomotopyOutcome
+    relaxed: RelaxedRoutes
+    plans: Sequence[CoarseSolution | None] | None = None
+
+
+def solve_first_flight(models: StageModels, session: SolverSession, *, searches: bool) -> FirstFlight:
+    """Return the pieces of the homotopy, and solve the plans of the search meanwhile: they do not depend on it.
+
+    Args:
+        models: of the race.
+        session: solves.
+        searches: whether the point mass follows, which searches for routes.
+    """
+    relaxed, budget = _relaxed_routes(models, session), BUDGETS.get(session.settings.search)
+    if budget is None or not searches:
+        return FirstFlight(_solve_homotopy(models, relaxed, session), relaxed)
+    jobs: list[Callable[[SolverSession], HomotopyOutcome | CoarseSolution | None]]
+    jobs = [functools.partial(_solve_homotopy, models, relaxed)]
+    jobs += [functools.partial(_solve_plan, planned) for planned in _search_plans(models, session, budget)]
+    homotopy, *plans = session.side_by_side(jobs)
+    assert isinstance(homotopy, HomotopyOutcome)
+    return FirstFlight(homotopy, relaxed, [one for one in plans if not isinstance(one, HomotopyOutcome)])
+
+
+def _solve_homotopy(models: StageModels, relaxed: RelaxedRoutes, session: SolverSession) -> HomotopyOutcome:
+    """Solve phase by phase; given up where legs around a phase that fails are found to be infeasible."""
+
+    def race_is_in_conflict() -> bool:
+        return bool(conflict_location(relaxed.solve(session)))
+
+    def infeasibility_around(problem: Problem, phase: int, guesses: Sequence[Iterate]) -> LocalInfeasibility | None:
+        return find_local_infeasibility(session, problem, phase, guesses, race_is_in_conflict)
+
+    return solve_homotopy(models.problem(Stage.HOMOTOPY), session, infeasibility_around)
+
+
+def _relaxed_routes(models: StageModels, session: SolverSession) -> RelaxedRoutes:
+    return RelaxedRoutes(models.race, models.problem(Stage.POINT_MASS), session.settings.mesh)
+
+
+def _solve_plan(planned: InitialGuess, session: SolverSession) -> CoarseSolution | None:
+    return solve_coarse(session.service, planned)
+
+
+# Search and point mass
+
+
+def solve_point_mass(
+    models: StageModels, session: SolverSession, refine: Refinement, first_flight: FirstFlight | None
+) -> StageResult:
+    """Return the point mass's optimum, with alternatives; where there is none, what stands in the way.
+
+    Args:
+        models: of the race.
+        session: solves.
+        refine: how closely.
+        first_flight: the homotopy; None where the plan is the guess.
+    """
+    relaxed = _relaxed_routes(models, session) if first_flight is None else first_flight.relaxed
+    result = _search_and_solve(models, session, refine, first_flight, relaxed)
+    return diagnose_infeasibility(result, models.race, models.problem(Stage.POINT_MASS), session, relaxed)
+
+
+def _search_and_solve(
+    models: StageModels,
+    session: SolverSession,
+    refine: Refinement,
+    first_flight: FirstFlight | None,
+    relaxed: RelaxedRoutes,
+) -> StageResult:
+    """Solve from what the search found, then from the homotopy and the plan, the one that the user prefers first."""
+    settings, budget = session.settings, BUDGETS.get(session.settings.search)
+
+    @functools.cache
+    def homotopy() -> HomotopyOutcome:  # where the plan is the guess it is solved only where it is asked for
+        if first_flight is not None:
+            return first_flight.homotopy
+        return _solve_homotopy(models, relaxed, session)
+
+    replanned = _replanned_with_room(models)
+    starts = _first_starts(models, session, first_flight, homotopy, replanned, relaxed)
+    locally_infeasible = first_flight is not None and first_flight.homotopy.infeasibility is not None
+    plans_fail = first_flight is None or not any(first_flight.plans or ())
+    if budget is None or (locally_infeasible and plans_fail and replanned is None):
+        return solve_with_refinement(session, starts, refine)
+
+    routes = search_routes(
+        models.problem(Stage.POINT_MASS),
+        models.race.course,
+        session,
+        budget,
+        _search_starts(models, session, budget, first_flight, homotopy),
+        settings.alternatives or 1,
+        solved=(first_flight and first_flight.plans) or (),
+    )
+    best = routes.report(0)
+    # All routes that may be the fastest are solved; further ones, one by one, until one is as fast as was expected.
+    jobs = [functools.partial(_solve_from, start, refine) for start in routes.starts]
+    count = max(routes.near, settings.alternatives or 1)
+    results = session.side_by_side(jobs[:count])
+    for job in jobs[count:]:
+        if any(_is_as_fast_as_expected(result, best) for result in results):
+            break
+        results.append(job(session))
+    if not any(result.holds for result in results):
+        results.append(solve_with_refinement(session, starts, refine))
+
+    known_routes, fastest_route = len(results), place_of(fastest_of(results), results)
+    results = with_other_sides(models, results, session)
+    results = resolve_near_ties(models, results, session)
+    result = choose_and_carry(models, results, settings)
+    route = place_of(result, results)
+    if route >= known_routes:  # past a pylon on its other side, on the route of the fastest before
+        route = fastest_route
+    report = routes.report(route) if route < len(routes.starts) else best
+    _warn_of_search(result, report, best)
+    return replace(_with_log(result, session), search=report)
+
+
+def _search_starts(
+    models: StageModels,
+    session: SolverSession,
+    budget: SearchBudget,
+    first_flight: FirstFlight | None,
+    homotopy: Callable[[], HomotopyOutcome],
+) -> list[InitialGuess]:
+    """Return the starts of a search, those of a run without a search among them, so that none is lost by it."""
+    flight, starts = models.problem(Stage.POINT_MASS), list[InitialGuess]()
+    infeasible = first_flight is not None and first_flight.homotopy.infeasibility is not None
+    if not infeasible and (budget.homotopy or first_flight is not None):
+        pieces = homotopy().result
+        if pieces.outcome is Status.SOLVED:
+            mesh, iterate = mesh_of(pieces.trajectory), iterate_of(pieces.trajectory)
+            starts.append(InitialGuess(flight, mesh, iterate, InitialBarrier.PIECES, is_baseline=True))
+    plans = None if first_flight is None else first_flight.plans
+    if plans is None:
+        return [*starts, *_search_plans(models, session, budget)]
+    return starts if any(plans) else [*starts, *_plans_with_room(models, budget)]
+
+
+def _search_plans(models: StageModels, session: SolverSession, budget: SearchBudget) -> list[InitialGuess]:
+    """Return the plan that a run without a search starts from, with ties decided either way, and the budget's."""
+    flight, course, starts = models.problem(Stage.POINT_MASS), models.race.course, list[InitialGuess]()
+    for route in (flight.plan, plan(course, flight.plan.cruise, MIRRORED_TIES)):
+        mesh = first_mesh(route, session.settings.mesh)
+        start = InitialGuess(
+            replace(flight, plan=route), mesh, guess(route, mesh), InitialBarrier.COLD, is_baseline=True
+        )
+        if not starts or not np.array_equal(starts[-1].guess.state, start.guess.state):
+            starts.append(start)
+    return [*starts, *planned_starts(flight, course, budget)]
+
+
+def _plans_with_room(models: StageModels, budget: SearchBudget) -> list[InitialGuess]:
+    """Return plans with room of the race's own radius and those of the budget."""
+    flight, course, starts = models.problem(Stage.POINT_MASS), models.race.course, list[InitialGuess]()
+    own = flight.plan.cruise
+    for pace in (own, *(radius.scale(own) for radius in budget.radii)):
+        replanned = plan_with_room(course, plan(course, pace))
+        if replanned is not None:
+            start = planned_guess(flight, replanned, InitialBarrier.COLD)
+            starts.append(replace(start, is_baseline=pace is own))  # a run without a search starts from it, too
+    return starts
+
+
+def _replanned_with_room(models: StageModels) -> StageProblem | None:
+    """Return the point mass along a plan with room; None where its own plan has it.
+
+    A flight rises over a line that its plan crosses: where a ceiling forbids that, it has to turn the other way.
+    Where it would rise too steeply, a solve from a longer way finds how to; likewise where it would pass gates too
+    aslant for its wing.
+    """
+    flight = models.problem(Stage.POINT_MASS)
+    replanned = plan_with_room(models.race.course, flight.plan)
+    return None if replanned is None else replace(flight, plan=replanned)
+
+
+def _first_starts(
+    models: StageModels,
+    session: SolverSession,
+    first_flight: FirstFlight | None,
+    homotopy: Callable[[], HomotopyOutcome],
+    replanned: StageProblem | None,
+    relaxed: RelaxedRoutes,
+) -> list[Callable[[], Start | StageResult]]:
+    """Return the homotopy and plans as starts, the one that the user prefers first.
+
+    A homotopy that is infeasible comes last, for it ends the stage.
+    """
+    flight, mesh = models.problem(Stage.POINT_MASS), session.settings.mesh
+
+    def concatenate_phases() -> Start | StageResult:
+        if first_flight is None:  # nor has the plan led anywhere
+            conflict_location(relaxed.solve(session))
+        outcome = homotopy()
+        pieces = outcome.result
+        if any(note.kind is NoteKind.PLANNED_PHASES for note in pieces.notes):
+            where = conflict_location(relaxed.solve(session))
+            if where:
+                start = planned_start(flight, mesh)
+                message = f"the limits contradict each other at {where}"
+                return _infeasible(flight, session, start.problem, start.guess, message)
+        if outcome.infeasibility is not None:
+            local = outcome.infeasibility
+            return _infeasible(flight, session, local.problem, local.guess, binding_limit(session, local))
+        problem = flight.problem(mesh_of(pieces.trajectory))
+        return Start(flight, problem, iterate_of(pieces.trajectory), InitialBarrier.PIECES)
+
+    longer = [] if replanned is None else [functools.partial(planned_start, replanned, mesh)]
+    if first_flight is None:
+        return [functools.partial(planned_start, flight, mesh), *longer, concatenate_phases]
+    if first_flight.homotopy.infeasibility is not None:
+        return [*longer, concatenate_phases]
+    return [concatenate_phases, functools.partial(planned_start, flight, mesh), *longer]
+
+
+def _infeasible(
+    flight: StageProblem, session: SolverSession, problem: Problem, iterate: Iterate, message: str
+) -> StageResult:
+    return conclude(flight, session, problem, iterate, outcome=Status.INFEASIBLE, message=message)
+
+
+def _solve_from(start: Start, refine: Refinement, session: SolverSession) -> StageResult:
+    return solve_with_refinement(session, [lambda: start], refine)
+
+
+def _is_as_fast_as_expected(result: StageResult, report: SearchReport) -> bool:
+    """Tell whether a flight holds and is about as fast as the best route was when it was solved coarsely."""
+    if not result.holds or not report.routes:
+        return result.holds
+    return result.trajectory.race_time <= report.routes[0].race_time + LOSS_MAX
+
+
+def _warn_of_search(result: StageResult, report: SearchReport, best: SearchReport) -> None:
+    for loop in report.loops:
+        logger.warning("the flight may hold a needless loop: %s", loop)
+    if result.holds and not _is_as_fast_as_expected(result, best):
+        logger.warning(
+            "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another "
+            "one, takes %.2f s",
+            *(best.routes[0].race_time, result.status.value, result.trajectory.race_time),
+        )
+
+
+# Each stage from the one before
+
+
+def solve_stage_above(
+    models: StageModels,
+    session: SolverSession,
+    refine: Refinement,
+    stage: Stage,
+    done: Mapping[Stage, StageResult],
+) -> StageResult:
+    """Return a stage's optimum, from that of the stage below and from its alternatives, with alternatives.
+
+    Args:
+        models: of the race.
+        session: solves.
+        refine: how closely.
+        stage: which one.
+        done: the stages below.
+    """
+    below = done[STAGES[STAGES.index(stage) - 1]]
+    conditions = _pylon_conditions(done)
+    # A run that was started from another one may lack the point mass.
+    point_mass = done.get(Stage.POINT_MASS)
+
+    def solve_main(session: SolverSession) -> StageResult | Failure:
+        models.preload(stage, session.service, conditions)
+        starts = _warm_starts(models, session, stage, below, point_mass)
+        return solve_with_refinement(session, starts, refine, diagnose=diagnose_window)
+
+    def solve_alternative(alternative: StageResult, session: SolverSession) -> StageResult | Failure:
+        """There is the main route as well: the primary solver alone is asked, and the first optimum counts."""
+        models.preload(stage, session.service, conditions)
+        result: StageResult | Failure | None = None
+        for start in _warm_starts(models, session, stage, alternative, None):
+            result = refine(session, start(), session.solvers[0])
+            if isinstance(result, StageResult):
+                return result
+        assert result is not None  # there are starts
+        return result
+
+    jobs = [solve_main, *(functools.partial(solve_alternative, one) for one in below.alternatives)]
+    results = [one for one in session.side_by_side(jobs) if isinstance(one, StageResult)]
+    return _with_log(choose_and_carry(models, results, session.settings), session)
+
+
+def _warm_starts(
+    models: StageModels, session: SolverSession, stage: Stage, below: StageResult, point_mass: StageResult | None
+) -> list[Callable[[], Start]]:
+    """Return the starts of a stage: along the stage below, trimmed in it, trimmed in the point mass."""
+    starts: list[Callable[[], Start]] = [
+        functools.partial(start_along, models, session, stage, below),
+        functools.partial(start_trimmed, models, stage, below),
+    ]
+    if point_mass is not None and below is not point_mass:
+        starts.append(functools.partial(start_trimmed, models, stage, point_mass))
+    return starts
+
+
+# Mesh check
+
+
+def check_mesh(models: StageModels, solved: StageResult, session: SolverSession) -> StageResult:
+    """Check the mesh of a stage that was solved on a single one, and those of its alternatives.
+
+    Of routes that were solved roughly one is chosen anew: their race times could not tell.
+
+    Returns:
+        The stage, certified; as it was, with a note that says why, where that fails.
+    """
+    session.restore_log(solved.attempts, solved.timings)
+    routes = solved, *solved.alternatives
+    main, *alternatives = session.side_by_side([functools.partial(confirm_mesh, models, route) for route in routes])
+    if any(route.is_rough for route in routes):
+        result = choose_and_carry(models, [main, *alternatives], session.settings)
+    else:
+        result = replace(main, alternatives=tuple(alternatives))
+    return _with_log(result, session)
+
+
+# Alternatives
+
+
+def choose_and_carry(models: StageModels, results: Sequence[StageResult], settings: Settings) -> StageResult:
+    """Return the result that is chosen, with others that are to be carried on.
+
+    Those are as many as the settings say, else those that are hardly slower. Race times of rough optima are too
+    long by different amounts: what they may be off by leaves no route out, nor makes two routes one.
+    """
+    flight = models.problem(results[0].stage)
+    chosen = simplest_of(flight, results)
+    is_rough = any(result.is_rough for result in results)
+    longest = chosen.trajectory.race_time + CARRIED_LAG
+    if is_rough:
+        longest += mesh_resolution(settings, chosen.trajectory.race_time)
+    else:
+        chosen = with_note_on_faster(flight, chosen, results)
+    if settings.alternatives:
+        longest = math.inf
+    carried: list[StageResult] = []
+    for result in sorted(results, key=lambda one: one.trajectory.race_time):
+        time = result.trajectory.race_time
+        if not result.holds or time > longest or result.trajectory is chosen.trajectory:
+            continue
+        is_same = any(abs(time - one.trajectory.race_time) <= SAME_FLIGHT for one in (chosen, *carried))
+        if not is_same or settings.alternatives or is_rough:
+            carried.append(result)
+    return replace(chosen, alternatives=tuple(carried[: (settings.alternatives or CARRIED_MAX) - 1]))
+
+
+def resolve_near_ties(models: StageModels, results: Sequence[StageResult], session: SolverSession) -> list[StageResult]:
+    """Check the meshes of optima of one stage where they may hide which of them are the fastest.
+
+    Of those, only optima whose check succeeds still hold, unless none does.
+    """
+    times = [result.trajectory.race_time if result.holds else math.inf for result in results]
+    longest = min(times) + mesh_resolution(session.settings, min(times))
+    close = [number for number, time in enumerate(times) if time <= longest < math.inf]
+    if len(close) <= (session.settings.alternatives or CARRIED_MAX):  # all of them are carried on
+        return list(results)
+    checks = [functools.partial(confirm_mesh, models, results[number]) for number in close]
+    checked = list(results)
+    for number, result in zip(close, session.side_by_side(checks), strict=True):
+        checked[number] = result
+    if any(result.certified for result in checked):
+        for number in close:
+            if not checked[number].certified:
+                checked[number] = replace(checked[number], outcome=Status.NOT_CERTIFIED)
+    return checked
+
+
+def _pylon_conditions(done: Mapping[Stage, StageResult]) -> list[PylonCondition]:
+    """Return the conditions on pylons of all stages that are solved."""
+    return [condition for result in done.values() for condition in result.pylon_conditions]
+
+
+def _with_log(result: StageResult, session: SolverSession) -> StageResult:
+    """Return a result with the record of all that was solved for its stage, before it and after it."""
+    return replace(result, attempts=tuple(session.attempts), timings=session.timings())
+
+
+def _with_note(result: StageResult, remark: str) -> StageResult:
+    """Return a result with a note on its start; the result itself where there is none."""
+    return replace(result, notes=(Note(NoteKind.START, remark), *result.notes)) if remark else result
