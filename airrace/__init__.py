@@ -5,158 +5,38 @@
     run = airrace.optimize("rovinj_2014", until="point-mass")
     run.race_time, run.splits, run["point-mass"].to_dataframe(), run.save("rovinj.h5")
 
-The functions are the commands, their keyword arguments the commands' options. The names are looked up when they are
-first used, so that `import airrace` (and `airrace --help`) stays quick.
+The functions are the commands, their keyword arguments the commands' options. The public names and their modules are
+those that the stub `__init__.pyi` imports; each is looked up when it is first used, so that `import airrace` (and
+`airrace --help`) stays quick.
 """
 
-from importlib import import_module
+_modules: dict[str, str] = {}
+"""The module of every public name."""
 
-TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
-if TYPE_CHECKING:
-    from airrace.aircraft import Aircraft
-    from airrace.api import Run, check, import_log, open, optimize, resume, schema, tracks
-    from airrace.batch import optimize_many
-    from airrace.batch.fairness import fairness
-    from airrace.batch.reports import BatchResult
-    from airrace.batch.sweep import SweepResult, sweep
-    from airrace.environment import Air, Profile, StaticWind, Thermal
-    from airrace.errors import AirraceError
-    from airrace.inputs import Inputs, load_inputs
-    from airrace.optimal_control.certificate import Certificate
-    from airrace.procedure.result import Progress, StageResult, Status
-    from airrace.procedure.settings import Settings
-    from airrace.procedure.stage import Stage
-    from airrace.quantities import Interval
-    from airrace.race import Race
-    from airrace.runs.aircraft import ComparedAircraft, estimate_aircraft
-    from airrace.runs.courses import CourseCheck, init
-    from airrace.runs.fit import FittedAircraft, fit
-    from airrace.runs.log_view import LogView
-    from airrace.runs.session import Session
-    from airrace.runs.stage_view import StageView
-    from airrace.track.course import (
-        Course,
-        Crowd,
-        CrowdShape,
-        Direction,
-        EndState,
-        Origin,
-        Passage,
-        Roll,
-        Rules,
-        SafetyLine,
-        Turning,
-    )
-    from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
-    from airrace.track.polygons import Point
-    from airrace.trajectory import Trajectory
 
-__all__ = [
-    "Air",
-    "Aircraft",
-    "AirraceError",
-    "BatchResult",
-    "Certificate",
-    "ComparedAircraft",
-    "Course",
-    "CourseCheck",
-    "Crowd",
-    "CrowdShape",
-    "Direction",
-    "EndState",
-    "FittedAircraft",
-    "Gate",
-    "Inputs",
-    "Interval",
-    "LogView",
-    "Manoeuvre",
-    "Origin",
-    "Passage",
-    "Passing",
-    "Point",
-    "Profile",
-    "Progress",
-    "Pylon",
-    "Race",
-    "Roll",
-    "Rules",
-    "Run",
-    "SafetyLine",
-    "Session",
-    "Settings",
-    "Stage",
-    "StageResult",
-    "StageView",
-    "StaticWind",
-    "Status",
-    "SweepResult",
-    "Thermal",
-    "Tolerances",
-    "Trajectory",
-    "Turning",
-    "check",
-    "estimate_aircraft",
-    "fairness",
-    "fit",
-    "import_log",
-    "init",
-    "load_inputs",
-    "open",
-    "optimize",
-    "optimize_many",
-    "resume",
-    "schema",
-    "sweep",
-    "tracks",
-]
+def _load_names() -> None:
+    """Read the stub."""
+    import ast  # not before a name is looked up, for it takes as long to load as the rest of this module
+    from pathlib import Path
 
-_HOMES = {
-    "airrace.aircraft": ("Aircraft",),
-    "airrace.inputs": ("Inputs", "load_inputs"),
-    "airrace.batch": ("optimize_many",),
-    "airrace.batch.fairness": ("fairness",),
-    "airrace.batch.reports": ("BatchResult",),
-    "airrace.batch.sweep": ("SweepResult", "sweep"),
-    "airrace.environment": ("Air", "Profile", "StaticWind", "Thermal"),
-    "airrace.errors": ("AirraceError",),
-    "airrace.optimal_control.certificate": ("Certificate",),
-    "airrace.race": ("Race",),
-    "airrace.procedure.result": ("Progress", "StageResult", "Status"),
-    "airrace.procedure.settings": ("Settings",),
-    "airrace.procedure.stage": ("Stage",),
-    "airrace.quantities": ("Interval",),
-    "airrace.runs.aircraft": ("ComparedAircraft", "estimate_aircraft"),
-    "airrace.runs.fit": ("FittedAircraft", "fit"),
-    "airrace.runs.courses": ("CourseCheck", "init"),
-    "airrace.api": ("Run", "check", "import_log", "open", "optimize", "resume", "schema", "tracks"),
-    "airrace.runs.log_view": ("LogView",),
-    "airrace.runs.session": ("Session",),
-    "airrace.runs.stage_view": ("StageView",),
-    "airrace.track.course": (
-        "Course",
-        "Crowd",
-        "CrowdShape",
-        "Direction",
-        "EndState",
-        "Origin",
-        "Passage",
-        "Roll",
-        "Rules",
-        "SafetyLine",
-        "Turning",
-    ),
-    "airrace.track.gates": ("Gate", "Manoeuvre", "Passing", "Pylon", "Tolerances"),
-    "airrace.track.polygons": ("Point",),
-    "airrace.trajectory": ("Trajectory",),
-}
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body:
+        if isinstance(statement, ast.ImportFrom) and statement.module is not None:
+            _modules.update({alias.name: statement.module for alias in statement.names})
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOME:
+    from importlib import import_module
+
+    if not _modules:
+        _load_names()
+    if name == "__all__":
+        return sorted(_modules)
+    if name not in _modules:
         raise AttributeError(f"module 'airrace' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    return getattr(import_module(_modules[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    if not _modules:
+        _load_names()
+    return sorted(_modules)

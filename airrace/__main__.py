@@ -10,9 +10,6 @@ import sys
 
 from airrace import interrupts
 
-INTERRUPTED = 130
-"""The exit code of a command that was asked to stop, as `ExitCode` has it; that is not imported yet."""
-
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
@@ -34,7 +31,7 @@ def main() -> None:
         raise
     except BaseException as error:
         code = exit_code(error)
-    if code == INTERRUPTED and not interrupts.acknowledged():  # no command has said why
+    if code == interrupts.EXIT_CODE and not interrupts.acknowledged():  # no command has said why
         sys.stderr.write("airrace: interrupted\n")
     interrupts.close()
     # Of `sys.exit` all but taking apart what was loaded: of 0.20 s of processor time of `--help` that is 0.04 s, of
@@ -53,7 +50,7 @@ def exit_code(error: BaseException) -> int:
         BaseException: the error, if it is neither a request to stop nor one of stdout.
     """
     if interrupts.caused(error):
-        return INTERRUPTED
+        return interrupts.EXIT_CODE
     from airrace.errors import is_lack_of_memory
     from airrace.process import SYSTEM_ERROR
 

@@ -24,6 +24,10 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREA
 """The signals that ask to stop; SIGBREAK is all that one process of Windows can send another."""
 
 
+EXIT_CODE = 130
+"""The exit code of a command that was asked to stop: 128 and SIGINT, as shells have it."""
+
+
 class _Request:
     """The one request of this process."""
 

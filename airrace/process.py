@@ -35,7 +35,7 @@ loaded, and finds next to nothing."""
 MEMORY_MIN = 256 * 2**20
 """The smallest address space, bytes; to check a course takes 200 MiB."""
 SYSTEM_ERROR = 8
-"""The exit code of a process that lacks memory: `ExitCode.SYSTEM`, which takes too long to import."""
+"""The exit code of a process to which the system refuses something, such as memory."""
 UNSUPPORTED = (AttributeError, OSError, TypeError)
 """Errors of a function that this system's C library lacks, and of a system without one (Windows)."""
 

@@ -8,6 +8,8 @@ from typing import TextIO
 
 STANDARD = Path("-")
 """The path that stands for stdin or stdout."""
+ONE_ON_STDOUT = "only one result can go to stdout: name a file for the others, and leave --json out"
+"""The message that more than one thing would be written to stdout."""
 
 
 def read_bytes(path: Path, most: int) -> bytes:

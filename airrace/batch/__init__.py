@@ -11,11 +11,12 @@ records.
 
 import contextlib
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from airrace.errors import InputError, UsageError
+from airrace.options import Option
 
 if TYPE_CHECKING:
     from airrace.batch.planning import BatchPlan, Sources
@@ -41,19 +42,43 @@ class BatchOptions:
     `set` and `sweep` are `key=value` and `key=values` texts.
     """
 
-    courses: Sequence[str]
-    aircraft: Sequence[Path] = ()
-    settings: Path | None = None
-    set: Sequence[str] = ()
-    sweep: Sequence[str] = ()
-    until: str | None = None
-    jobs: int | None = None
-    output: Path = Path("batch")
-    cluster: str | None = None
-    timeout: float | None = None
-    retries: int = 1
-    retry_failed: bool = False
-    force: bool = False
+    courses: Annotated[
+        Sequence[str],
+        Option("Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml.", "COURSES..."),
+    ] = field(kw_only=False)
+    aircraft: Annotated[
+        Sequence[Path], Option("Fly every course with this aircraft; as often as you like.", "FILE")
+    ] = ()
+    settings: Annotated[Path | None, Option("Settings other than the defaults.", "FILE")] = None
+    set: Annotated[
+        Sequence[str],
+        Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE"),
+    ] = ()
+    sweep: Annotated[
+        Sequence[str],
+        Option(
+            "Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
+            "KEY=VALUES",
+        ),
+    ] = ()
+    until: Annotated[
+        str | None,
+        Option("Last stage to run; by default the last available one.", "STAGE", completion="stages"),
+    ] = None
+    jobs: Annotated[
+        int | None,
+        Option("Jobs at a time; by default all cores, or threads of workers.", "N", min=1),
+    ] = None
+    output: Annotated[Path, Option("Where checkpoints and records lie.", "DIR", flags=("--output", "-o"))] = Path(
+        "batch"
+    )
+    cluster: Annotated[str | None, Option("Fly on a dask.distributed cluster (tcp://scheduler:8786).", "ADDRESS")] = (
+        None
+    )
+    timeout: Annotated[float | None, Option("Stop a job that takes longer.", "SECONDS", min=0.1)] = None
+    retries: Annotated[int, Option("How often a job whose process crashed is tried again.", "N", min=0)] = 1
+    retry_failed: Annotated[bool, Option("Fly jobs again that ended without a certified flight.")] = False
+    force: Annotated[bool, Option("Fly all jobs again, from their start.", flags=("--force", "-f"))] = False
 
     def sources(self) -> "Sources":
         """Return the courses that are meant.

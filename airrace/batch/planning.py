@@ -31,7 +31,7 @@ from airrace.inputs.overrides import value_text
 from airrace.inputs.schema import read_entry
 from airrace.inputs.settings import BatchEntry
 from airrace.runs.command_result import ExitCode
-from airrace.runs.output import ensure_unread
+from airrace.runs.output import ensure_free
 from airrace.standard_streams import STANDARD, name_of
 
 JOBS_MAX = 100_000
@@ -378,7 +378,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, repe
     read = [file for step in steps for file in (step.track, step.aircraft) if file is not None]
     read += [str(file) for file in (*sources.files, *(group.template.settings for group in sources.groups)) if file]
     plan = BatchPlan(folder, tuple(steps), sources.findings, tuple(dict.fromkeys(read)))
-    ensure_unread(plan.files(), plan.read)
+    ensure_free(*plan.files(), force=True, sources=plan.read, made=folder)
     return plan
 
 

@@ -13,7 +13,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ import typer
 from airrace import interrupts
 from airrace.errors import UsageError
 from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
-from airrace.standard_streams import STANDARD, abandon_stdout
+from airrace.standard_streams import ONE_ON_STDOUT, STANDARD, abandon_stdout
 from airrace.views.plain_text import keep_colours, one_line
 from airrace.views.tables import Table
 
@@ -37,21 +37,66 @@ PAGE = 80
 """Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 
+@dataclass
+class Answer(CommandResult):
+    """The answer of a command on the command line.
+
+    Attributes:
+        as_json: whether its object is printed instead of its texts.
+        quiet: whether neither is, but what goes wrong.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+
+    @property
+    def shows(self) -> bool:
+        """Whether texts are printed; where not, they need not be made."""
+        return not self.as_json and not self.quiet
+
+    def ensure_room(self, *outputs: Path | None) -> None:
+        """Refuse to write more than one thing to stdout; texts are left out where something else goes there.
+
+        Raises:
+            UsageError: there would be two.
+        """
+        if [*outputs, STANDARD if self.as_json else None].count(STANDARD) > 1:
+            raise UsageError(ONE_ON_STDOUT)
+        self.quiet = self.quiet or STANDARD in outputs
+
+    def add(self, *contents: "Table | RenderableType", columns: int = UNLIMITED_WIDTH) -> None:
+        """Add tables, pictures or texts to what is printed for people."""
+        if self.shows:
+            self.texts += [
+                content if isinstance(content, str) else render(content, columns=columns) for content in contents
+            ]
+
+    def add_files(self, *paths: Path | None, remark: str = "", **fields: object) -> None:
+        """Fill in the answer of a command that has written files; one that was written to stdout is left out.
+
+        Args:
+            paths: the files; None where none was asked for.
+            remark: what there is to be said of them, a clause.
+            fields: what else the object holds.
+        """
+        files = [path for path in paths if path is not None and path != STANDARD]
+        self.fields.update(fields, written=[{"path": str(path), "bytes": path.stat().st_size} for path in files])
+        self.add(*(f"{path} is written{remark}" for path in files))
+
+
 @contextmanager
-def answering(
-    fields: Mapping[str, object] | None = None, *, as_json: bool, verbose: bool = False
-) -> Generator[CommandResult, None, None]:
+def answering(*, as_json: bool, quiet: bool = False, verbose: bool = False) -> Generator[Answer, None, None]:
     """Run a command's body; turn whatever it raises into its answer, print it, and leave with its exit code.
 
     Args:
-        fields: what the object holds from the start, so that its shape does not depend on how far the command came.
         as_json: print the object on stdout.
+        quiet: print no texts.
         verbose: print the library's own log on stderr.
 
     Raises:
         typer.Exit: with the code, unless it is 0.
     """
-    answer = CommandResult(dict(fields or {}))
+    answer = Answer(as_json=as_json, quiet=quiet)
     log = _Log()
     logging.getLogger().addHandler(log)
     logging.getLogger("airrace").setLevel(logging.INFO if verbose else logging.NOTSET)
@@ -64,32 +109,6 @@ def answering(
     _say(answer, as_json=as_json)
     if answer.code is not ExitCode.DONE:
         raise typer.Exit(int(answer.code))
-
-
-def ensure_room(*outputs: Path | None, as_json: bool) -> None:
-    """Refuse to write more than one thing to stdout.
-
-    Raises:
-        UsageError: there would be two.
-    """
-    if [*outputs, STANDARD if as_json else None].count(STANDARD) > 1:
-        raise UsageError("only one result can go to stdout: name a file for the others, and leave --json out")
-
-
-def answer_with_files(
-    answer: CommandResult, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
-) -> None:
-    """Fill in the answer of a command that has written files; one that was written to stdout is left out.
-
-    Args:
-        paths: the files.
-        quiet: whether they are left out of the words.
-        remark: what there is to be said of them, a clause.
-        fields: what else the object holds.
-    """
-    files = [path for path in paths if path != STANDARD]
-    answer.fields.update(fields, written=[{"path": str(path), "bytes": path.stat().st_size} for path in files])
-    answer.texts.extend(() if quiet else (f"{path} is written{remark}" for path in files))
 
 
 class _Log(logging.Handler):

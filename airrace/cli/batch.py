@@ -3,121 +3,59 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from airrace import interrupts
+from airrace import interrupts, options
 from airrace.batch import BatchOptions
-from airrace.cli.answer import answer_with_files, answering, ensure_room, render
-from airrace.cli.options import (
-    AsJson,
-    DryRun,
-    Force,
-    LastStage,
-    Overrides,
-    Quiet,
-    RunFile,
-    SettingsFile,
-    Threads,
-    TrackFile,
-    Verbose,
-    complete_aircraft,
-    file_option,
-    output_option,
-    stage_option,
-)
+from airrace.cli.answer import Answer
+from airrace.cli.command import command
+from airrace.options import Option
+from airrace.runs.command_result import ExitCode
+from airrace.standard_streams import STANDARD
+
+if TYPE_CHECKING:
+    from airrace.batch.fairness import Fairness
+    from airrace.batch.sweep import SweepResult
 
 
+BATCH_HELP = """Fly many courses.
+
+Every combination of course, aircraft and swept values is a job with a checkpoint of its own. A second call flies
+only what is not finished, or has changed.
+"""
+
+
+@command(BatchOptions, help=BATCH_HELP)
 def batch(
-    courses: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml."
-        ),
-    ],
-    aircraft: Annotated[
-        list[Path] | None, file_option("FILE", "Fly every course with this aircraft; as often as you like.")
-    ] = None,
-    settings: SettingsFile = None,
-    overrides: Overrides = None,
-    sweep: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=VALUES",
-            help="Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
-        ),
-    ] = None,
-    until: LastStage = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores, or threads of workers."),
-    ] = None,
-    output: Annotated[Path, output_option("DIR", "Where checkpoints and records lie.")] = Path("batch"),
-    cluster: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
-    ] = None,
-    timeout: Annotated[
-        float | None, typer.Option(min=0.1, metavar="SECONDS", help="Stop a job that takes longer.")
-    ] = None,
-    retries: Annotated[
-        int, typer.Option(min=0, metavar="N", help="How often a job whose process crashed is tried again.")
-    ] = 1,
-    dry_run: DryRun = False,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Fly jobs again that ended without a certified flight.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", "-f", help="Fly all jobs again, from their start.")] = False,
-    csv_file: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
-    junit_file: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit report.")] = None,
-    markdown_file: Annotated[
-        Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
-    ] = None,
-    as_json: AsJson = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    answer: Answer,
+    call: "partial[BatchOptions]",
+    *,
+    dry_run: options.DryRun = False,
+    csv: Annotated[Path | None, Option("Write the table as CSV.", "FILE", written=True)] = None,
+    junit: Annotated[Path | None, Option("Write a JUnit report.", "FILE", written=True)] = None,
+    markdown: Annotated[Path | None, Option("Write the table as Markdown.", "FILE", written=True)] = None,
 ) -> None:
-    """Fly many courses.
+    from airrace.batch.supervision import supervise
+    from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
 
-    Every combination of course, aircraft and swept values is a job with a checkpoint of its own. A second call flies
-    only what is not finished, or has changed.
-    """
-    with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.batch.supervision import supervise
-        from airrace.cli.batch_output import Reports, answer_with, describe_plan, watching_batch
-
-        ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
-        started = time.perf_counter()
-        options = BatchOptions(
-            courses=courses,
-            aircraft=aircraft or (),
-            settings=settings,
-            set=overrides or (),
-            sweep=sweep or (),
-            until=until,
-            jobs=jobs,
-            output=output,
-            cluster=cluster,
-            timeout=timeout,
-            retries=retries,
-            retry_failed=retry_failed,
-            force=force,
-        )
-        reports = Reports(csv_file, junit_file, markdown_file)
-        if dry_run:
-            plan = options.checked_plan()
-            reports.ensure_writable(plan)
-            describe_plan(answer, plan, quiet=quiet)
-            return
-        with options.prepared() as (plan, pool):
-            reports.ensure_writable(plan)
-            with stopping() as stop_asked, watching_batch(quiet=quiet) as watcher:
-                results = supervise(plan, pool, options, watcher, stop_asked=stop_asked)
-        answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
+    answer.fields = {"certified": False, "jobs": []}
+    started = time.perf_counter()
+    jobs, reports = call(), Reports(csv, junit, markdown)
+    if dry_run:
+        plan = jobs.checked_plan()
+        reports.ensure_writable(plan)
+        describe_plan(answer, plan, quiet=answer.quiet)
+        return
+    with jobs.prepared() as (plan, pool):
+        reports.ensure_writable(plan)
+        with stopping() as stop_asked, watching_batch(quiet=answer.quiet) as watcher:
+            results = supervise(plan, pool, jobs, watcher, stop_asked=stop_asked)
+    answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=answer.quiet)
 
 
 ONE_REQUEST = 0.3
@@ -157,134 +95,134 @@ ROWS_SHOWN = 30
 """The largest number of combinations that a terminal shows."""
 
 
-def sweep(
-    run_file: RunFile,
+def _sweep(
+    run: Annotated[Path, options.RUN_FILE],
+    *,
     sweep: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY=VALUES",
-            help="Values of a key as --set takes it: a list 0,5,10, a range first:last:step, or a list of both; "
+        Sequence[str],
+        Option(
+            "Values of a key as --set takes it: a list 0,5,10, a range first:last:step, or a list of both; "
             "several multiply.",
+            "KEY=VALUES",
         ),
     ],
-    stage: Annotated[str, stage_option("Which stage.")] = "point-mass",
-    overrides: Overrides = None,
+    stage: Annotated[str, Option("Which stage.", "STAGE", completion="stages")] = "point-mass",
+    set: options.Set = (),
     output: Annotated[
-        Path | None, output_option("FILE", "Write all combinations, .csv or .parquet (extra: parquet).")
+        Path | None, options.output("FILE", "Write all combinations, .csv or .parquet (extra: parquet).")
     ] = None,
-    force: Force = False,
-    threads: Threads = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+    force: options.Force = False,
+    threads: options.Threads = None,
+    tell: Callable[[int, int], None] | None = None,
+) -> "SweepResult":
     """Solve one stage of a run under every combination of values, some a second.
 
     Each is solved from its neighbour and measured like a stage that is solved on one mesh. Routes stay those of the
     run; `airrace batch` flies every combination from scratch instead.
     """
-    with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.batch.sweep import ensure_sweep_file
-        from airrace.batch.sweep import sweep as solve_sweep
-        from airrace.runs.command_result import ExitCode
-        from airrace.runs.output import ensure_free
-        from airrace.views.plain_text import SafeStream
-        from airrace.views.tables import Table
+    from airrace.batch.sweep import ensure_sweep_file
+    from airrace.batch.sweep import sweep as solve_sweep
+    from airrace.runs.output import ensure_free
 
-        if output is not None:
-            ensure_room(output, as_json=as_json)
-            ensure_sweep_file(output)
-            ensure_free(output, force=force, sources=[run_file])
-        shows = not quiet and sys.stderr.isatty()
-        terminal = SafeStream(sys.stderr, commanded=True)
-
-        def tell(done: int, number: int) -> None:
-            if shows:
-                print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
-
-        found = solve_sweep(
-            run_file, sweep, stage=stage, set=overrides or (), threads=threads, output=output, tell=tell
-        )
-        answer.fields.update(found.as_object())
-        table = found.table()
-        if not quiet:
-            left = len(table.rows) - ROWS_SHOWN
-            more = (f"{left} more; --output writes all",) if left > 0 else ()
-            notes = (*table.notes, *more)
-            answer.texts.append(render(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], notes)))
-        answer_with_files(answer, [] if output is None else [output], quiet=quiet)
-        if unsolved := len(found.points) - found.solved:
-            answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(found.points)} combinations have no optimum")
+    if output is not None:
+        ensure_sweep_file(output)
+        ensure_free(output, force=force, sources=[run])
+    return solve_sweep(run, sweep, stage=stage, set=set, threads=threads, output=output, tell=tell)
 
 
-def fairness(
-    track: TrackFile,
+@command(_sweep)
+def sweep(answer: Answer, call: "partial[SweepResult]") -> None:
+    from airrace.views.plain_text import SafeStream
+    from airrace.views.tables import Table
+
+    terminal = SafeStream(sys.stderr, commanded=True)
+
+    def tell(done: int, number: int) -> None:
+        print(f"\r{done} of {number}", end="" if done < number else "\r\033[K", file=terminal, flush=True)
+
+    swept = call(tell=tell) if not answer.quiet and sys.stderr.isatty() else call()
+    answer.fields.update(swept.as_object())
+    table = swept.table()
+    left = len(table.rows) - ROWS_SHOWN
+    more = (f"{left} more; --output writes all",) if left > 0 else ()
+    answer.add(Table(table.title, table.columns, table.rows[:ROWS_SHOWN], (*table.notes, *more)))
+    answer.add_files(call.keywords["output"])
+    if unsolved := len(swept.points) - swept.solved:
+        answer.fail(ExitCode.NOT_CERTIFIED, f"{unsolved} of {len(swept.points)} combinations have no optimum")
+
+
+def _fairness(
+    track: Annotated[
+        Path, Option("The course: a file, or a name that `airrace tracks` lists.", "TRACK", completion="tracks")
+    ],
+    *,
     aircraft: Annotated[
-        list[Path] | None,
-        file_option(
-            "FILE", "An aircraft: a file or a name, e.g. pc9; as often as you like.", complete=complete_aircraft
-        ),
-    ] = None,
+        Sequence[Path],
+        Option("An aircraft: a file or a name, e.g. pc9; as often as you like.", "FILE", completion="configs"),
+    ] = (),
     winds: Annotated[
-        str | None,
-        typer.Option(metavar="ROSE", help="Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's."),
+        str | None, Option("Winds, e.g. 0,5,10kt@8: from eight directions; by default the course's.", "ROSE")
     ] = None,
     sweep: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=VALUES", help="Values of another key of the air; as often as you like."),
-    ] = None,
+        Sequence[str], Option("Values of another key of the air; as often as you like.", "KEY=VALUES")
+    ] = (),
     flights: Annotated[
-        list[str] | None,
-        typer.Option("--flight", metavar="FLIGHT", help="A run or a flight log to normalise; as often as you like."),
-    ] = None,
-    settings: SettingsFile = None,
-    overrides: Overrides = None,
-    until: LastStage = None,
-    cold: Annotated[
-        bool, typer.Option("--cold", help="Find every optimum from the course alone as well, and take the faster one.")
-    ] = False,
+        Sequence[str],
+        Option("A run or a flight log to normalise; as often as you like.", "FLIGHT", flags=("--flight",)),
+    ] = (),
+    settings: Annotated[Path | None, Option("Settings other than the defaults.", "FILE")] = None,
+    set: Annotated[
+        Sequence[str], Option("Change one value, e.g. rules.n_z_max=9; as often as you like.", "KEY=VALUE")
+    ] = (),
+    until: options.Until = None,
+    cold: Annotated[bool, Option("Find every optimum from the course alone as well, and take the faster one.")] = False,
     output: Annotated[
-        Path | None, output_option("DIR", "Keep the runs here; a second call takes up what is there.")
+        Path | None,
+        Option("Keep the runs here; a second call takes up what is there.", "DIR", flags=("--output", "-o")),
     ] = None,
-    csv_file: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the optima as CSV.")] = None,
-    force: Force = False,
-    threads: Threads = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+    csv: Annotated[Path | None, Option("Write the optima as CSV.", "FILE", written=True)] = None,
+    force: options.Force = False,
+    threads: options.Threads = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> "Fairness":
     """Tell what aircraft and air are worth on a course: handicaps, spreads, and times as of still standard air."""
-    with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.inputs import load_inputs
-        from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
+    from airrace.inputs import load_inputs
+    from airrace.runs.output import documents_of, ensure_free, write_text
 
-        ensure_room(csv_file, as_json=as_json)
-        if csv_file is not None:
-            ensure_free(csv_file, force=force, sources=[track, settings, *(aircraft or ()), *(flights or ())])
-            ensure_unread([csv_file], documents_of(load_inputs(track, settings=settings, overrides=overrides or ())))
-        from airrace.batch.fairness import fairness as find_fairness
-        from airrace.batch.planning import parse_sweeps
-        from airrace.runs.command_result import ExitCode
+    if csv is not None:
+        ensure_free(csv, force=force, sources=[track, settings, *aircraft, *flights])
+        inputs = load_inputs(track, settings=settings, overrides=set)
+        ensure_free(csv, force=True, sources=documents_of(inputs))
+    from airrace.batch.fairness import fairness
+    from airrace.batch.planning import parse_sweeps
 
-        found = find_fairness(
-            track,
-            aircraft=aircraft or (),
-            winds=winds,
-            sweep=parse_sweeps(sweep or ()),
-            flights=flights or (),
-            settings=settings,
-            set=overrides or (),
-            until=until,
-            cold=cold,
-            output=output,
-            threads=threads,
-            tell=lambda text: None if quiet else print(text, file=sys.stderr, flush=True),
-        )
-        answer.fields.update(found.as_object())
-        if csv_file is not None:
-            write_text(csv_file, found.air_table().csv(".10g"))
-        if not quiet:
-            answer.texts.extend(render(table) for table in found.tables())
-        answer_with_files(answer, [] if csv_file is None else [csv_file], quiet=quiet)
-        if found.messages:
-            answer.fail(ExitCode.NOT_CERTIFIED, found.messages[0])
+    found = fairness(
+        track,
+        aircraft=aircraft,
+        winds=winds,
+        sweep=parse_sweeps(sweep),
+        flights=flights,
+        settings=settings,
+        set=set,
+        until=until,
+        cold=cold,
+        output=output,
+        threads=threads,
+        tell=tell,
+    )
+    if csv is not None:
+        write_text(csv, found.air_table().csv(".10g"))
+    return found
+
+
+@command(_fairness)
+def fairness(answer: Answer, call: "partial[Fairness]") -> None:
+    def tell(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    found = call() if answer.quiet and call.keywords["csv"] != STANDARD else call(tell=tell)
+    answer.fields.update(found.as_object())
+    answer.add(*found.tables())
+    answer.add_files(call.keywords["csv"])
+    if found.messages:
+        answer.fail(ExitCode.NOT_CERTIFIED, found.messages[0])

@@ -5,7 +5,7 @@ import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Hashable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -35,9 +35,9 @@ from airrace.batch.reports import (
 )
 from airrace.batch.supervision import StageFinished, Watcher
 from airrace.cli.answer import full_columns, render, terminal_columns
-from airrace.errors import Finding, UsageError
+from airrace.errors import Finding
 from airrace.runs.command_result import CommandResult, ExitCode, worst
-from airrace.runs.output import ensure_free, identity, write_text
+from airrace.runs.output import ensure_free, write_text
 from airrace.standard_streams import STANDARD
 from airrace.views.plain_text import SafeStream, plain
 from airrace.views.progress_view import commands_cursor
@@ -83,12 +83,8 @@ class Reports:
             StorageError: a folder does not exist or takes no files.
         """
         paths = [path for path in (self.csv, self.junit, self.markdown) if path is not None]
-        taken = {identity(path) for path in plan.files()} if paths else set[Hashable]()
-        for path in paths:
-            ensure_free(path, force=True, sources=plan.read, made=plan.folder)
-            if identity(path) in taken:
-                raise UsageError(f"{path} is another file that this batch writes; name another one for the report")
-            taken.add(identity(path))
+        if paths:
+            ensure_free(*plan.files(), *paths, force=True, sources=plan.read, made=plan.folder)
 
 
 def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> None:

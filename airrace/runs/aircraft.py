@@ -239,34 +239,31 @@ class ComparedAircraft:
             yield [name, unit, given, computed / factor, 100.0 * (computed / factor / given - 1.0)]
 
 
-def estimate_aircraft(
+def compare_with_manual(
     name: str,
+    figures: Mapping[str, str],
     *,
-    from_: str | Path | None = None,
+    template: str | Path | None = None,
     output: str | Path | None = None,
     force: bool = False,
-    **figures: str | None,
 ) -> ComparedAircraft:
     """Estimate an aircraft from its flight manual and write its file, or compare one that exists with its manual.
 
     Args:
-        name: the name of the new aircraft; without `from_` an aircraft that comes along, or a file.
-        from_: the aircraft from which it takes what the manual leaves open: one that comes along, or a file.
+        name: the name of the new aircraft; without a template an aircraft that comes along, or a file.
+        figures: texts with units by the keys of `MEASURES`.
+        template: the aircraft from which it takes what the manual leaves open: one that comes along, or a file.
         output: the file; by default the name in lower case, with underscores and `.yaml`.
         force: whether an existing file is overwritten.
-        figures: texts with units by the names of the command's options, e.g. `stall="57kt"`, `speed_max="343km/h"`.
 
     Raises:
         UsageError: a figure is no measure, or no aircraft has these figures; or the file exists.
         InputError: there is no such aircraft.
         StorageError: the folder does not exist or takes no files.
     """
-    given = {key: text for key, text in figures.items() if text is not None}
-    if unknown := sorted(given.keys() - MEASURES.keys()):
-        raise UsageError(f"there is no figure {unknown[0]!r}; known are {', '.join(MEASURES)}")
-    read = {key: read_measure(text, MEASURES[key], f"--{key.replace('_', '-')}") for key, text in given.items()}
+    read = {key: read_measure(text, MEASURES[key], f"--{key.replace('_', '-')}") for key, text in figures.items()}
     manual = ManualFigures(**read)
-    if from_ is None:
+    if template is None:
         if read or output is not None:
             raise UsageError("an aircraft is made of another one: name that, too, e.g. --from edge540")
         known = read_aircraft_file(name)
@@ -274,12 +271,12 @@ def estimate_aircraft(
     if not read:
         raise UsageError("no figure of the aircraft is given, e.g. --stall 57kt; without any it is the template")
     path = Path(output) if output is not None else Path(name.lower().replace(" ", "_") + SUFFIX)
-    ensure_free(path, force=force, sources=[from_])
-    template = read_aircraft_file(from_)
-    aircraft, relations = estimate(template.aircraft, manual, name)
+    ensure_free(path, force=force, sources=[template])
+    source = read_aircraft_file(template)
+    aircraft, relations = estimate(source.aircraft, manual, name)
     engine, airframe = aircraft.propulsion, aircraft.airframe
     manual = replace(
         manual, manual_mass=manual.manual_mass or airframe.m, manual_power=manual.manual_power or engine.P_max
     )
-    write_text(path, aircraft_text(template, Path(from_).stem, aircraft, relations, manual))
+    write_text(path, aircraft_text(source, Path(template).stem, aircraft, relations, manual))
     return ComparedAircraft(path, aircraft, manual)

@@ -20,6 +20,7 @@ from airrace.errors import (
     debugging,
     is_lack_of_memory,
 )
+from airrace.process import SYSTEM_ERROR
 
 if TYPE_CHECKING:
     from airrace.results import Confirmation
@@ -36,8 +37,8 @@ class ExitCode(IntEnum):
     NOT_CERTIFIED = 5
     TIMEOUT = 6
     BAD_CHECKPOINT = 7
-    SYSTEM = 8
-    INTERRUPTED = 130
+    SYSTEM = SYSTEM_ERROR
+    INTERRUPTED = interrupts.EXIT_CODE
 
 
 PRECEDENCE = (

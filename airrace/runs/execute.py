@@ -1,11 +1,12 @@
 """The execution of a plan: stage by stage, each stored as soon as it is finished, under the lock of the run's file."""
 
 import contextlib
+import logging
 import os
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from airrace.inputs.rules import ReserveEntry
 from airrace.procedure import procedure
 from airrace.procedure.procedure import checks_mesh
 from airrace.procedure.result import Progress, StageResult, Status
+from airrace.results.comparison import Comparison
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.runs.json_objects import comparison_object, reserve_object, run_object
 from airrace.runs.output import ensure_free
@@ -26,6 +28,8 @@ from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
 
 if TYPE_CHECKING:
     from airrace.runs.reserve import ReserveCase
+
+logger = logging.getLogger(__name__)
 
 PATIENCE = 0.1
 """The time for which a lock is tried, s: whoever holds it may just be removing it."""
@@ -105,94 +109,98 @@ def ensure_executable(plan: ExecutionPlan, *, timeout: float | None = None) -> N
 def execute(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[RunState]:
-    """Fly the stages that are not reused; yield the run after each, written to its file if it has one.
+    """Fly the stages that are not reused; yield the run after each, see `Execution.steps`."""
+    return Execution(plan).steps(threads=threads, timeout=timeout, progress=progress)
 
-    The file is written before anything is computed, too: whatever ends the run, it can be resumed.
 
-    Args:
+class Execution:
+    """A plan, and how far it is carried out, also where an error ends it.
+
+    Attributes:
         plan: what is to be computed.
-        threads: threads that evaluate derivatives.
-        timeout: the longest wall time of the stages, s; None for none.
-        progress: who watches.
-    """
-    return (done.run for done in _execute(plan, threads=threads, timeout=timeout, progress=progress))
-
-
-@dataclass(frozen=True)
-class Executed:
-    """A step of an execution: the run, the stage that was solved or checked last, and the reserve that it keeps.
-
-    `reserve` is None unless this is the flight with margins that follows the optimum.
+        run: the run by now.
+        reserve: the flight with the margins that it was asked to keep; None before that, or without.
     """
 
-    run: RunState
-    result: StageResult
-    reserve: "ReserveCase | None" = None
+    def __init__(self, plan: ExecutionPlan) -> None:
+        self.plan = plan
+        self.run = plan.run
+        self.reserve: ReserveCase | None = None
+        self._finished = {result.stage: result for result in plan.reused}
+        self._started = time.perf_counter()
 
+    @property
+    def results(self) -> tuple[StageResult, ...]:
+        """The finished stages, those that are reused among them, in the order in which they were finished."""
+        return tuple(self._finished.values())
 
-def _execute(
-    plan: ExecutionPlan,
-    *,
-    threads: int,
-    timeout: float | None = None,
-    progress: Progress,
-    attempted: Callable[[RunState], None] = lambda run: None,
-) -> Iterator[Executed]:
-    """Yield all steps, the last one that of a reserve where one is asked for.
+    @property
+    def wall(self) -> float:
+        """The time since this was begun, s."""
+        return time.perf_counter() - self._started
 
-    `attempted` receives the run with every attempt of that.
-    """
-    ensure_time(timeout)
-    started = time.monotonic()
-    with run_lock(plan.run.path):
-        run = plan.run
-        for done in _execute_locked(plan, threads=threads, timeout=timeout, progress=progress):
-            run = done.run
-            yield done
-        if plan.reserve is not None and run.certified:
-            left = None if timeout is None else max(timeout - (time.monotonic() - started), 1e-3)
-            yield _keep_reserve(run, threads=threads, timeout=left, progress=progress, attempted=attempted)
+    @property
+    def comparison(self) -> Comparison | None:
+        """The flight beside that of the run that it was started from; None where there is none, or none in common."""
+        return replace(self.plan, run=self.run).compare(self.results)
 
+    def steps(self, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[RunState]:
+        """Fly the stages that are not reused; yield the run after each, written to its file if it has one.
 
-def _keep_reserve(
-    run: RunState,
-    *,
-    threads: int,
-    timeout: float | None,
-    progress: Progress,
-    attempted: Callable[[RunState], None],
-) -> Executed:
-    """Fly a run again with the margins of its reserve, and store that in its file, and before it every attempt."""
-    from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
+        The file is written before anything is computed, too: whatever ends the run, it can be resumed. The last step is
+        the flight with the margins of a reserve, where one is asked for.
 
-    until = None if timeout is None else time.monotonic() + timeout
+        Args:
+            threads: threads that evaluate derivatives.
+            timeout: the longest wall time, s; None for none.
+            progress: who watches.
 
-    def fly_again(before: RunState, values: Sequence[str]) -> RunState:
-        left = None if until is None else until - time.monotonic()
-        if left is not None and left <= 0.0:
-            raise OutOfTime("the time was over before the reserve was found")
-        plan = plan_changed_run(before, Changes(overrides=values))
-        *_, last = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
-        return last.run
+        Raises:
+            OutOfTime: `timeout` is over.
+            UsageError: it is not positive, or another process solves the run.
+        """
+        ensure_time(timeout)
+        started = time.monotonic()
+        with run_lock(self.plan.run.path):
+            for run, result in _execute_locked(self.plan, threads=threads, timeout=timeout, progress=progress):
+                self.run, self._finished[result.stage] = run, result
+                yield run
+            if self.plan.reserve is not None and self.run.certified:
+                left = None if timeout is None else max(timeout - (time.monotonic() - started), 1e-3)
+                self._keep_reserve(threads=threads, timeout=left, progress=progress)
+                self._finished = {result.stage: result for result in self.run.results}
+                yield self.run
 
-    stored = run
+    def _keep_reserve(self, *, threads: int, timeout: float | None, progress: Progress) -> None:
+        """Fly the run again with the margins of its reserve; store that in its file, and before it every attempt."""
+        from airrace.runs.reserve import fly_reserve  # which takes what flies in closed loop
 
-    def keep(attempt: ReserveAttempt, flown: RunState | None) -> None:
-        nonlocal stored
-        stored = stored.with_attempt(attempt, flown)
-        _store(stored)
-        attempted(stored)
+        until = None if timeout is None else time.monotonic() + timeout
 
-    assert run.inputs.reserve is not None
-    case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
-    renewed = replace(case.run, path=run.path)
-    _store(renewed)
-    return Executed(renewed, renewed.results[-1], replace(case, run=renewed))
+        def fly_again(before: RunState, values: Sequence[str]) -> RunState:
+            left = None if until is None else until - time.monotonic()
+            if left is not None and left <= 0.0:
+                raise OutOfTime("the time was over before the reserve was found")
+            plan = plan_changed_run(before, Changes(overrides=values))
+            *_, (last, _) = _execute_locked(plan, threads=threads, timeout=left, progress=progress)
+            return last
+
+        def keep(attempt: ReserveAttempt, flown: RunState | None) -> None:
+            self.run = self.run.with_attempt(attempt, flown)
+            _store(self.run)
+
+        run = self.run
+        assert run.inputs.reserve is not None
+        case = fly_reserve(run, run.inputs.reserve, fly_again, threads=threads, keep=keep, tell=progress.remark)
+        self.run = replace(case.run, path=run.path)
+        _store(self.run)
+        self.reserve = replace(case, run=self.run)
 
 
 def _execute_locked(
     plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> Iterator[Executed]:
+) -> Iterator[tuple[RunState, StageResult]]:
+    """Yield the run after each stage, with that stage's result."""
     run, start = plan.run, plan.start
     reused = {result.stage for result in plan.reused}
     _store(run)
@@ -210,57 +218,68 @@ def _execute_locked(
         run = run.with_mesh_check(result) if result.stage in reused else run.with_stage(result)
         _store(run)
         progress.stage_finished(result)  # now, and not before it is stored: what is announced is never lost
-        yield Executed(run, result)
+        yield run, result
 
 
-def execute_for_command(
-    answer: CommandResult, plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
-) -> tuple[RunState, Sequence[StageResult], "ReserveCase | None"]:
-    """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence.
+def execute_for_command(answer: CommandResult, plan: ExecutionPlan, *, threads: int, progress: Progress) -> Execution:
+    """Fly the stages that are not reused, and fill in the answer's object, exit code and sentence; return what is done.
 
     Args:
         answer: what the command has to say.
         plan: what is to be computed.
         threads: threads that evaluate derivatives.
-        timeout: the longest wall time of the stages, s; None for none.
         progress: who watches.
+    """
+    execution = Execution(plan)
+    try:
+        for _ in execution.steps(threads=threads, progress=progress):
+            pass
+    except BaseException as error:
+        record_end(answer, execution, error)
+    else:
+        summarise(answer, execution)
+    return execution
+
+
+def record_end(answer: CommandResult, execution: Execution, error: BaseException, timeout: float | None = None) -> None:
+    """Fill in the answer with what is finished when an error ends an execution.
+
+    The end of the time (`timeout`, s) and an interrupt are answers, with a sentence on how to go on; any other error is
+    raised again. That what is finished cannot be told hides no error.
 
     Raises:
-        UsageError: `timeout` is not positive.
-
-    Returns:
-        The run by now, all its stages in order, and the reserve that it keeps.
+        BaseException: the error.
     """
-    started, run = time.perf_counter(), plan.run
-    finished, reserve = {result.stage: result for result in plan.reused}, None
-
-    def attempted(latest: RunState) -> None:
-        nonlocal run
-        run = latest
-
-    try:
-        for done in _execute(plan, threads=threads, timeout=timeout, progress=progress, attempted=attempted):
-            finished[done.result.stage], run, reserve = done.result, done.run, done.reserve
-        if reserve is not None:
-            finished = {one.stage: one for one in run.results}
-    except OutOfTime:
-        left = _next_step(plan, run, tuple(finished.values()))
-        answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {left}")
-    except BaseException as error:
-        if not interrupts.caused(error):
-            raise
+    stopped = isinstance(error, OutOfTime) or interrupts.caused(error)
+    if isinstance(error, OutOfTime):
+        answer.fail(ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(execution)}")
+    elif stopped:
         interrupts.acknowledge()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(plan, run, tuple(finished.values()))}")
-    finally:
-        results = tuple(finished.values())
-        summarise(answer, plan.run.name, results, time.perf_counter() - started)
-        answer.fields["stages"] = stages_object(run, results)
-        for result in results:
-            if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
-                answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
-        if plan.start is not None:
-            compared = replace(plan, run=run).compare(results)
-            answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(execution)}")
+    try:
+        summarise(answer, execution)
+    except Exception:
+        if stopped:
+            raise
+        logger.debug("what is finished cannot be told", exc_info=True)
+    if not stopped:
+        raise error
+
+
+def summarise(answer: CommandResult, execution: Execution) -> None:
+    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold."""
+    plan, run, results, reserve = execution.plan, execution.run, execution.results, execution.reserve
+    answer.fields.update(run_object(plan.run.name, results, execution.wall, certified=is_certified(results)))
+    code, sentence = verdict(results)
+    if code is not ExitCode.DONE:
+        answer.fail(code, sentence)
+    answer.fields["stages"] = stages_object(run, results)
+    for result in results:
+        if result.status is Status.SOLVED and checks_mesh(plan.run.inputs.settings, result.stage, plan.until):
+            answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
+    if plan.start is not None:
+        compared = execution.comparison
+        answer.fields["compared"] = None if compared is None else comparison_object(compared.reference, [compared])
     if reserve is not None:
         answer.fields["reserve"] = reserve.as_object()
     elif run.results and run.inputs.reserve is not None and run.inputs.reserve.found is None:
@@ -268,7 +287,6 @@ def execute_for_command(
     message = unreached(run.inputs.reserve)
     if message:
         answer.fail(ExitCode.NOT_CERTIFIED, message if reserve is None else reserve.message)
-    return run, results, reserve
 
 
 def unreached(reserve: ReserveEntry | None) -> str:
@@ -285,25 +303,12 @@ def _store(run: RunState) -> None:
         write_checkpoint(run.path, run.checkpoint)
 
 
-def _next_step(plan: ExecutionPlan, run: RunState, results: Sequence[StageResult]) -> str:
+def _next_step(execution: Execution) -> str:
     """Return how a run that was ended before its end is continued, and what of it is finished, as a clause."""
+    plan, results = execution.plan, execution.results
     if plan.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {plan.start.label} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
     if plan.reserve is not None:
-        finished += f"; reserve: {len(run.attempts)} of {ATTEMPTS_MAX} attempts"
+        finished += f"; reserve: {len(execution.run.attempts)} of {ATTEMPTS_MAX} attempts"
     return f"go on with `airrace resume {plan.run.path}` (finished: {finished})"
-
-
-def summarise(answer: CommandResult, track: str, results: Sequence[StageResult], wall: float) -> None:
-    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold.
-
-    Args:
-        track: name of the course.
-        results: the stages of the run so far, in order.
-        wall: seconds the command took.
-    """
-    answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-    code, sentence = verdict(results)
-    if code is not ExitCode.DONE:
-        answer.fail(code, sentence)

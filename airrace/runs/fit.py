@@ -39,7 +39,7 @@ from airrace.quantities import KNOT
 from airrace.race import Race
 from airrace.runs.aircraft import Provenance, aircraft_text, read_aircraft_file
 from airrace.runs.execute import execute
-from airrace.runs.output import documents_of, ensure_free, ensure_unread, write_text
+from airrace.runs.output import documents_of, ensure_free, write_text
 from airrace.runs.plan import (
     AircraftGiven,
     TrackGiven,
@@ -199,11 +199,10 @@ def fit(
     named = document_or_path(aircraft)
     assert named is not None  # for an aircraft is given
     if target is not None:
-        sources = [*paths, *(one for one in (track, named, mapping) if isinstance(one, str | Path))]
-        ensure_free(target, force=force, sources=sources)
+        ensure_free(target, force=force, sources=[*paths, track, named, mapping])
     inputs, template = read_inputs(track, aircraft, set=set), read_aircraft_file(named)
     if target is not None:
-        ensure_unread([target], documents_of(inputs))
+        ensure_free(target, force=True, sources=documents_of(inputs))
     layout = with_columns(ColumnLayout() if mapping is None else read_layout(Path(mapping))[0], columns)
     read = tuple(_read(path, inputs.race, layout) for path in paths)
     race, roll = inputs.race, measure_roll_rate(inputs.race.aircraft, [one.recorded for one in read])

@@ -16,7 +16,7 @@ from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
 from airrace.inputs import Document, Inputs
 from airrace.inputs.document import AIRCRAFT, TRACKS
-from airrace.standard_streams import STANDARD
+from airrace.standard_streams import ONE_ON_STDOUT, STANDARD
 
 
 @dataclass(frozen=True)
@@ -40,63 +40,67 @@ class FlightName:
         return cls(Path(file), stage) if named else cls(Path(text), None)
 
 
-Source = str | Path | Document | None
-"""An input of a command: a file, the name of what comes along, a flight as `RUN.h5:STAGE`, a document, or None."""
-
-
 NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: name one with --output"
 """The message that a run cannot be written to stdout."""
 
 
+def ensure_run_file(path: str | Path) -> Path:
+    """Return the path of a run that is solved.
+
+    Raises:
+        UsageError: it is stdout.
+    """
+    if Path(path) == STANDARD:
+        raise UsageError(NO_PIPE)
+    return Path(path)
+
+
 def ensure_free(
-    path: Path, *, force: bool, hint: str = "", sources: Iterable[Source] = (), made: Path | None = None
+    *paths: Path, force: bool, hint: str = "", sources: Iterable[object] = (), made: Path | None = None
 ) -> None:
-    """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
+    """Refuse outputs that exist or are read, and find out now whether their folders can be written to.
+
+    Whatever path or link leads to a file, it is the same file. Stdout is always free, once.
 
     Args:
-        path: the file.
-        force: whether it may exist.
-        hint: stands before the advice to overwrite it with `--force`, and ends in a space.
-        sources: see `ensure_unread`.
+        paths: the files.
+        force: whether they may exist.
+        hint: stands before the advice to overwrite one with `--force`, and ends in a space.
+        sources: what the command reads besides the extensions: files, names of what comes along, flights as
+            `RUN.h5:STAGE` and documents; anything else has no file.
         made: a folder that the command makes where it is missing.
 
     Raises:
-        UsageError: the file exists and `force` is not given, or it is a folder or one of the sources.
-        StorageError: the folder does not exist or takes no files, or the path is a loop of links.
+        UsageError: a file exists and `force` is not given, it is a folder or one of the sources, or two are the same.
+        StorageError: a folder does not exist or takes no files, or a path is a loop of links.
     """
-    if path == STANDARD:
-        return
-    if Path(os.path.realpath(path)).is_symlink():
-        raise StorageError(f"cannot write {path}: it is a link that leads in a circle")
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file in it")
-    ensure_unread([path], sources)
-    if path.exists() and not force:
-        raise UsageError(f"{path} exists; {hint}overwrite it with --force")
-    if made is not None and not made.exists() and identity(path.parent) == identity(made):
-        return
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
-
-
-def ensure_unread(paths: Iterable[Path], sources: Iterable[Source]) -> None:
-    """Refuse to write over a file that the command reads, whatever the path or link that leads to it.
-
-    Args:
-        paths: files to be written.
-        sources: what the command reads besides the extensions.
-
-    Raises:
-        UsageError: one of the paths leads to one of the sources.
-    """
-    meant = {file for source in dict.fromkeys([*sources, *extensions()]) for file in _files(source)}
-    read = {identity(file) for file in meant if not isinstance(file, Path) or file.exists()}
-    for path in paths:
-        if identity(path) in read:
+    files = [path for path in paths if path != STANDARD]
+    if len(paths) - len(files) > 1:
+        raise UsageError(ONE_ON_STDOUT)
+    read = {identity(file) for source in [*sources, *extensions()] for file in _files(source)}
+    written = set[Hashable]()
+    folders = dict[Path, None]()
+    for path in files:
+        if Path(os.path.realpath(path)).is_symlink():
+            raise StorageError(f"cannot write {path}: it is a link that leads in a circle")
+        if path.is_dir():
+            raise UsageError(f"{path} is a folder; name a file in it")
+        file = identity(path)
+        if file in read:
             raise UsageError(f"{path} is read by this command; write into another file")
+        if file in written:
+            raise UsageError(f"{path} is another file that this command writes; name another one")
+        if path.exists() and not force:
+            raise UsageError(f"{path} exists; {hint}overwrite it with --force")
+        written.add(file)
+        if made is None or made.exists() or identity(path.parent) != identity(made):
+            folders[path.parent] = None
+    for folder in folders:
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
 
 
 def identity(path: Path | int) -> Hashable:
@@ -108,34 +112,38 @@ def identity(path: Path | int) -> Hashable:
     return status.st_dev, status.st_ino
 
 
-def documents_of(inputs: Inputs) -> list[Source]:
+def documents_of(inputs: Inputs) -> list[Document | None]:
     """Return the documents of a run, the aircraft that its track names among them."""
     return [inputs.track, inputs.aircraft, inputs.settings_file]
 
 
-def _files(source: Source) -> set[Path | int]:
+def _files(source: object) -> set[Path | int]:
     """Return the files that may be meant by what a command reads; stdin, which may be a file, by its descriptor."""
-    if source is None:
+    if not isinstance(source, str | Path | Document):
         return set()
     named = source.path if isinstance(source, Document) else str(source)
     path = Path(named)
     if FlightName.of(named).path == STANDARD:
         return {0}
-    return {path, TRACKS.file(path), AIRCRAFT.file(path), FlightName.of(named).path}
+    meant = {path, TRACKS.file(path), AIRCRAFT.file(path), FlightName.of(named).path}
+    return {file for file in meant if file.exists()}
 
 
-def default_output_path(source: str | Path, suffix: str) -> Path:
-    """Return where a command writes that makes a file of a file and is given no other name: beside it, with its stem.
+def output_path(output: str | Path | None, source: str | Path, suffix: str) -> Path:
+    """Return where a command writes that makes a file of a file: where it is told to, else beside it, with its stem.
 
     What is made of stdin goes to stdout.
 
     Args:
+        output: where it is told to; None for nowhere.
         source: a file, or a flight as `RUN.h5:STAGE`.
         suffix: of the new file, without the dot before it, e.g. `png` or `kneeboard.png`.
 
     Raises:
         UsageError: the source can be no file.
     """
+    if output is not None:
+        return Path(output)
     path = FlightName.of(str(source)).path
     ensure_file_name(path)
     return path if path == STANDARD else path.with_name(f"{path.stem}.{suffix}")

@@ -16,6 +16,7 @@ from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import DocumentReader, read_named
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.inputs.overrides import value_text
+from airrace.options import AircraftGiven, SettingsGiven, TrackGiven, Values
 from airrace.procedure import procedure
 from airrace.procedure.formulation import ensure_same_passings, passings_of
 from airrace.procedure.procedure import checks_mesh
@@ -25,7 +26,7 @@ from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.results.comparison import Comparison
-from airrace.runs.output import documents_of, ensure_unread
+from airrace.runs.output import documents_of, ensure_free
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
 from airrace.runs.run import (
     RunState,
@@ -39,15 +40,6 @@ from airrace.runs.stage_view import StageView
 from airrace.track.course import Course
 
 logger = logging.getLogger(__name__)
-
-TrackGiven = str | Path | Course | Race
-"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
-AircraftGiven = str | Path | Aircraft
-"""An aircraft by name, its file, or an object."""
-SettingsGiven = str | Path
-"""A settings file, by its path."""
-Values = Mapping[str, str | int | float | bool] | Sequence[str]
-"""Single values by their keys, or texts `key=value`."""
 
 
 def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
@@ -307,7 +299,8 @@ def plan_new_run(
         logger.warning("%s: %s", inputs.track.path, inputs.remark)
     run = new_run(inputs, path)
     before = start.path if isinstance(start, RunState) else start
-    ensure_unread([] if path is None else [path], [*documents_of(inputs), before])
+    if path is not None:
+        ensure_free(path, force=True, sources=[*documents_of(inputs), before])
     if start is None:
         return ExecutionPlan(run, last)
     source = start if isinstance(start, RunState) else open_source_run(Path(start))
@@ -334,7 +327,8 @@ def plan_changed_run(
         raise UsageError(f"{before.label} has no finished stage to start from")
     last = before.results[-1].stage if until is None else stage_by_name(until)
     run = new_run(_with_its_own_reserve(changes, before), path)
-    ensure_unread([] if path is None else [path], [*documents_of(run.inputs), before.path])
+    if path is not None:
+        ensure_free(path, force=True, sources=[*documents_of(run.inputs), before.path])
     first = _ensure_startable(before, run, last)
     stages = procedure.STAGES[procedure.STAGES.index(first) : procedure.STAGES.index(last) + 1]
     reasons = [f"started from the one of {before.label}", *(f"{stage.value} runs before it" for stage in stages)]

@@ -20,7 +20,7 @@ import numpy as np
 import airrace
 import airrace.runs.fit as fitting
 from airrace.aircraft import Aircraft
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.procedure.stored_stages import sampler
 from airrace.runs.aircraft import read_aircraft_file
 

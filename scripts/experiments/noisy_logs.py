@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.errors import InputError
 from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.log_flight import LogFlight, flight_from_log

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.logs.log_flight import flight_from_log
 from airrace.logs.identification import RollRate, measure_roll_rate
 from airrace.logs.reading import read_log

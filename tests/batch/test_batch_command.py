@@ -68,8 +68,8 @@ def test_a_second_call_flies_only_what_has_changed_and_says_why(airrace: Shell) 
     ("words", "code", "said"),
     [
         (("--csv", "oval.yaml"), 2, "oval.yaml is read by this command"),
-        (("--junit", "batch/oval.json"), 2, "is another file that this batch writes"),
-        (("--csv", "a.csv", "--markdown", "a.csv"), 2, "is another file that this batch writes"),
+        (("--junit", "batch/oval.json"), 2, "is another file that this command writes"),
+        (("--csv", "a.csv", "--markdown", "a.csv"), 2, "is another file that this command writes"),
         (("--csv", "nowhere/a.csv"), 8, "cannot write to the folder nowhere"),
         (("--output", "oval.yaml"), 2, "oval.yaml is not a folder"),
         (("--output", "oval.yaml/in"), 2, "oval.yaml/in is not a folder"),
@@ -160,9 +160,9 @@ def test_the_reports_are_written_and_replaced_by_the_next_call(airrace: Shell) -
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (("--csv", "a", "--junit", "./a"), 2, "another file that this batch writes"),
+        (("--csv", "a", "--junit", "./a"), 2, "another file that this command writes"),
         (("--csv", "oval.yaml"), 2, "is read by this command"),
-        (("--csv", "batch/oval.h5"), 2, "another file that this batch writes"),
+        (("--csv", "batch/oval.h5"), 2, "another file that this command writes"),
         (("--csv", "nowhere/a.csv"), 8, "cannot write"),
         (("--junit", "."), 2, "is a folder"),
         (("--output", "oval.yaml"), 2, "is not a folder"),

@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 import airrace
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.batch.sweep import SweepPoint, SweepResult
 from airrace.errors import InputError, UsageError
 from airrace.procedure.result import Status

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from airrace.cli.options import complete_aircraft as aircraft
-from airrace.cli.options import complete_stage as stages
-from airrace.cli.options import complete_track as tracks
+from airrace.cli.completion import complete_aircraft as aircraft
+from airrace.cli.completion import complete_stage as stages
+from airrace.cli.completion import complete_track as tracks
 from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.procedure.stage import STAGES
 

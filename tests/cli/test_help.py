@@ -15,8 +15,8 @@ import typer.main
 import yaml
 from typer.testing import CliRunner
 
+from airrace.api import courses
 from airrace.cli import installation
-from airrace.cli.courses import Language
 from airrace.cli.main import app
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 
@@ -142,7 +142,7 @@ def test_the_variant_of_the_native_library_is_told(monkeypatch: pytest.MonkeyPat
 
 
 def test_every_language_is_printed_as_one_object_and_another_one_refused() -> None:
-    assert [language.value for language in Language] == list(LANGUAGES)
+    assert tuple(LANGUAGES) == courses.LANGUAGES
     for language in LANGUAGES:
         ran = CliRunner().invoke(app, ["schema", language])
         assert (ran.exit_code, ran.stderr) == (0, "")

@@ -174,3 +174,13 @@ def test_variables_of_other_use_are_no_options() -> None:
     root = typer.main.get_command(app)
     assert not {word for variable in used for word in variable.lower().split("_")} & set(getattr(root, "commands", {}))
     assert airrace("tracks", AIRRACE_VERSION="1").stdout.startswith("courses")
+
+
+@pytest.mark.parametrize("other", ["../{}/a.png", "link.png"])
+def test_two_drawings_are_not_written_into_one_file(tmp_path: Path, other: str) -> None:
+    drawing = tmp_path / "a.png"
+    (tmp_path / "link.png").symlink_to(drawing)
+    again = str(tmp_path / other.format(tmp_path.name))
+    refused = airrace("compare", "flown.h5", "flown.h5", "--plot", str(drawing), "--map", again)
+    assert (refused.exit_code, "is another file that this command writes" in refused.stderr) == (2, True)
+    assert not drawing.exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.environment import StaticWind, g0
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs

@@ -40,7 +40,7 @@ from airrace.export.kml import GX, KML, kml
 from airrace.frames import rotation
 from airrace.results import Flight
 from airrace.runs.flight_sources import begin_of, origin_of
-from airrace.runs.output import default_output_path
+from airrace.runs.output import output_path
 from airrace.track.course import Origin, metres
 
 KNOT, FOOT = 1852.0 / 3600.0, 0.3048
@@ -590,6 +590,6 @@ def test_results_lie_beside_the_run_and_are_not_overwritten(
 
 
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:
-    assert default_output_path("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
-    assert default_output_path(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
-    assert default_output_path("run", "kneeboard.png") == Path("run.kneeboard.png")
+    assert output_path(None, "runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
+    assert output_path(None, Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
+    assert output_path(None, "run", "kneeboard.png") == Path("run.kneeboard.png")

