@@ -144,15 +144,15 @@ class RelaxedRoutes:
             session: solves what was not asked for before.
         """
         yield from tuple(self._found)
-        session = searching_conflicts(session, self.budget)
         for flight, mesh, start in self._coming:
-            steps = 1.0
-            if self._race.course.rules.pilot != PilotLimits():
-                free = self._without_pilot(session, flight, mesh, start)
-                if free is not None:
-                    start, steps = free.flight, max(steps, free.steps)
-            solver = ElasticSolver(self._race, flight, mesh)
-            relaxed = solver.solve_all(session, self._race, self._parameters, start, steps)
+            with searching_conflicts(session, self.budget) as searching:
+                steps = 1.0
+                if self._race.course.rules.pilot != PilotLimits():
+                    free = self._without_pilot(searching, flight, mesh, start)
+                    if free is not None:
+                        start, steps = free.flight, max(steps, free.steps)
+                solver = ElasticSolver(self._race, flight, mesh)
+                relaxed = solver.solve_all(searching, self._race, self._parameters, start, steps)
             self._found.append(relaxed)
             yield relaxed
 

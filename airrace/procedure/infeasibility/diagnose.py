@@ -14,7 +14,7 @@ from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.infeasibility.budget import searching_conflicts
+from airrace.procedure.infeasibility.budget import limited_session, searching_conflicts
 from airrace.procedure.infeasibility.conflicts import (
     KINDS,
     SETTINGS,
@@ -72,21 +72,40 @@ def diagnose_infeasibility(
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
-    session = dataclasses.replace(session, budget=session.budget.for_an_explanation())
     routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
-    searching = searching_conflicts(session, routes.budget)
-    trials = Trials(searching, race, flight.stage)
-    search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
-    conflicts = list(search.conflicts(routes.solve(session)))
-    if search.flight is not None:
-        return dataclasses.replace(search.flight, search=result.search)
-    changes: list[SuggestedChange] = []
-    for number, conflict in enumerate(conflicts, start=1):
-        others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
-        valid = validate(race, trials.fly, conflict.repairs, others)
-        valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
-        nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
-        changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
+    with limited_session(session, session.budget.for_an_explanation()) as limited:
+        diagnosis = _diagnose(result, race, flight, limited, routes)
+    record = tuple(session.attempts), session.timings()
+    if isinstance(diagnosis, StageResult):
+        return dataclasses.replace(diagnosis, attempts=record[0], timings=record[1])
+    message, changes = diagnosis
+    result = dataclasses.replace(result, attempts=record[0], timings=record[1])
+    if not message:
+        return result
+    message = f"no flight was found: {message}"
+    return dataclasses.replace(result, outcome=Status.INFEASIBLE, message=message, suggested_changes=changes)
+
+
+def _diagnose(
+    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes
+) -> StageResult | tuple[str, tuple[SuggestedChange, ...]]:
+    """Return the flight, if there is one after all; else what stands in the way, in words, and what would resolve it.
+
+    The words are empty where nothing was found out.
+    """
+    with searching_conflicts(session, routes.budget) as searching:
+        trials = Trials(searching, race, flight.stage)
+        search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
+        conflicts = list(search.conflicts(routes.solve(session)))
+        if search.flight is not None:
+            return dataclasses.replace(search.flight, search=result.search)
+        changes: list[SuggestedChange] = []
+        for number, conflict in enumerate(conflicts, start=1):
+            others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
+            valid = validate(race, trials.fly, conflict.repairs, others)
+            valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
+            nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
+            changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
     message = describe_conflicts(changes)
     is_resolved = any(one.text for one in changes)
     if not is_resolved:
@@ -101,11 +120,7 @@ def diagnose_infeasibility(
         message = f"{message}; or without the pilot's limits (rules.pilot=none), which was not tried"
     if message is not None and routes.budget.exhausted:
         message = f"{message}; more was not tried, for the budget of this search is spent"
-    result = dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
-    if message is None:
-        return result
-    message = f"no flight was found: {message}"
-    return dataclasses.replace(result, outcome=Status.INFEASIBLE, message=message, suggested_changes=tuple(changes))
+    return message or "", tuple(changes)
 
 
 def describe_conflicts(changes: Sequence[SuggestedChange]) -> str:
@@ -211,8 +226,8 @@ class Trials:
         if left <= 0.0:
             return NOT_TRIED
         budget = Budget(min(own, left), failed_only=False)
-        session = dataclasses.replace(self.session, settings=settings, budget=budget)
-        found = solve_certified(session, start, settings.solver.primary)
+        with limited_session(self.session, budget, settings) as session:
+            found = solve_certified(session, start, settings.solver.primary)
         whole.spent += budget.spent
         work = budget.spent / own
         if isinstance(found, StageResult):
