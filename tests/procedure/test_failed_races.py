@@ -128,7 +128,7 @@ def test_solver_that_never_comes_back_is_a_timeout_that_still_shows_a_flight() -
 
 def test_run_out_of_time_is_an_error_and_one_finished_in_time_the_same_as_without_a_limit() -> None:
     chosen = settings(GuessKind.PLAN)
-    with pytest.raises(OutOfTime):
+    with pytest.raises(OutOfTime, match="there is no time left"):
         next(optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, timeout=1e-3, progress=Silent()))
     (result,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, timeout=1e4, progress=Silent())
     (other,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=2, progress=Silent())
