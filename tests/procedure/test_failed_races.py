@@ -65,7 +65,7 @@ def test_a_pilot_s_limits_leave_the_search_for_the_limit_in_conflict_as_good_as_
 def test_a_pilot_s_limits_are_not_blamed_where_others_contradict_each_other_without_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(conflicts, "SETTINGS", dataclasses.replace(conflicts.SETTINGS, conflicts_max=0))
+    monkeypatch.setattr(conflicts, "CONFLICTS_MAX", 0)
     (result,) = optimize(RACED_CEILING, settings(GuessKind.PLAN), until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.outcome is Status.INFEASIBLE
     assert not result.suggested_changes

@@ -17,7 +17,7 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.budget import limited_session, searching_conflicts
 from airrace.procedure.infeasibility.conflicts import (
     KINDS,
-    SETTINGS,
+    MARGINS,
     ConflictSearch,
     RelaxedRoutes,
     Repair,
@@ -34,26 +34,14 @@ from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, for
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.race import Race
 
-
-@dataclasses.dataclass(frozen=True)
-class TrialLimits:
-    """The work that trials of suggested changes may take.
-
-    Attributes:
-        iterations_max: the iterations of a trial's solve; the flights of trials that were certified took 4 to
-            105 on each mesh.
-        work: the work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes
-            on courses in a narrow corridor: 1646 intervals on the fourth mesh.
-        conflict_work_max: the work of a conflict's trials, in that of one trial, after which none is repeated
-            with a larger margin. Without a certified flight the first one is repeated all the same.
-    """
-
-    iterations_max: int = 150
-    work: int = 300
-    conflict_work_max: float = 4.0
-
-
-TRIAL = TrialLimits()
+TRIAL_ITERATIONS_MAX = 150
+"""The iterations of a trial's solve; the flights of trials that were certified took 4 to 105 on each mesh."""
+TRIAL_WORK = 300
+"""The work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes on courses in a
+narrow corridor: 1646 intervals on the fourth mesh."""
+CONFLICT_WORK_MAX = 4.0
+"""The work of a conflict's trials, in that of one trial, after which none is repeated with a larger margin. Without a
+certified flight the first one is repeated all the same."""
 TIGHTENING_WORK = 2.0
 """The work after which a suggested change is tightened no more, in that of one trial."""
 
@@ -220,9 +208,9 @@ class Trials:
 
     def _fly(self, start: Start) -> TrialFlight:
         settings, whole = self.session.settings, self.session.budget
-        limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
+        limit = min(settings.solver.iterations_max, TRIAL_ITERATIONS_MAX)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        own, left = TRIAL.work * float(max(start.problem.intervals, LIMITS.fewest_intervals)), whole.work - whole.spent
+        own, left = TRIAL_WORK * float(max(start.problem.intervals, LIMITS.fewest_intervals)), whole.work - whole.spent
         if left <= 0.0:
             return NOT_TRIED
         budget = Budget(min(own, left), failed_only=False)
@@ -329,8 +317,8 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
     found: list[RepairTrial] = []
     for one in trials:
         last = latest = one
-        for margin in range(1, len(SETTINGS.margins)):
-            if last.flight.certified or (work > TRIAL.conflict_work_max and (certified or one is not trials[0])):
+        for margin in range(1, len(MARGINS)):
+            if last.flight.certified or (work > CONFLICT_WORK_MAX and (certified or one is not trials[0])):
                 break
             milder = attempt(one.repair, margin, last.flight).after_failing(latest)
             work += milder.flight.work
