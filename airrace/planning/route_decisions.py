@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Set
 from dataclasses import field
+from typing import Any
 
 from airrace.frames import quaternion
 from airrace.track.course import Course, Passage, Roll, Turning
@@ -101,16 +102,14 @@ class RouteDecisions:
         return dataclasses.replace(self, ways=left)
 
     def with_those_of(self, other: "RouteDecisions", stops: Set[int]) -> "RouteDecisions":
-        """Return these decisions, but another flight's at some stops, and the turns with which it gets there."""
-        return RouteDecisions(
-            ways={index: (other if index in stops else self).ways[index] for index in self.ways},
-            turns={
-                **{index: side for index, side in self.turns.items() if index not in stops},
-                **{index: side for index, side in other.turns.items() if index in stops},
-            },
-            rolls={index: (other if index in stops else self).rolls[index] for index in self.rolls},
-            edges={index: (other if index in stops else self).edges[index] for index in self.edges},
-        )
+        """Return these decisions, but another flight's at some stops, and the paths by which it gets there."""
+        changes: dict[str, Mapping[int, Any]] = {}  # Any: whatever is decided
+        for name in ("ways", "turns", "rolls", "edges", "lengths"):
+            own: Mapping[int, Any] = getattr(self, name)
+            others: Mapping[int, Any] = getattr(other, name)
+            kept = {index: decision for index, decision in own.items() if index not in stops}
+            changes[name] = {**kept, **{index: others[index] for index in others if index in stops}}
+        return dataclasses.replace(self, **changes)
 
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
         """Return these choices, but at some passages those that a plan has made; turns are left to the next plan.

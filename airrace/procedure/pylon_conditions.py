@@ -1,6 +1,6 @@
 """The conditions that the wing keeps clear of pylons when it is abeam of them, and their measurement on a flight.
 
-A condition is asked for at one node, from which the room beside the pylon is predicted (`PylonRoom`).
+A condition is asked for at one node, from which the clearance from the pylon is predicted (`PylonRoom`).
 Where there is no flight yet, there is one for every pylon of a passing, at the node of the passing. On a flight the
 distance of the wing is measured in continuous time; then a node is moved to the moment abeam, and what the prediction
 was wrong by is added to what is asked for. Pylons of other elements get a condition where a flight comes too near to
@@ -32,43 +32,32 @@ from airrace.system import SYMBOLS, Observation, System
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
+PASSING_SECONDS = 0.5
+"""Time within which a pylon is passed but once, s."""
+ABEAM_SECONDS = 0.03
+"""Time within which cylinders of one obstacle are abeam at once, s: three metres of way."""
+TOUCHING_DISTANCE = 0.05
+"""Distance below which a pylon is taken to be hit, m: how deep, its distance does not tell."""
+ERROR_MAX = 1.0
+"""Largest error of a prediction that is taken for true, m."""
+EXCESS_MAX = 0.05
+"""Length by which a condition may keep the wing farther away than its clearance, m."""
+HOLDING_CLEARANCE = 0.01
+"""Clearance left up to which a condition is what keeps the wing away, m."""
+BINDING_CLEARANCE = 1.0
+"""Clearance left up to which it may be that on the next mesh, m."""
+OFFSET_MAX = 2e-3
+"""Time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement: nodes that
+were moved lie within half a millisecond; at 18 ms it drifted by four times its limit."""
+ROLL_SECONDS = 5e-3
+"""Time before and after a moment abeam over which the roll accelerates, s; the tips are abeam within it."""
 
-@dataclasses.dataclass(frozen=True)
-class PylonSettings:
-    """The thresholds of conditions on pylons.
-
-    Attributes:
-        one_passing: time within which a pylon is passed but once, s.
-        one_node: time within which cylinders of one obstacle are abeam at once, s: three metres of way.
-        touched: distance below which a pylon is taken to be hit, m: how deep, its distance does not tell.
-        error_max: largest error of a prediction that is taken for true, m.
-        needless: length by which a condition may keep the wing farther away than its clearance, m.
-        holds: room left up to which a condition is what keeps the wing away, m.
-        binding: room left up to which it may be that on the next mesh, m.
-        beside: time beside the moment abeam from which on a condition may make the Hamiltonian drift, s. A judgement:
-            nodes that were moved lie within half a millisecond; at 18 ms it drifted by four times its limit.
-        rolling: time before and after a moment abeam over which the roll accelerates, s; the tips are abeam within it.
-    """
-
-    one_passing: float = 0.5
-    one_node: float = 0.03
-    touched: float = 0.05
-    error_max: float = 1.0
-    needless: float = 0.05
-    holds: float = 0.01
-    binding: float = 1.0
-    beside: float = 2e-3
-    rolling: float = 5e-3
-
-
-SETTINGS = PylonSettings()
-
-ROOMS = {
+OBSERVED_CLEARANCE = {
     PylonSide.RIGHT: (("left_tip", 1.0), ("right_tip", 1.0)),
     PylonSide.LEFT: (("left_tip", -1.0), ("right_tip", -1.0)),
     PylonSide.BELOW: (("above_left", 1.0), ("above_right", 1.0)),
 }
-"""The observed quantities of which the least is the room beside a pylon, with their signs."""
+"""The observed quantities of which the least is the clearance from a pylon, with their signs."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -102,7 +91,7 @@ class ReplayedFlight:
         """Tell whether an approach is that of a condition's pylon at the same passing."""
         if (condition.element, condition.post) != (approach.pylon.name, approach.pylon.post):
             return False
-        return abs(approach.time - self.time(condition)) <= SETTINGS.one_passing
+        return abs(approach.time - self.time(condition)) <= PASSING_SECONDS
 
     def at(self, condition: PylonCondition, approach: ClosestApproach) -> PylonCondition:
         """Return a condition at the moment abeam of an approach."""
@@ -119,33 +108,33 @@ class MeasuredConditions:
     Attributes:
         conditions: at the moments abeam, as far as the flight comes near.
         distances: of the wing from their pylons, m; NaN where it does not come near.
-        binding: of which the room hardly exceeds what is asked for, or is too small.
-        missed: the largest length by which a clearance is missed, m.
-        needless: the largest length beyond its clearance at which a condition keeps the wing away, m.
-        moved: the longest time from a condition that keeps the wing away to its moment abeam, s.
+        binding: of which the clearance hardly exceeds what is asked for, or is too small.
+        violation: the largest length by which a clearance is violated, m.
+        excess: the largest length beyond its clearance at which a condition keeps the wing away, m.
+        offset: the longest time from a condition that keeps the wing away to its moment abeam, s.
     """
 
     conditions: tuple[PylonCondition, ...]
     distances: tuple[float, ...]
     binding: tuple[bool, ...]
-    missed: float
-    needless: float
-    moved: float
+    violation: float
+    excess: float
+    offset: float
 
     @property
-    def is_needless(self) -> bool:
+    def is_excessive(self) -> bool:
         """Whether a condition keeps the wing farther away than another solve would."""
-        return self.needless > SETTINGS.needless
+        return self.excess > EXCESS_MAX
 
     @property
     def is_beside(self) -> bool:
         """Whether a condition stands so far beside its moment abeam that the Hamiltonian may drift there."""
-        return self.moved > SETTINGS.beside
+        return self.offset > OFFSET_MAX
 
 
 @dataclasses.dataclass(frozen=True)
-class PylonRooms:
-    """The rooms beside the pylons of a course that the wing clears, as a model sees them.
+class ClearanceConstraints:
+    """The constraints that keep the wing clear of the pylons of a course, as a model sees them.
 
     Attributes:
         system: the model.
@@ -163,24 +152,24 @@ class PylonRooms:
 
     @classmethod
     def of(cls, model: FlightModel, course: Course, span: float) -> Self:
-        """Return the rooms for a model on a course."""
+        """Return the constraints for a model on a course."""
         values = tuple(float(value) for value in model.parameter_values)
         pylons = {(one.name, one.post): one for one in cleared_pylons(course)}
         return cls(model.system, pylons, 0.5 * span, values)
 
     @cached_property
-    def room(self) -> Observation:
+    def observation(self) -> Observation:
         """The observation; many flights come near no pylon, and need none."""
         with SYMBOLS:
             return pylon_room_observation(self.system)
 
     def of_other_numbers(self, model: FlightModel, course: Course, span: float, plan: Plan) -> Self:
-        """Return the rooms for a model and a course that differ in numbers or obstacles, under the same conditions."""
+        """Return the constraints for a race that differs in numbers or obstacles, under the same conditions."""
         other = dataclasses.replace(self.of(model, course, span), system=self.system)
         return other.with_conditions(self.conditions_on(plan))
 
     def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
-        """Return the rooms under other conditions, of which those of unknown pylons are left out.
+        """Return the constraints under other conditions, of which those of unknown pylons are left out.
 
         Without any, those of the passings hold.
         """
@@ -232,7 +221,8 @@ class PylonRooms:
                 continue
             places = np.cumsum([0.0, *problem.phases[one.leg].fractions])
             node = problem.first_node[one.leg] + int(np.abs(places - one.share).argmin())
-            if self._room(one, self._observe(one, iterate.state[:, node])) - self._required_room(one) < SETTINGS.holds:
+            left = self._clearance(one, self._observe(one, iterate.state[:, node])) - self._required_clearance(one)
+            if left < HOLDING_CLEARANCE:
                 turned.add((pylon.name, one.leg))
                 side = PylonSide.LEFT if one.side is PylonSide.RIGHT else PylonSide.RIGHT
                 yield tuple(
@@ -246,14 +236,14 @@ class PylonRooms:
         """Return the conditions along a plan as constraints on every leg."""
         legs: list[list[PathConstraint]] = [[] for _ in plan.waypoints[1:]]
         for one in self.conditions_on(plan):
-            pylon, wanted = self.pylons[one.element, one.post], self._required_room(one)
+            pylon, wanted = self.pylons[one.element, one.post], self._required_clearance(one)
             bounds = {
                 name: Interval(lower=wanted) if sign > 0.0 else Interval(upper=-wanted)
-                for name, sign in ROOMS[one.side]
+                for name, sign in OBSERVED_CLEARANCE[one.side]
             }
             name = pylon.text if pylon.is_obstacle else f"pylon {one.post + 1} of {one.element}"
             values = self._arguments(one)
-            legs[one.leg].append(PathConstraint(name, bounds, self.room, values, at=one.share))
+            legs[one.leg].append(PathConstraint(name, bounds, self.observation, values, at=one.share))
         return [tuple(leg) for leg in legs]
 
     def measure(
@@ -266,7 +256,7 @@ class PylonRooms:
             replayed: the flight.
             approaches: of its wing to all pylons.
         """
-        conditions, missed, needless, moved = list(self.conditions_on(plan)), 0.0, 0.0, 0.0
+        conditions, violation, excess, offset = list(self.conditions_on(plan)), 0.0, 0.0, 0.0
         distances, binding = [math.nan] * len(conditions), [False] * len(conditions)
         end = float(replayed.durations.sum())
         for number, before in enumerate(conditions):
@@ -275,24 +265,24 @@ class PylonRooms:
             )
             if approach is None:
                 continue
-            missed = max(missed, approach.shortfall)
+            violation = max(violation, approach.shortfall)
             if approach.shortfall <= 0.0 and not 0.0 <= approach.abeam <= end:
                 continue  # the distance at the start or finish is not yet, or no more, that of the moment abeam
-            room = self._room(before, self._observe(before, replayed.state(before.leg, before.share)))
-            left = room - self._required_room(before)
+            clearance = self._clearance(before, self._observe(before, replayed.state(before.leg, before.share)))
+            left = clearance - self._required_clearance(before)
             conditions[number] = after = replayed.at(before, approach)
             fixed = approach.pylon.is_obstacle and before.side is not PylonSide.BELOW  # the side of all its cylinders
-            if approach.shortfall > 0.0 and room <= 0.0 and not fixed:  # the wing does not pass on that side
+            if approach.shortfall > 0.0 and clearance <= 0.0 and not fixed:  # the wing does not pass on that side
                 side = PylonSide.BELOW if approach.pylon.is_obstacle else self._side(after, approach.pylon, replayed)
                 conditions[number] = dataclasses.replace(after, side=side, error=0.0)
-            elif left < SETTINGS.holds:
-                needless = max(needless, -approach.shortfall)
-                moved = max(moved, abs(approach.abeam - replayed.time(before)))
+            elif left < HOLDING_CLEARANCE:
+                excess = max(excess, -approach.shortfall)
+                offset = max(offset, abs(approach.abeam - replayed.time(before)))
                 side = self._side(after, approach.pylon, replayed)
                 other = side is not before.side and (side is PylonSide.BELOW or not approach.pylon.is_obstacle)
-                if -approach.shortfall > SETTINGS.needless and other:  # as above its top
+                if -approach.shortfall > EXCESS_MAX and other:  # as above its top
                     conditions[number] = dataclasses.replace(after, side=side, error=0.0)
-            distances[number], binding[number] = approach.distance, left < SETTINGS.binding
+            distances[number], binding[number] = approach.distance, left < BINDING_CLEARANCE
         new: list[tuple[float, PylonCondition, ClosestApproach]] = []
         for approach in sorted(approaches, key=attrgetter("distance")):
             pylon = approach.pylon
@@ -302,9 +292,9 @@ class PylonRooms:
                 one = replayed.at(one, approach)
                 beside = (each.side for each in conditions if pylon.is_obstacle and _same_obstacle(each, one))
                 one = dataclasses.replace(one, side=next(beside, None) or self._side(one, pylon, replayed))
-                missed = max(missed, approach.shortfall)
-                room = self._room(one, self._observe(one, replayed.state(one.leg, one.share)))
-                new.append((room if pylon.is_obstacle else 0.0, one, approach))
+                violation = max(violation, approach.shortfall)
+                clearance = self._clearance(one, self._observe(one, replayed.state(one.leg, one.share)))
+                new.append((clearance if pylon.is_obstacle else 0.0, one, approach))
         taken: list[ClosestApproach] = []  # of the cylinders that are abeam at once the farthest out speaks for all
         for _, one, approach in sorted(new, key=lambda each: each[0]):
             if not any(_abeam_together(approach, other) for other in taken):
@@ -312,17 +302,17 @@ class PylonRooms:
                 conditions.append(one)
                 distances.append(approach.distance)
                 binding.append(True)
-        return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), missed, needless, moved)
+        return MeasuredConditions(tuple(conditions), tuple(distances), tuple(binding), violation, excess, offset)
 
     def _side(self, condition: PylonCondition, pylon: PylonPost, replayed: ReplayedFlight) -> PylonSide:
-        """Return the side with the most room; of an obstacle all cylinders are passed on the same one."""
+        """Return the side with the most clearance; of an obstacle all cylinders are passed on the same one."""
         state = replayed.state(condition.leg, condition.share)
         posts = [one for one in self.pylons.values() if one.name == pylon.name] if pylon.is_obstacle else [pylon]
         seen = [self._observe(dataclasses.replace(condition, post=one.post), state) for one in posts]
         sides = [dataclasses.replace(condition, side=side) for side in PylonSide]
-        return max(sides, key=lambda one: min(self._room(one, each) for each in seen)).side
+        return max(sides, key=lambda one: min(self._clearance(one, each) for each in seen)).side
 
-    def place(
+    def place_on_mesh(
         self,
         found: MeasuredConditions,
         replayed: ReplayedFlight,
@@ -361,28 +351,28 @@ class PylonRooms:
 
         Where the wing is farther away than predicted by more than an error may be, and than what is required, its
         distance is that to another side, as above the top. Above it the lower tip counts, whichever point of the wing
-        is nearest, so there an error may be half a span. Where the wing touches the pylon, it is the whole room.
+        is nearest, so there an error may be half a span. Where the wing touches the pylon, it is the whole clearance.
         """
         pylon = self.pylons[condition.element, condition.post]
         condition = self._with_roll_acceleration(condition, replayed)
-        room = self._room(condition, self._observe(condition, replayed.state(condition.leg, condition.share)))
-        most, error = SETTINGS.error_max, room - distance
-        if distance < SETTINGS.touched:
-            return dataclasses.replace(condition, error=max(condition.error, min(room, most), 0.0))
-        if not room > 0.0 or math.isnan(distance):
+        clearance = self._clearance(condition, self._observe(condition, replayed.state(condition.leg, condition.share)))
+        most, error = ERROR_MAX, clearance - distance
+        if distance < TOUCHING_DISTANCE:
+            return dataclasses.replace(condition, error=max(condition.error, min(clearance, most), 0.0))
+        if not clearance > 0.0 or math.isnan(distance):
             return condition
         aslant = max(most, pylon.required, self.semispan if condition.side is PylonSide.BELOW else 0.0)
         return dataclasses.replace(condition, error=min(error, most) if error > -aslant else 0.0)
 
     def _with_roll_acceleration(self, condition: PylonCondition, replayed: ReplayedFlight) -> PylonCondition:
         seconds = float(replayed.durations[condition.leg])
-        ends = [min(max(condition.share + sign * SETTINGS.rolling / seconds, 0.0), 1.0) for sign in (-1.0, 1.0)]
+        ends = [min(max(condition.share + sign * ROLL_SECONDS / seconds, 0.0), 1.0) for sign in (-1.0, 1.0)]
         before, after = (self._observe(condition, replayed.state(condition.leg, end))["roll_rate"] for end in ends)
         rolling = (after - before) / ((ends[1] - ends[0]) * seconds)
         return dataclasses.replace(condition, roll_acceleration=rolling)
 
-    def _required_room(self, condition: PylonCondition) -> float:
-        """Return the room that a condition asks for, m."""
+    def _required_clearance(self, condition: PylonCondition) -> float:
+        """Return the clearance that a condition asks for, m."""
         return self.pylons[condition.element, condition.post].required + condition.error
 
     def _arguments(self, condition: PylonCondition) -> tuple[float, ...]:
@@ -391,11 +381,11 @@ class PylonRooms:
 
     def _observe(self, condition: PylonCondition, state: Array) -> dict[str, float]:
         """Return what is observed of the pylon of a condition in a state (n_x,)."""
-        values = self.room.values(state, np.array(self._arguments(condition)))
+        values = self.observation.values(state, np.array(self._arguments(condition)))
         return dict(zip(PylonRoom.names(), np.asarray(values).ravel().tolist(), strict=True))
 
-    def _room(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
-        return min(sign * seen[name] for name, sign in ROOMS[condition.side])
+    def _clearance(self, condition: PylonCondition, seen: Mapping[str, float]) -> float:
+        return min(sign * seen[name] for name, sign in OBSERVED_CLEARANCE[condition.side])
 
 
 def _same_obstacle(one: PylonCondition, other: PylonCondition) -> bool:
@@ -406,4 +396,4 @@ def _same_obstacle(one: PylonCondition, other: PylonCondition) -> bool:
 def _abeam_together(one: ClosestApproach, other: ClosestApproach) -> bool:
     """Tell whether two cylinders of one obstacle are abeam at the same time, as far as nodes tell."""
     alike = one.pylon.is_obstacle and one.pylon.name == other.pylon.name
-    return alike and abs(one.abeam - other.abeam) < SETTINGS.one_node
+    return alike and abs(one.abeam - other.abeam) < ABEAM_SECONDS

@@ -58,12 +58,12 @@ def on_other_sides(models: StageModels, optimum: StageResult, tried: set[Sides],
     if not optimum.holds:
         return []
     flight, (mesh, iterate) = models.along(optimum.stage, optimum), coarse_mesh(optimum)
-    if flight.rooms is None:
+    if flight.clearance is None:
         return []
     race_time = optimum.trajectory.race_time
     slowest = race_time + mesh_resolution(session.settings, race_time)
     solves: list[Solve] = []
-    for conditions in flight.rooms.on_other_sides(flight.plan, flight.problem(mesh), iterate):
+    for conditions in flight.clearance.on_other_sides(flight.plan, flight.problem(mesh), iterate):
         if (sides := sides_of(conditions)) in tried:
             continue
         tried.add(sides)

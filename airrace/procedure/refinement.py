@@ -25,100 +25,84 @@ from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
 from airrace.trajectory import Array, Indices
 
-
-@dataclass(frozen=True)
-class RefinementSettings:
-    """Thresholds of the refinement, shares of the certificate's limits (1) where nothing else is said.
-
-    Other values were measured on the point mass of the half Cuban eight, Rovinj 2014 and Air Race X 2024, straight from
-    the plan and with a mesh check. Of the three, the final meshes have 153, 806 and 572 intervals, after 2, 4 and 7
-    solves.
-    """
-
-    safety: float = 0.5
-    """Share that a mesh is made to keep. With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes
-    eleven solves."""
-    safety_of_order: float = 0.2
-    """Share of the replay's limit that a mesh is made to keep. It is smaller than `safety` because on a coarse mesh the
-    integrator does not yet converge with its order. With 0.1 and 0.5 the meshes of Rovinj and of the half Cuban eight
-    differ by four intervals at most."""
-    nearby: float = 0.1
-    """Share of a neighbour's integration error expected in an interval once all are halved. The meshes of Rovinj and of
-    the half Cuban eight are the same with 0.03 and with 0.3."""
-    hamiltonian_reject: float = 2.0
-    """Multiple of the Hamiltonian's limit beyond which halving alone would change the race time. With 1 the half Cuban
-    eight takes 133 intervals in three solves; the other meshes are the same with 1 and with 4."""
-    hold_safety: float = 3.0
-    """Factor by which a coarse mesh underrates the cost of holding the controls. With 1 Rovinj takes 753 intervals and
-    with 6 it takes 851, in as many solves."""
-    ahead_of_order: float = 0.3
-    """Share of the replay's limit from which on an interval is halved before it misses it. A fifth to a half of the
-    intervals of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages
-    below the last met it on the next mesh, by a factor of four, on 19 % fewer intervals than with all halved."""
-    ahead: float = 0.1
-    """Share of the Hamiltonian's limit from which on an interval is halved before it misses it. With a half, 5 of those
-    24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved."""
-    jump: float = 0.5
-    """Share of the Hamiltonian's limit by which it changes from one interval to the next where a drift begins."""
-    coarsen_below: float = 1 / 40
-    """Share of the Hamiltonian's limit below which half of the nodes are enough. With a quarter of it Rovinj and Air
-    Race X take 936 and 690 intervals; with four times as much 631 and 512, and race times that differ by 1e-4 and 3e-4
-    s."""
-    coarsen_excess: float = 1 / 32
-    """Share of its limit below which an excess between nodes allows a node to be dropped, which makes it four times as
-    large. With a quarter of it Air Race X takes 586 intervals; the other meshes are the same, and with four times as
-    much all of them are."""
-    coarsen_worthwhile: float = 0.85
-    """Share of the nodes that a coarser mesh may keep to be solved on. Meshes are the same with 0.7 and 0.95."""
-    longest_joined: float = 0.6
-    """Longest interval that comes of joining two, s. With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with
-    1.2 s 806 and 567."""
-    phase_intervals_min: int = 4
-    """Smallest number of intervals to which joining reduces a phase."""
-    parts_max: int = 6
-    """Largest number of parts into which an interval is cut at once."""
-    error_untrusted: float = 1e-2
-    """Scaled deviation of a replayed interval beyond which an optimum has exploited the integrator's error. The meshes
-    of Rovinj and of the half Cuban eight are the same with 1e-3 and with 0.1."""
-    adaptations_max: int = 2
-    """Number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
-    rough_tolerance: float = 1e-4
-    """The solver's tolerance on a mesh that only leads to the single good one, and of a stage that only leads to the
-    next one. On Rovinj such a solve takes 23 to 31 iterations instead of 29 to 38. Race times of such stages are up to
-    29 ms too long on 13 courses; those of two routes by the same amount within 2 ms, on two. With 1e-3 they are up
-    to 170 ms too long, and all stages above the point mass take a tenth fewer iterations and end in the same
-    optimum."""
-    rough_kkt_error: float = 1e-3
-    """The largest error of the conditions of optimality after such a solve, scaled: ten times its tolerance, as the
-    certificate allows of the settings' tolerance, for both measure on scales of their own."""
-    bisect_all_above: float = 1 / 3
-    """Share of the point mass's intervals to be cut from which on all are halved. If one interval still misses a limit,
-    another solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to
-    need it, 43 to 82 % of them, and in none when all were halved."""
-    growth_max: float = 6.0
-    """Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.4 times
-    as fine at most. Where a limit is missed on every mesh, ever more intervals would be cut into four."""
-    growth_from: int = 300
-    """Number of intervals that a first mesh is taken to have at least for that: small ones have time to spare. A U-turn
-    within an airspace begins with 76 intervals and takes 1,562."""
-    clearance_rounds_max: int = 6
-    """Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons.
-    """
-    clearance_safety: float = 0.3
-    """Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
-    far: float = 1.0
-    """Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
-    cured: float = 0.9
-    """Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
-
-
-SETTINGS = RefinementSettings()
+SAFETY = 0.5
+"""Share that a mesh is made to keep. With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes
+eleven solves."""
+SAFETY_OF_DEFECT = 0.2
+"""Share of the replay's limit that a mesh is made to keep. It is smaller than `safety` because on a coarse mesh the
+integrator does not yet converge with its order. With 0.1 and 0.5 the meshes of Rovinj and of the half Cuban eight
+differ by four intervals at most."""
+NEIGHBOUR_SHARE = 0.1
+"""Share of a neighbour's integration error expected in an interval once all are halved. The meshes of Rovinj and of the
+half Cuban eight are the same with 0.03 and with 0.3."""
+HAMILTONIAN_REJECT = 2.0
+"""Multiple of the Hamiltonian's limit beyond which halving alone would change the race time. With 1 the half Cuban
+eight takes 133 intervals in three solves; the other meshes are the same with 1 and with 4."""
+HOLD_SAFETY = 3.0
+"""Factor by which a coarse mesh underrates the cost of holding the controls. With 1 Rovinj takes 753 intervals and with
+6 it takes 851, in as many solves."""
+REFINE_AHEAD_DEFECT = 0.3
+"""Share of the replay's limit from which on an interval is halved before it misses it. A fifth to a half of the
+intervals of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages
+below the last met it on the next mesh, by a factor of four, on 19 % fewer intervals than with all halved."""
+REFINE_AHEAD_HAMILTONIAN = 0.1
+"""Share of the Hamiltonian's limit from which on an interval is halved before it misses it. With a half, 5 of those 24
+stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved."""
+HAMILTONIAN_JUMP = 0.5
+"""Share of the Hamiltonian's limit by which it changes from one interval to the next where a drift begins."""
+COARSEN_BELOW = 1 / 40
+"""Share of the Hamiltonian's limit below which half of the nodes are enough. With a quarter of it Rovinj and Air Race X
+take 936 and 690 intervals; with four times as much 631 and 512, and race times that differ by 1e-4 and 3e-4 s."""
+COARSEN_EXCESS = 1 / 32
+"""Share of its limit below which an excess between nodes allows a node to be dropped, which makes it four times as
+large. With a quarter of it Air Race X takes 586 intervals; the other meshes are the same, and with four times as much
+all of them are."""
+COARSEN_WORTHWHILE = 0.85
+"""Share of the nodes that a coarser mesh may keep to be solved on. Meshes are the same with 0.7 and 0.95."""
+LONGEST_JOINED = 0.6
+"""Longest interval that comes of joining two, s. With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with 1.2
+s 806 and 567."""
+PHASE_INTERVALS_MIN = 4
+"""Smallest number of intervals to which joining reduces a phase."""
+PARTS_MAX = 6
+"""Largest number of parts into which an interval is cut at once."""
+ERROR_UNTRUSTED = 1e-2
+"""Scaled deviation of a replayed interval beyond which an optimum has exploited the integrator's error. The meshes of
+Rovinj and of the half Cuban eight are the same with 1e-3 and with 0.1."""
+ADAPTATIONS_MAX = 2
+"""Number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
+ROUGH_TOLERANCE = 1e-4
+"""The solver's tolerance on a mesh that only leads to the single good one, and of a stage that only leads to the next
+one. On Rovinj such a solve takes 23 to 31 iterations instead of 29 to 38. Race times of such stages are up to 29 ms too
+long on 13 courses; those of two routes by the same amount within 2 ms, on two. With 1e-3 they are up to 170 ms too
+long, and all stages above the point mass take a tenth fewer iterations and end in the same optimum."""
+ROUGH_KKT_ERROR = 1e-3
+"""The largest error of the conditions of optimality after such a solve, scaled: ten times its tolerance, as the
+certificate allows of the settings' tolerance, for both measure on scales of their own."""
+BISECT_ALL_ABOVE = 1 / 3
+"""Share of the point mass's intervals to be cut from which on all are halved. If one interval still misses a limit,
+another solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it,
+43 to 82 % of them, and in none when all were halved."""
+GROWTH_MAX = 6.0
+"""Multiple of a first mesh beyond which no finer one is tried. Meshes on the shipped courses become 2.4 times as fine
+at most. Where a limit is missed on every mesh, ever more intervals would be cut into four."""
+GROWTH_FROM = 300
+"""Number of intervals that a first mesh is taken to have at least for that: small ones have time to spare. A U-turn
+within an airspace begins with 76 intervals and takes 1,562."""
+CLEARANCE_ROUNDS_MAX = 6
+"""Largest number of solves on a mesh that was good already, for wings that were measured to be too near to pylons."""
+CLEARANCE_SAFETY = 0.3
+"""Share of the certificate's limit by which a clearance may be missed on a mesh whose intervals are halved next."""
+FAR_VIOLATION = 1.0
+"""Length by which a clearance is missed beyond which multipliers of the flight that misses it mislead, m."""
+EXCESS_LEFT_MAX = 0.9
+"""Share to which a solve has to bring what wings keep needlessly away from pylons for another one to follow."""
 
 
 def rough_limits(limits: CertificateLimits) -> CertificateLimits:
     """Return the limits of an optimum that the next stage starts from: solved roughly, and not made of errors."""
-    kkt_error = max(SETTINGS.rough_kkt_error, limits.kkt_error)
-    return replace(limits, kkt_error=kkt_error, replay=SETTINGS.error_untrusted)
+    kkt_error = max(ROUGH_KKT_ERROR, limits.kkt_error)
+    return replace(limits, kkt_error=kkt_error, replay=ERROR_UNTRUSTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,22 +161,21 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
         joining: whether nodes may be dropped.
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
-    held = SETTINGS.hold_safety * predict_hold_cost(optimum.problem, optimum.iterate)
+    held = HOLD_SAFETY * predict_hold_cost(optimum.problem, optimum.iterate)
     change = limits.race_time_of(optimum.race_time)
-    untrusted = ~(optimum.evidence.check.defect <= SETTINGS.error_untrusted)
-    contributors = _largest_contributors(held + np.abs(integration), SETTINGS.safety * change)
+    untrusted = ~(optimum.evidence.check.defect <= ERROR_UNTRUSTED)
+    contributors = _largest_contributors(held + np.abs(integration), SAFETY * change)
     wanted = [
         (RefinementReason.INTEGRATION, np.where(widen(untrusted), 4.0, 1.0)),
-        (RefinementReason.HAMILTONIAN, _parts_by_excess(_worst_nearby(drift), SETTINGS.safety * limits.hamiltonian)),
+        (RefinementReason.HAMILTONIAN, _parts_by_excess(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
         (RefinementReason.RACE_TIME, np.where(contributors, 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
     joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)
     rejected = (
-        bool((drift > SETTINGS.hamiltonian_reject * limits.hamiltonian).any())
-        or held.sum() + abs(integration.sum()) > change
+        bool((drift > HAMILTONIAN_REJECT * limits.hamiltonian).any()) or held.sum() + abs(integration.sum()) > change
     )
-    worthwhile = parts.sum() - joined.sum() < SETTINGS.coarsen_worthwhile * len(parts)
+    worthwhile = parts.sum() - joined.sum() < COARSEN_WORTHWHILE * len(parts)
     if not untrusted.any() and not (early and rejected) and not worthwhile:
         return None
     nodes = np.ones(int(parts.sum()) + 1, dtype=np.bool_)
@@ -202,7 +185,7 @@ def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, join
 
 def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal:
     """Return a mesh with all intervals halved at least, and cut into as many parts as they are expected to need."""
-    parts, why = _required_parts(optimum, limits, nearby=SETTINGS.nearby)
+    parts, why = _required_parts(optimum, limits, nearby=NEIGHBOUR_SHARE)
     parts = np.maximum(parts, 2)
     return _divide(optimum, parts, why, inherited_nodes(parts))
 
@@ -242,8 +225,8 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
         return None
     defect, drift = optimum.evidence.check.defect, optimum.evidence.drift
     ahead = [
-        (RefinementReason.INTEGRATION, _bisected_above(defect, SETTINGS.ahead_of_order * limits.replay)),
-        (RefinementReason.HAMILTONIAN, _bisected_above(drift, SETTINGS.ahead * limits.hamiltonian)),
+        (RefinementReason.INTEGRATION, _bisected_above(defect, REFINE_AHEAD_DEFECT * limits.replay)),
+        (RefinementReason.HAMILTONIAN, _bisected_above(drift, REFINE_AHEAD_HAMILTONIAN * limits.hamiltonian)),
     ]
     more, reasons = _most(optimum, ahead)
     parts, why = np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8)
@@ -257,7 +240,7 @@ def refine_guess(proposal: MeshProposal, problem: Problem, limits: CertificateLi
         problem: on the mesh of the proposal.
     """
     error = np.abs(estimate_error(problem, proposal.guess)).max(axis=0)
-    parts = np.where(error > SETTINGS.safety * limits.replay, 2, 1).astype(np.int64)
+    parts = np.where(error > SAFETY * limits.replay, 2, 1).astype(np.int64)
     mesh, guess = divide(proposal.mesh, proposal.guess, None, parts)
     why = np.where(parts > 1, RefinementReason.INTEGRATION, proposal.why).astype(np.int8)
     return MeshProposal(mesh, guess, np.repeat(why, parts), _still_coarser(proposal, parts))
@@ -268,7 +251,7 @@ def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: Certific
 
     The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
     """
-    limit = SETTINGS.safety * limits.race_time_of(optimum.race_time)
+    limit = SAFETY * limits.race_time_of(optimum.race_time)
     contributors = widen(_largest_contributors(_changed_by(optimum, before), limit))
     fine = contributors[np.cumsum(optimum.proposal.coarser[:-1]) - 1]
     nodes = optimum.proposal.coarser.copy()
@@ -349,7 +332,7 @@ def _required_parts(
     check, drift = optimum.evidence.check, optimum.evidence.drift
     order = optimum.problem.scheme.order + 1  # of what is left in one interval
     defect = np.maximum(check.defect, nearby * _worst_nearby(check.defect))
-    integration = np.ceil((defect / (SETTINGS.safety_of_order * limits.replay)) ** (1 / order))
+    integration = np.ceil((defect / (SAFETY_OF_DEFECT * limits.replay)) ** (1 / order))
     wanted = [
         (RefinementReason.INTEGRATION, np.where(defect <= limits.replay, 1, np.maximum(integration, 2))),
         (RefinementReason.LIMITS, _parts_by_excess(_worst_nearby(check.excess), 1.0)),
@@ -361,7 +344,7 @@ def _required_parts(
 
 def _most(optimum: MeshSolution, wanted: list[tuple[RefinementReason, Array]]) -> tuple[Indices, NDArray[np.int8]]:
     """Return the largest number of parts that any indicator asks for in each interval, and which indicator it is."""
-    most = SETTINGS.parts_max
+    most = PARTS_MAX
     counts = np.nan_to_num(np.stack([count for _, count in wanted]), nan=most, posinf=most)
     parts = np.clip(counts.max(axis=0), 1, most).astype(np.int64)
     reasons = np.array([why for why, _ in wanted], dtype=np.int8)[counts.argmax(axis=0)]
@@ -399,7 +382,7 @@ def _off_hamiltonian(drift: Array, limit: float) -> Marks:
     """
     off = ~(_worst_nearby(drift) <= limit)
     if off.any():
-        jumps = np.abs(np.diff(drift)) > SETTINGS.jump * limit
+        jumps = np.abs(np.diff(drift)) > HAMILTONIAN_JUMP * limit
         off[:-1] |= jumps
         off[1:] |= jumps
     return off
@@ -418,15 +401,15 @@ def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
         widen(parts > 1)
-        | (interval_durations(problem, optimum.iterate.durations) > 0.5 * SETTINGS.longest_joined)
-        | (_worst_nearby(evidence.drift) >= SETTINGS.coarsen_below * limits.hamiltonian)
-        | (evidence.check.defect >= 0.5 * SETTINGS.safety * limits.replay)
-        | (evidence.check.excess >= SETTINGS.coarsen_excess)
+        | (interval_durations(problem, optimum.iterate.durations) > 0.5 * LONGEST_JOINED)
+        | (_worst_nearby(evidence.drift) >= COARSEN_BELOW * limits.hamiltonian)
+        | (evidence.check.defect >= 0.5 * SAFETY * limits.replay)
+        | (evidence.check.excess >= COARSEN_EXCESS)
     )
     joined = np.zeros(problem.intervals, dtype=np.bool_)
     for first, last in zip(problem.first_node, problem.first_node[1:], strict=False):
         left, interval = last - first, first
-        while interval + 1 < last and left > SETTINGS.phase_intervals_min:
+        while interval + 1 < last and left > PHASE_INTERVALS_MIN:
             if busy[interval] or busy[interval + 1]:
                 interval += 1
             else:

@@ -34,7 +34,15 @@ from airrace.procedure.certification import (
 )
 from airrace.procedure.pylon_conditions import MeasuredConditions, ReplayedFlight
 from airrace.procedure.refinement import (
-    SETTINGS,
+    ADAPTATIONS_MAX,
+    BISECT_ALL_ABOVE,
+    CLEARANCE_ROUNDS_MAX,
+    CLEARANCE_SAFETY,
+    EXCESS_LEFT_MAX,
+    FAR_VIOLATION,
+    GROWTH_FROM,
+    GROWTH_MAX,
+    ROUGH_TOLERANCE,
     MeshProposal,
     MeshSolution,
     adapt,
@@ -181,15 +189,19 @@ class SolvedMesh:
     @cached_property
     def pylons(self) -> MeasuredConditions | None:
         """The conditions on pylons as the optimum measures them; None where the rules ask for none."""
-        rooms = self.flight.rooms
-        return None if rooms is None else rooms.measure(self.flight.plan, self.replayed_flight, self.approaches)
+        constraints = self.flight.clearance
+        return (
+            None
+            if constraints is None
+            else constraints.measure(self.flight.plan, self.replayed_flight, self.approaches)
+        )
 
     def place_clearance_constraints(self, proposal: MeshProposal) -> tuple[StageProblem, MeshProposal]:
         """Return the flight with the conditions on pylons as the optimum measures them, and a mesh made for them."""
-        rooms = self.flight.rooms
-        if rooms is None or self.pylons is None:
+        constraints = self.flight.clearance
+        if constraints is None or self.pylons is None:
             return self.flight, proposal
-        mesh, guess, conditions = rooms.place(
+        mesh, guess, conditions = constraints.place_on_mesh(
             self.pylons,
             self.replayed_flight,
             proposal.mesh,
@@ -209,12 +221,12 @@ class SolvedMesh:
             share: of the certificate's limit that is allowed.
         """
         limits, pylons = self.session.settings.certificate, self.pylons
-        if pylons is None or self.state.clearance_rounds >= SETTINGS.clearance_rounds_max:
+        if pylons is None or self.state.clearance_rounds >= CLEARANCE_ROUNDS_MAX:
             return False
         before = self.state.violating and self.state.violating.pylons
-        excess = pylons.is_needless and (before is None or pylons.needless < SETTINGS.cured * before.needless)
+        excess = pylons.is_excessive and (before is None or pylons.excess < EXCESS_LEFT_MAX * before.excess)
         drifts = self.nodes_beside_passings and not self.state.nodes_beside_passings
-        return pylons.missed > share * limits.gate_length or excess or drifts
+        return pylons.violation > share * limits.gate_length or excess or drifts
 
     @cached_property
     def nodes_beside_passings(self) -> bool:
@@ -227,7 +239,7 @@ class SolvedMesh:
     @property
     def barrier(self) -> InitialBarrier:
         """The first value of the barrier parameter for the next mesh, by how far wings are from what is asked."""
-        far = self.pylons is not None and self.pylons.missed > SETTINGS.far
+        far = self.pylons is not None and self.pylons.violation > FAR_VIOLATION
         return InitialBarrier.COARSE if far else InitialBarrier.OTHER_MESH
 
     @cached_property
@@ -286,7 +298,7 @@ def refine(
         first_intervals: of a mesh before, from which the growth of meshes is counted.
     """
     intervals = first_intervals or first.proposal.intervals
-    intervals_max = SETTINGS.growth_max * max(intervals, SETTINGS.growth_from)
+    intervals_max = GROWTH_MAX * max(intervals, GROWTH_FROM)
     state, iterations_max = first, start.iterations_max
     while True:
         solved = solve_on_mesh(session, start, state, iterations_max)
@@ -397,7 +409,7 @@ def next_until_certified(solved: SolvedMesh) -> RefinementState | None:
         return replace(state.then, before=optimum, coarser=optimum)
     if coarser is None:
         proposal = _adapt(solved)
-        same_mesh = proposal is None and solved.violates_clearance(SETTINGS.clearance_safety)
+        same_mesh = proposal is None and solved.violates_clearance(CLEARANCE_SAFETY)
         if proposal is not None or same_mesh:
             proposal = proposal or replace(state.proposal, guess=optimum.iterate)
             flight, proposal = solved.place_clearance_constraints(proposal)
@@ -469,7 +481,7 @@ def _again_on_both_meshes(solved: SolvedMesh) -> RefinementState:
 
 def _adapt(solved: SolvedMesh) -> MeshProposal | None:
     """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
-    early = solved.state.number < SETTINGS.adaptations_max and math.isinf(solved.flight.longest_interval)
+    early = solved.state.number < ADAPTATIONS_MAX and math.isinf(solved.flight.longest_interval)
     return adapt(solved.optimum, solved.session.settings.certificate, early=early, joining=early)
 
 
@@ -490,7 +502,7 @@ def solve_roughly(session: SolverSession, start: Start, solver: str) -> StageRes
     Where that optimum is made of the integrator's errors, or does not keep what is asked of a rough one, others follow
     as in `solve_single_mesh`. A wing too near to a pylon is left to the next stage, whose attitudes differ anyway.
     """
-    return refine(session, start, _uncompared_state(start, solver, SETTINGS.rough_tolerance), next_until_usable)
+    return refine(session, start, _uncompared_state(start, solver, ROUGH_TOLERANCE), next_until_usable)
 
 
 def _uncompared_state(start: Start, solver: str, loose_tolerance: float) -> RefinementState:
@@ -513,7 +525,7 @@ def next_until_usable(solved: SolvedMesh) -> RefinementState | None:
 
 
 def _loose_tolerance(session: SolverSession, number: int) -> float:
-    return SETTINGS.rough_tolerance if number < session.settings.mesh.refinements_max else 0.0
+    return ROUGH_TOLERANCE if number < session.settings.mesh.refinements_max else 0.0
 
 
 def next_until_good(solved: SolvedMesh) -> RefinementState | None:
@@ -558,7 +570,7 @@ def _good_mesh(solved: SolvedMesh) -> MeshProposal | None:
     if proposal is None:
         return None
     cut = np.diff(np.flatnonzero(proposal.coarser)) > 1
-    return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else proposal
+    return bisect_all(optimum, limits) if cut.mean() > BISECT_ALL_ABOVE else proposal
 
 
 def _finish(start: Start, solved: SolvedMesh) -> StageResult:

@@ -29,7 +29,7 @@ from airrace.procedure.formulation import (
     path_constraints,
 )
 from airrace.procedure.guess import leg_seconds
-from airrace.procedure.pylon_conditions import PylonRooms
+from airrace.procedure.pylon_conditions import ClearanceConstraints
 from airrace.procedure.result import GateSplit, PylonCondition, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import Stage
@@ -66,7 +66,7 @@ class StageProblem:
         trim: the condition on a settled start or finish; None where the course has none.
         watches: what holds along each leg besides the aircraft's limits.
         weights: of the squared, scaled controls, by name.
-        rooms: the conditions that the wing keeps clear of pylons; None where the rules ask for none.
+        clearance: the conditions that the wing keeps clear of pylons; None where the rules ask for none.
         pilot: the limits of the pilot; None likewise.
         start_airspeed: what the speed at the start is; None where it is that over ground.
     """
@@ -80,7 +80,7 @@ class StageProblem:
     watches: tuple[tuple[PathConstraint, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
-    rooms: PylonRooms | None = None
+    clearance: ClearanceConstraints | None = None
     pilot: PilotConditions | None = None
     start_airspeed: StartAirspeed | None = None
 
@@ -97,11 +97,11 @@ class StageProblem:
     @property
     def pylon_conditions(self) -> tuple[PylonCondition, ...]:
         """The conditions that the wing keeps clear of pylons."""
-        return () if self.rooms is None else self.rooms.conditions_on(self.plan)
+        return () if self.clearance is None else self.clearance.conditions_on(self.plan)
 
     def with_conditions(self, conditions: Sequence[PylonCondition]) -> Self:
         """Return the problem with other conditions on pylons, as far as the rules ask for any."""
-        return dataclasses.replace(self, rooms=self.rooms and self.rooms.with_conditions(conditions))
+        return dataclasses.replace(self, clearance=self.clearance and self.clearance.with_conditions(conditions))
 
     @property
     def _rewards(self) -> dict[str, float]:
@@ -113,7 +113,7 @@ class StageProblem:
         conditions = self.observation, self.trim, self.aircraft.airframe.b, self.pilot, self.start_airspeed
         start, *ends = boundaries(self.plan, self.course, *conditions)
         pilot = () if self.pilot is None else self.pilot.along
-        clearances = [()] * len(ends) if self.rooms is None else self.rooms.path_constraints(self.plan)
+        clearances = [()] * len(ends) if self.clearance is None else self.clearance.path_constraints(self.plan)
         legs = zip(
             *(itertools.pairwise(self.plan.waypoints), leg_seconds(self.plan), mesh, ends, self.watches, clearances),
             strict=True,
@@ -167,9 +167,9 @@ def formulate(
         plan = plan_from_solution(course, cruise(race.aircraft, course.rules), route)
     elif plan is None:
         plan = plan_race(race)
-    crossing, rooms = crossing_observation(model.system.states), None
+    crossing, clearance = crossing_observation(model.system.states), None
     if course.rules.clearance is ClearanceRule.FLIGHT or course.obstacles:
-        rooms = PylonRooms.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
+        clearance = ClearanceConstraints.of(model, course, race.aircraft.airframe.b).with_conditions(conditions)
     return StageProblem(
         fidelity=fidelity_of(stage),
         plan=plan,
@@ -180,7 +180,7 @@ def formulate(
         watches=path_constraints(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularisation_weights(model, settings.regularisation),
-        rooms=rooms,
+        clearance=clearance,
         pilot=PilotConditions.of(model, course.rules),
         start_airspeed=StartAirspeed.of(model, course.rules, race.air),
     )
@@ -357,6 +357,7 @@ class PerturbedProblem:
             model = dataclasses.replace(built, system=system)
         if _surroundings(course) != _surroundings(original):
             watches = path_constraints(course, model.system.states)
+        span = race.aircraft.airframe.b
         return dataclasses.replace(
             flight,
             plan=with_passages(flight.plan, course),
@@ -365,7 +366,7 @@ class PerturbedProblem:
             trim=flight.trim and flight.trim.of_other_numbers(model),
             watches=watches,
             aircraft=race.aircraft,
-            rooms=flight.rooms and flight.rooms.of_other_numbers(model, course, race.aircraft.airframe.b, flight.plan),
+            clearance=flight.clearance and flight.clearance.of_other_numbers(model, course, span, flight.plan),
             pilot=flight.pilot and flight.pilot.of_other_numbers(model, course.rules),
             start_airspeed=flight.start_airspeed and flight.start_airspeed.of_other_numbers(race.air),
         )

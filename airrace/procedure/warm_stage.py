@@ -7,7 +7,7 @@ what comes out is measured like any stage that is solved on one mesh. Its route 
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from airrace.optimal_control.layout import Layout
@@ -37,28 +37,17 @@ from airrace.procedure.stage_problem import (
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.race import Race
 
-
-@dataclass(frozen=True)
-class WarmSettings:
-    """The numbers of a warm stage.
-
-    Attributes:
-        spare: share of the certificate's limits on errors of the mesh up to which the mesh of the known optimum is
-            refined; races that differ a little then rarely need another one.
-        iterations_max: of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than
-            60 is another route or no flight, and ends at once.
-        stall_seconds: the longest wait for an iteration, which takes 5 to 50 ms.
-        prepared_intervals: that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and
-            each set of them is another problem; 200 MB at most.
-    """
-
-    spare: float = 0.6
-    iterations_max: int = 60
-    stall_seconds: float = 5.0
-    prepared_intervals: int = 2500
-
-
-SETTINGS = WarmSettings()
+SPARE_SHARE = 0.6
+"""Share of the certificate's limits on errors of the mesh up to which the mesh of the known optimum is refined; races
+that differ a little then rarely need another one."""
+ITERATIONS_MAX = 60
+"""The iterations of a solve. Races that differ by what a hand moves at a time take 4 to 12; what takes more than 60 is
+another route or no flight, and ends at once."""
+STALL_SECONDS = 5.0
+"""The longest wait for an iteration, which takes 5 to 50 ms."""
+PREPARED_INTERVALS = 2500
+"""The intervals that the solver process keeps ready. Conditions on pylons come and go as a gate moves, and each set of
+them is another problem; 200 MB at most."""
 
 
 class WarmStage:
@@ -75,13 +64,13 @@ class WarmStage:
     """
 
     def __init__(self, race: Race, settings: Settings, optimum: StageResult, *, threads: int = 1) -> None:
-        solver = replace(settings.solver, iterations_max=SETTINGS.iterations_max, fallback=settings.solver.primary)
+        solver = replace(settings.solver, iterations_max=ITERATIONS_MAX, fallback=settings.solver.primary)
         self._settings, self._threads = replace(settings, solver=solver), threads
         self._perturbed = PerturbedProblem.of_result(race, settings, optimum)
         self._budget = Budget.from_plan(plan_race(race), settings.mesh)
         self._services: list[SolverService] = []
         self._service = self._new_service(threads)
-        spare, limits = SETTINGS.spare, settings.certificate
+        spare, limits = SPARE_SHARE, settings.certificate
         limits = replace(limits, replay=spare * limits.replay, hamiltonian=spare * limits.hamiltonian)
         flight = self._perturbed.flight
         try:
@@ -132,8 +121,8 @@ class WarmStage:
     def _new_service(self, threads: int) -> SolverService:
         service = SolverService(
             threads=threads,
-            stall_seconds=min(SETTINGS.stall_seconds, self._settings.solver.stall_seconds),
-            prepared_intervals=SETTINGS.prepared_intervals,
+            stall_seconds=min(STALL_SECONDS, self._settings.solver.stall_seconds),
+            prepared_intervals=PREPARED_INTERVALS,
         )
         self._services.append(service)
         return service

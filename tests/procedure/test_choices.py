@@ -26,7 +26,7 @@ from airrace.frames import angle_between, quaternion
 from airrace.inputs import load_inputs
 from airrace.planning.plan import Plan, plan, plan_from_solution, stops_of, track_turn, waypoint_from_solution
 from airrace.planning.planning_model import cruise
-from airrace.planning.route_decisions import ANY, RouteDecisions, candidates
+from airrace.planning.route_decisions import ANY, MIRRORED_TIES, RouteDecisions, candidates
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
@@ -238,3 +238,11 @@ def test_course_of_a_manoeuvre_is_read_off_whatever_the_bank(bank: float) -> Non
     race = race_of(level("first", 0.0, 0.0, 0.0), top, level("last", 500.0, 0.0, 0.0))
     q = np.array(quaternion(math.radians(40.0), math.radians(45.0), math.radians(bank)))
     assert waypoint_from_solution(race.course, 1, q).heading == pytest.approx(math.radians(40.0))
+
+
+def test_decisions_of_another_flight_are_taken_at_its_stops_and_all_others_stay() -> None:
+    own = RouteDecisions(turns={1: 1, 2: 1}, rolls={1: 1, 2: 1}, lengths={1: 10.0, 2: 20.0}, last=MIRRORED_TIES.last)
+    other = RouteDecisions(turns={1: -1, 2: -1}, rolls={1: -1, 2: -1}, lengths={2: 30.0})
+    mixed = own.with_those_of(other, {2})
+    assert (mixed.turns, mixed.rolls, mixed.lengths) == ({1: 1, 2: -1}, {1: 1, 2: -1}, {1: 10.0, 2: 30.0})
+    assert mixed.last

@@ -65,7 +65,7 @@ def test_a_pilot_s_limits_leave_the_search_for_the_limit_in_conflict_as_good_as_
 def test_a_pilot_s_limits_are_not_blamed_where_others_contradict_each_other_without_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(conflicts, "SETTINGS", dataclasses.replace(conflicts.SETTINGS, conflicts_max=0))
+    monkeypatch.setattr(conflicts, "CONFLICTS_MAX", 0)
     (result,) = optimize(RACED_CEILING, settings(GuessKind.PLAN), until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.outcome is Status.INFEASIBLE
     assert not result.suggested_changes
@@ -128,7 +128,7 @@ def test_solver_that_never_comes_back_is_a_timeout_that_still_shows_a_flight() -
 
 def test_run_out_of_time_is_an_error_and_one_finished_in_time_the_same_as_without_a_limit() -> None:
     chosen = settings(GuessKind.PLAN)
-    with pytest.raises(OutOfTime):
+    with pytest.raises(OutOfTime, match="there is no time left"):
         next(optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, timeout=1e-3, progress=Silent()))
     (result,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, timeout=1e4, progress=Silent())
     (other,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=2, progress=Silent())

@@ -415,3 +415,15 @@ def test_directions_turn_with_the_reference(state: Array, before: Array, after: 
     for node in range(NODES):
         turn = matrices(after)[:, :, node] @ matrices(before)[:, :, node].T
         assert np.allclose(matrices(there)[:, :, node], turn @ matrices(state)[:, :, node], atol=1e-9)
+
+
+@pytest.mark.parametrize("missing", ["intervals", "conditions"])
+def test_a_mesh_or_conditions_of_too_few_legs_are_refused(missing: str) -> None:
+    flight = prepared(SMALL)
+    mesh = first_mesh(flight.plan, MeshSettings())
+    if missing == "intervals":
+        mesh = mesh[:-1]
+    else:
+        flight = dataclasses.replace(flight, watches=flight.watches[:-1])
+    with pytest.raises(ValueError, match="shorter"):
+        flight.problem(mesh)

@@ -358,6 +358,15 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     assert len(asked(used)) - explaining == len(before) + len(found_out) + 2 + plans  # two limits are taken away
 
 
+def test_derivatives_of_all_that_is_solved_for_a_diagnosis_are_on_record() -> None:
+    chosen = settings(GuessKind.PLAN)
+    used = SolverSession(Canned("stuck"), chosen, Silent())
+    result = solve_point_mass(models_of(SMALL, chosen), used, solve_certified, None)
+    assert not result.is_flight
+    assert len(result.attempts) == len(asked(used))
+    assert result.timings.derivatives == pytest.approx(0.25 * len(result.attempts))  # s, see `Canned`
+
+
 @pytest.mark.parametrize("from_file", [False, True])
 def test_a_homotopy_with_phases_that_fail_asks_for_conflicts_whether_or_not_it_was_solved_before(
     from_file: bool, monkeypatch: pytest.MonkeyPatch

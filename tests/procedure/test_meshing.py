@@ -22,7 +22,8 @@ from airrace.procedure.certification import Evidence, certify
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.refinement import (
-    SETTINGS,
+    COARSEN_BELOW,
+    PARTS_MAX,
     MeshProposal,
     MeshSolution,
     adapt,
@@ -119,7 +120,7 @@ def everywhere(value: float) -> Mapping[int, float]:
     return dict.fromkeys(range(sum(COUNTS)), value)
 
 
-RESTLESS = everywhere(2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
+RESTLESS = everywhere(2.0 * COARSEN_BELOW * LIMITS.hamiltonian)
 """Too much for nodes to be dropped, too little for new ones."""
 
 
@@ -138,7 +139,7 @@ def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
         assert all(sum(phase) == pytest.approx(1.0) for phase in one.mesh)
     # only where any length will do, and few dropped nodes are not worth a solve
     assert adapt(flown(), LIMITS, early=True, joining=False) is None
-    busy = dict.fromkeys(range(16), 2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
+    busy = dict.fromkeys(range(16), 2.0 * COARSEN_BELOW * LIMITS.hamiltonian)
     assert adapt(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
 
 
@@ -205,8 +206,8 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
     [
         ("defect", 1.1e-6, 2, RefinementReason.INTEGRATION),
         ("defect", 1e-4, 3, RefinementReason.INTEGRATION),
-        ("defect", 1.0, SETTINGS.parts_max, RefinementReason.INTEGRATION),
-        ("defect", np.nan, SETTINGS.parts_max, RefinementReason.INTEGRATION),
+        ("defect", 1.0, PARTS_MAX, RefinementReason.INTEGRATION),
+        ("defect", np.nan, PARTS_MAX, RefinementReason.INTEGRATION),
         ("excess", 1.1, 2, RefinementReason.LIMITS),
         ("excess", 5.0, 4, RefinementReason.LIMITS),
         ("drift", 0.03, 4, RefinementReason.HAMILTONIAN),
@@ -453,8 +454,8 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
 def test_a_mesh_that_has_grown_too_much_is_refined_no_more(
     growth: float, refined: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    settings = replace(solve_and_refine.SETTINGS, growth_max=growth, growth_from=0)
-    monkeypatch.setattr(solve_and_refine, "SETTINGS", settings)
+    monkeypatch.setattr(solve_and_refine, "GROWTH_MAX", growth)
+    monkeypatch.setattr(solve_and_refine, "GROWTH_FROM", 0)
     flight, mesh = prepared(SMALL), first_mesh(prepared(SMALL).plan, PLAN.mesh)
     start = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
     with SolverService() as service:

@@ -108,11 +108,11 @@ def test_an_obstacle_is_tried_on_its_other_side_as_a_whole() -> None:
     what = race(WALL)
     result = optimum(what, PLAN)
     flight = formulate(Stage.POINT_MASS, what, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.rooms is not None
+    assert flight.clearance is not None
     own = [one for one in result.pylon_conditions if one.element == "wall"]
     (side,) = {one.side for one in own}
     far = dataclasses.replace(own[0], error=-50.0)  # the first of them has room to spare
-    rooms = flight.rooms.with_conditions([far, *result.pylon_conditions])
+    rooms = flight.clearance.with_conditions([far, *result.pylon_conditions])
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     (conditions,) = rooms.on_other_sides(flight.plan, problem, iterate)
     turned = [one.side for one in conditions if one.element == "wall"]

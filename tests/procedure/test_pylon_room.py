@@ -226,9 +226,9 @@ def test_a_pylon_beside_a_leg_may_be_passed_on_its_other_side() -> None:
     race = by(ClearanceRule.FLIGHT, planted_race()[0])
     result = optimum(race, PLAN)
     flight = formulate(Stage.POINT_MASS, race, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.rooms is not None
+    assert flight.clearance is not None
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
-    (conditions,) = flight.rooms.on_other_sides(flight.plan, problem, iterate)  # those of the passings stay
+    (conditions,) = flight.clearance.on_other_sides(flight.plan, problem, iterate)  # those of the passings stay
     (own,), (other,) = set(result.pylon_conditions) - set(conditions), set(conditions) - set(result.pylon_conditions)
     assert {own.side, other.side} == {PylonSide.LEFT, PylonSide.RIGHT}
     along = flight.with_conditions(conditions)
@@ -279,12 +279,12 @@ def test_a_condition_beside_its_moment_abeam_is_told_by_how_much() -> None:
         flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, conditions)
         problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
         replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-        assert flight.rooms is not None
-        return flight.rooms.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+        assert flight.clearance is not None
+        return flight.clearance.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
 
-    assert measure(0.02, -1.0).moved == 0.0  # far from binding, it does not matter where it stands
+    assert measure(0.02, -1.0).offset == 0.0  # far from binding, it does not matter where it stands
     own, earlier = measure(0.0, 0.1), measure(0.02, 0.1)
-    assert earlier.moved == pytest.approx(own.moved + 0.02, abs=2e-3)
+    assert earlier.offset == pytest.approx(own.offset + 0.02, abs=2e-3)
     assert earlier.is_beside
 
 
@@ -297,10 +297,10 @@ def test_a_correction_that_is_no_prediction_is_given_up() -> None:
     result = optimum(SMALL, PLAN)
     (holds,) = (one for one in result.pylon_conditions if one.element == "pylon")
     flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.rooms is not None
+    assert flight.clearance is not None
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    found = flight.rooms.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
+    found = flight.clearance.measure(flight.plan, replayed, approaches(flight, problem, iterate, replayed.replay))
     wrong = tuple(dataclasses.replace(one, error=-0.8) if one.element == "pylon" else one for one in found.conditions)
 
     def error_after(distance: float) -> float:
@@ -310,8 +310,10 @@ def test_a_correction_that_is_no_prediction_is_given_up() -> None:
         )
         measured = dataclasses.replace(found, conditions=wrong, distances=far)
         marks = np.ones(problem.intervals + 1, dtype=np.bool_)
-        assert flight.rooms is not None
-        _, _, placed = flight.rooms.place(measured, replayed, problem.mesh, iterate, marks, beside_passings=False)
+        assert flight.clearance is not None
+        _, _, placed = flight.clearance.place_on_mesh(
+            measured, replayed, problem.mesh, iterate, marks, beside_passings=False
+        )
         return next(one.error for one in placed if one.element == "pylon")
 
     own = next(away for one, away in zip(found.conditions, found.distances, strict=True) if one.element == "pylon")
@@ -350,16 +352,16 @@ def test_a_pylon_whose_top_is_below_the_wing_does_not_keep_it_away_to_the_side()
     """What its condition asks for to the side is for a wing that may hit it."""
     result = optimum(SMALL, PLAN)
     flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, result.pylon_conditions)
-    assert flight.rooms is not None
+    assert flight.clearance is not None
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    low = {key: dataclasses.replace(one, height=one.height - 20.0) for key, one in flight.rooms.pylons.items()}
-    rooms = dataclasses.replace(flight.rooms, pylons=low)
+    low = {key: dataclasses.replace(one, height=one.height - 20.0) for key, one in flight.clearance.pylons.items()}
+    rooms = dataclasses.replace(flight.clearance, pylons=low)
     wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
     measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(low.values()), legs)))
     (before,) = (one for one in result.pylon_conditions if one.element == "pylon")
     (after,) = (one for one in measured.conditions if one.element == "pylon")
-    assert measured.is_needless
+    assert measured.is_excessive
     assert (before.side in (PylonSide.LEFT, PylonSide.RIGHT), after.side) == (True, PylonSide.BELOW)
 
 
@@ -372,13 +374,13 @@ def test_a_condition_on_a_side_where_a_wing_does_not_pass_gives_way_to_one_where
     wrong = dataclasses.replace(own, side=PylonSide.BELOW if above else opposite, error=-30.0)
     others = [one for one in result.pylon_conditions if one is not own]
     flight = formulate(Stage.POINT_MASS, SMALL, PLAN, result.trajectory, [*others, wrong])
-    assert flight.rooms is not None
+    assert flight.clearance is not None
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     replayed = ReplayedFlight(problem, iterate.durations, replay(problem, iterate))
-    more = {key: dataclasses.replace(one, required=one.required + 0.2) for key, one in flight.rooms.pylons.items()}
-    rooms = dataclasses.replace(flight.rooms, pylons=more)
+    more = {key: dataclasses.replace(one, required=one.required + 0.2) for key, one in flight.clearance.pylons.items()}
+    rooms = dataclasses.replace(flight.clearance, pylons=more)
     wing, legs = replayed_wing(flight, problem, iterate, replayed.replay)
     measured = rooms.measure(flight.plan, replayed, list(closest_approaches(wing, list(more.values()), legs)))
     (after,) = (one for one in measured.conditions if one.element == "pylon")
-    assert measured.missed > 0.1
+    assert measured.violation > 0.1
     assert (after.side, after.error) == (own.side, 0.0)

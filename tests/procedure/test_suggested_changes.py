@@ -22,14 +22,15 @@ from airrace.planning.parameters import relaxable_parameters
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.infeasibility.conflicts import AIRCRAFT as AIRCRAFT_KIND
 from airrace.procedure.infeasibility.conflicts import (
+    MARGINS,
+    PLAIN_STEPS,
     RULES_AND_GATES,
-    SETTINGS,
     Repair,
     conflict_location,
 )
 from airrace.procedure.infeasibility.diagnose import (
+    CONFLICT_WORK_MAX,
     NOT_TRIED,
-    TRIAL,
     RepairTrial,
     TrialFlight,
     Trials,
@@ -94,12 +95,12 @@ def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
 def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:
     tried = options(*RULE_KEYS[:2], *AIRCRAFT)
     first = RULE_KEYS[0].rpartition(".")[2]
-    ends = {first: [FLOWN] * len(SETTINGS.margins), "mass_kg": [NOTHING] * len(SETTINGS.margins)}
+    ends = {first: [FLOWN] * len(MARGINS), "mass_kg": [NOTHING] * len(MARGINS)}
     assert RULE_KEYS[1].rpartition(".")[2] != first
     assert [key for key, _ in told(tried, **ends)[0]] == [RULE_KEYS[1], *AIRCRAFT[1:], RULE_KEYS[0]]
 
 
-@pytest.mark.parametrize("certified", range(len(SETTINGS.margins)))
+@pytest.mark.parametrize("certified", range(len(MARGINS)))
 def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> None:
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
@@ -115,15 +116,15 @@ def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
 
 def test_hard_trials_are_not_repeated_without_end_but_the_first_is() -> None:
     tried = options(*AIRCRAFT[:2], *RULE_KEYS[:3])
-    ends = {key.rpartition(".")[2]: [HARD] * len(SETTINGS.margins) for key in KNOWN}
-    assert len(tried) > TRIAL.conflict_work_max
+    ends = {key.rpartition(".")[2]: [HARD] * len(MARGINS) for key in KNOWN}
+    assert len(tried) > CONFLICT_WORK_MAX
     told_, asked = told(tried, **ends)
     assert [key for key, _ in told_] == [*RULE_KEYS[:3], *AIRCRAFT[:2]]
-    assert asked == {RULE_KEYS[0]: len(SETTINGS.margins), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
+    assert asked == {RULE_KEYS[0]: len(MARGINS), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
 
 
 def test_limits_clearly_contradict_each_other_only_where_they_do_on_all_ways_round() -> None:
-    much, little = (relaxed(factor * SETTINGS.plain_steps) for factor in (2.0, 0.5))
+    much, little = (relaxed(factor * PLAIN_STEPS) for factor in (2.0, 0.5))
     assert conflict_location([much, much]) == "a -> b"
     assert [conflict_location(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]
 

@@ -221,7 +221,7 @@ def again(run: RunState, values: Sequence[str]) -> RunState:
     return airrace.resume(run, set=values, threads=1)
 
 
-@pytest.mark.parametrize("error", [OutOfTime(), StorageError("full")])
+@pytest.mark.parametrize("error", [OutOfTime("no time left"), StorageError("full")])
 def test_what_ends_a_run_ends_a_search(error: Exception) -> None:
     def late(*_: object) -> RunState:
         raise error

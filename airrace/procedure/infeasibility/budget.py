@@ -1,10 +1,12 @@
 """The budget of the search for conflicts, which counts all that is solved for it, and its progress."""
 
 import dataclasses
+from collections.abc import Generator
+from contextlib import contextmanager
 
 from airrace.planning.plan import Plan
 from airrace.procedure.result import Iteration, Progress, StageResult
-from airrace.procedure.settings import MeshSettings
+from airrace.procedure.settings import MeshSettings, Settings
 from airrace.procedure.solver_session import Budget, SolverSession
 from airrace.procedure.stage import Stage
 
@@ -18,9 +20,25 @@ def conflict_budget(plan: Plan, settings: MeshSettings) -> Budget:
     return dataclasses.replace(whole, failed_only=False)
 
 
-def searching_conflicts(session: SolverSession, budget: Budget) -> SolverSession:
-    """Return a session that solves for the conflicts of a race within their budget, and says so."""
-    return dataclasses.replace(session, budget=budget, progress=ConflictProgress(session.progress, budget))
+@contextmanager
+def limited_session(
+    session: SolverSession, budget: Budget, settings: Settings | None = None
+) -> Generator[SolverSession]:
+    """Yield a session with another budget, by choice with other settings; all that it solves is on record in both."""
+    limited = dataclasses.replace(session, budget=budget, settings=settings or session.settings)
+    begun = limited.derivative_seconds
+    try:
+        yield limited
+    finally:  # attempts are in the same list
+        session.derivative_seconds += limited.derivative_seconds - begun
+
+
+@contextmanager
+def searching_conflicts(session: SolverSession, budget: Budget) -> Generator[SolverSession]:
+    """Yield a session that solves for the conflicts of a race within their budget, and says so."""
+    with limited_session(session, budget) as searching:
+        searching.progress = ConflictProgress(session.progress, budget)
+        yield searching
 
 
 class ConflictProgress(Progress):

@@ -28,44 +28,33 @@ from airrace.procedure.stage_problem import Mesh, StageProblem, with_passages, w
 from airrace.race import Race
 from airrace.track.course import PilotLimits
 
-
-@dataclasses.dataclass(frozen=True)
-class ConflictSettings:
-    """The settings of the search for conflicts; steps are usual steps.
-
-    Attributes:
-        conflicts_max: the most conflicts that are looked for.
-        milder_steps: by which all parameters give way in the race whose plan is a second route. Where an angle of
-            crossing is too small, the plan loops; with a larger one it goes straight.
-        plain_steps: relaxation of all from which it is plain that a route has no flight.
-        estimate_ratio_max: factor on the least estimate of a kind above which a parameter is not relaxed alone. Those
-            that helped on courses spoilt by one limit each were estimated at up to 6 times the least of them.
-        share_min: attribution from which a parameter is considered.
-        estimate_slack: factor by which an estimate may exceed what is possible. It is a tangent, mostly less than it
-            takes in the end: on the half Cuban eight with a ceiling of 100 m 7.3 steps for the ceiling, which took 7.9,
-            and 10.1 for the largest lift coefficient, which took 13.
-        freeing_steps: by which the parameters of other places are freed besides those of all together.
-        local_shares: shares of the largest attribution from which local parameters belong to the first conflict, tried
-            in turn: two conflicts that ask for about as much both have attribution.
-        margins: factors on the least relaxation, and the usual steps on top, with which a repair is tried in turn. The
-            least relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine
-            ones: with ceilings of 182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 1603, 1440 and
-            276 intervals; 179 m are the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 and
-            41 deg/s were not certified in 28 s, 65 deg/s in 2 s.
-    """
-
-    conflicts_max: int = 4
-    milder_steps: float = 4.0
-    plain_steps: float = 0.1
-    estimate_ratio_max: float = 12.0
-    share_min: float = 1e-3
-    estimate_slack: float = 1.0
-    freeing_steps: float = 5.0
-    local_shares: tuple[float, ...] = (0.2, 1.0)
-    margins: tuple[tuple[float, float], ...] = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
-
-
-SETTINGS = ConflictSettings()
+CONFLICTS_MAX = 4
+"""The most conflicts that are looked for."""
+MILDER_STEPS = 4.0
+"""The usual steps by which all parameters give way in the race whose plan is a second route. Where an angle of crossing
+is too small, the plan loops; with a larger one it goes straight."""
+PLAIN_STEPS = 0.1
+"""Relaxation of all from which it is plain that a route has no flight."""
+ESTIMATE_RATIO_MAX = 12.0
+"""Factor on the least estimate of a kind above which a parameter is not relaxed alone. Those that helped on courses
+spoilt by one limit each were estimated at up to 6 times the least of them."""
+SHARE_MIN = 1e-3
+"""Attribution from which a parameter is considered."""
+ESTIMATE_SLACK = 1.0
+"""Factor by which an estimate may exceed what is possible. It is a tangent, mostly less than it takes in the end: on
+the half Cuban eight with a ceiling of 100 m 7.3 steps for the ceiling, which took 7.9, and 10.1 for the largest lift
+coefficient, which took 13."""
+FREEING_STEPS = 5.0
+"""The usual steps by which the parameters of other places are freed besides those of all together."""
+LOCAL_SHARES = (0.2, 1.0)
+"""Shares of the largest attribution from which local parameters belong to the first conflict, tried in turn: two
+conflicts that ask for about as much both have attribution."""
+MARGINS = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
+"""Factors on the least relaxation, and the usual steps on top, with which a repair is tried in turn. The least
+relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine ones: with ceilings of
+182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 1603, 1440 and 276 intervals; 179 m are the least.
+Where a roll from one gate to the next takes 28 deg/s at least, 33 and 41 deg/s were not certified in 28 s, 65 deg/s in
+2 s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,7 +99,7 @@ class Repair:
 
     def value(self, margin: int) -> float:
         """Return the value that is tried with the margin of that number."""
-        factor, extra = SETTINGS.margins[margin]
+        factor, extra = MARGINS[margin]
         return self.parameter.round_milder(self.parameter.at_steps(factor * self.relaxed.steps + extra))
 
     def apply(self, race: Race) -> Race:
@@ -144,15 +133,15 @@ class RelaxedRoutes:
             session: solves what was not asked for before.
         """
         yield from tuple(self._found)
-        session = searching_conflicts(session, self.budget)
         for flight, mesh, start in self._coming:
-            steps = 1.0
-            if self._race.course.rules.pilot != PilotLimits():
-                free = self._without_pilot(session, flight, mesh, start)
-                if free is not None:
-                    start, steps = free.flight, max(steps, free.steps)
-            solver = ElasticSolver(self._race, flight, mesh)
-            relaxed = solver.solve_all(session, self._race, self._parameters, start, steps)
+            with searching_conflicts(session, self.budget) as searching:
+                steps = 1.0
+                if self._race.course.rules.pilot != PilotLimits():
+                    free = self._without_pilot(searching, flight, mesh, start)
+                    if free is not None:
+                        start, steps = free.flight, max(steps, free.steps)
+                solver = ElasticSolver(self._race, flight, mesh)
+                relaxed = solver.solve_all(searching, self._race, self._parameters, start, steps)
             self._found.append(relaxed)
             yield relaxed
 
@@ -168,7 +157,7 @@ class RelaxedRoutes:
     def _starts(self, flight: StageProblem, settings: MeshSettings) -> Iterator[tuple[StageProblem, Mesh, Iterate]]:
         milder = self._race
         for parameter in self._parameters:
-            milder = parameter.set(milder, parameter.at_steps(min(SETTINGS.milder_steps, 0.9 * parameter.steps_max)))
+            milder = parameter.set(milder, parameter.at_steps(min(MILDER_STEPS, 0.9 * parameter.steps_max)))
         before: Iterate | None = None
         for plan in (flight.plan, with_passages(plan_race(milder), self._race.course)):
             mesh = first_mesh(plan, settings)
@@ -182,7 +171,7 @@ def conflict_location(routes: Iterable[Relaxed | None]) -> str:
     """Return the place of a conflict that is plain on every route; empty if there is none."""
     where = ""
     for route in routes:
-        if route is None or route.steps < SETTINGS.plain_steps:
+        if route is None or route.steps < PLAIN_STEPS:
             return ""
         where = where or route.where
     return where
@@ -216,12 +205,12 @@ class ConflictSearch:
         """Yield the conflicts on the route with the least relaxation."""
         found = [one for one in routes if one is not None]
         race, relaxed = self.race, min(found, key=lambda one: one.steps, default=None)
-        for _ in range(SETTINGS.conflicts_max):
+        for _ in range(CONFLICTS_MAX):
             if relaxed is None or self._needs_nothing(race, relaxed):
                 return
             parameters = relaxable_parameters(race)
             repairs, is_last = self._repairs(race, parameters, relaxed), True
-            for share in SETTINGS.local_shares:
+            for share in LOCAL_SHARES:
                 if self.flight is None and not repairs:
                     freed = _free_other_places(race, parameters, relaxed, share)
                     repairs, is_last = self._repairs(freed, parameters, relaxed), False
@@ -238,13 +227,13 @@ class ConflictSearch:
         possible: list[tuple[float, Parameter[Race]]] = []
         for parameter in parameters:
             share = relaxed.solver.attribution(race, parameter, relaxed)
-            if share > SETTINGS.share_min and relaxed.steps / share <= SETTINGS.estimate_slack * parameter.steps_max:
+            if share > SHARE_MIN and relaxed.steps / share <= ESTIMATE_SLACK * parameter.steps_max:
                 possible.append((relaxed.steps / share, parameter))
         possible.sort(key=lambda one: (one[0], one[1].key))
         repairs: list[Repair] = []
         for kind in KINDS:
             own = [one for one in possible if kind.includes(one[1])][: kind.single_max]
-            likely = [one for one in own if one[0] <= SETTINGS.estimate_ratio_max * own[0][0]]
+            likely = [one for one in own if one[0] <= ESTIMATE_RATIO_MAX * own[0][0]]
             repairs += itertools.islice(self._relax_singly(race, likely, relaxed), kind.suggested_max)
             if self.flight is not None:
                 break
@@ -276,6 +265,6 @@ def _free_other_places(race: Race, parameters: Sequence[Parameter[Race]], relaxe
     most = max((share for share, _ in local), default=0.0)
     for share, parameter in local:
         if share < share_min * most:
-            steps = min(relaxed.steps + SETTINGS.freeing_steps, 0.95 * parameter.steps_max)
+            steps = min(relaxed.steps + FREEING_STEPS, 0.95 * parameter.steps_max)
             race = parameter.set(race, parameter.at_steps(steps))
     return race

@@ -14,10 +14,10 @@ from airrace.optimal_control.mesh_refinement import resample
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.fidelity import iterate_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.infeasibility.budget import searching_conflicts
+from airrace.procedure.infeasibility.budget import limited_session, searching_conflicts
 from airrace.procedure.infeasibility.conflicts import (
     KINDS,
-    SETTINGS,
+    MARGINS,
     ConflictSearch,
     RelaxedRoutes,
     Repair,
@@ -34,26 +34,14 @@ from airrace.procedure.stage_problem import Mesh, StageProblem, coarse_mesh, for
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.race import Race
 
-
-@dataclasses.dataclass(frozen=True)
-class TrialLimits:
-    """The work that trials of suggested changes may take.
-
-    Attributes:
-        iterations_max: the iterations of a trial's solve; the flights of trials that were certified took 4 to
-            105 on each mesh.
-        work: the work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes
-            on courses in a narrow corridor: 1646 intervals on the fourth mesh.
-        conflict_work_max: the work of a conflict's trials, in that of one trial, after which none is repeated
-            with a larger margin. Without a certified flight the first one is repeated all the same.
-    """
-
-    iterations_max: int = 150
-    work: int = 300
-    conflict_work_max: float = 4.0
-
-
-TRIAL = TrialLimits()
+TRIAL_ITERATIONS_MAX = 150
+"""The iterations of a trial's solve; the flights of trials that were certified took 4 to 105 on each mesh."""
+TRIAL_WORK = 300
+"""The work of a trial: so many iterations on its first mesh. Certifying whatever flies took minutes on courses in a
+narrow corridor: 1646 intervals on the fourth mesh."""
+CONFLICT_WORK_MAX = 4.0
+"""The work of a conflict's trials, in that of one trial, after which none is repeated with a larger margin. Without a
+certified flight the first one is repeated all the same."""
 TIGHTENING_WORK = 2.0
 """The work after which a suggested change is tightened no more, in that of one trial."""
 
@@ -72,21 +60,40 @@ def diagnose_infeasibility(
     """
     if result.is_flight or result.outcome is Status.TIMEOUT:
         return result
-    session = dataclasses.replace(session, budget=session.budget.reserve_for_diagnosis())
     routes = routes or RelaxedRoutes(race, flight, session.settings.mesh)
-    searching = searching_conflicts(session, routes.budget)
-    trials = Trials(searching, race, flight.stage)
-    search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
-    conflicts = list(search.conflicts(routes.solve(session)))
-    if search.flight is not None:
-        return dataclasses.replace(search.flight, search=result.search)
-    changes: list[SuggestedChange] = []
-    for number, conflict in enumerate(conflicts, start=1):
-        others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
-        valid = validate(race, trials.fly, conflict.repairs, others)
-        valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
-        nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
-        changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
+    with limited_session(session, session.budget.reserve_for_diagnosis()) as limited:
+        diagnosis = _diagnose(result, race, flight, limited, routes)
+    record = tuple(session.attempts), session.timings()
+    if isinstance(diagnosis, StageResult):
+        return dataclasses.replace(diagnosis, attempts=record[0], timings=record[1])
+    message, changes = diagnosis
+    result = dataclasses.replace(result, attempts=record[0], timings=record[1])
+    if not message:
+        return result
+    message = f"no flight was found: {message}"
+    return dataclasses.replace(result, outcome=Status.INFEASIBLE, message=message, suggested_changes=changes)
+
+
+def _diagnose(
+    result: StageResult, race: Race, flight: StageProblem, session: SolverSession, routes: RelaxedRoutes
+) -> StageResult | tuple[str, tuple[SuggestedChange, ...]]:
+    """Return the flight, if there is one after all; else what stands in the way, in words, and what would resolve it.
+
+    The words are empty where nothing was found out.
+    """
+    with searching_conflicts(session, routes.budget) as searching:
+        trials = Trials(searching, race, flight.stage)
+        search = ConflictSearch(searching, race, lambda near: certify(session, race, near))
+        conflicts = list(search.conflicts(routes.solve(session)))
+        if search.flight is not None:
+            return dataclasses.replace(search.flight, search=result.search)
+        changes: list[SuggestedChange] = []
+        for number, conflict in enumerate(conflicts, start=1):
+            others = [one.repairs[0] for one in conflicts if one is not conflict and one.repairs]
+            valid = validate(race, trials.fly, conflict.repairs, others)
+            valid[:1] = [tighten(race, trials.fly, one, others) for one in valid[:1]]
+            nothing = SuggestedChange(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
+            changes += [one.suggested_change(number, conflict.where) for one in valid] or [nothing]
     message = describe_conflicts(changes)
     is_resolved = any(one.text for one in changes)
     if not is_resolved:
@@ -101,11 +108,7 @@ def diagnose_infeasibility(
         message = f"{message}; or without the pilot's limits (rules.pilot=none), which was not tried"
     if message is not None and routes.budget.exhausted:
         message = f"{message}; more was not tried, for the budget of this search is spent"
-    result = dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
-    if message is None:
-        return result
-    message = f"no flight was found: {message}"
-    return dataclasses.replace(result, outcome=Status.INFEASIBLE, message=message, suggested_changes=tuple(changes))
+    return message or "", tuple(changes)
 
 
 def describe_conflicts(changes: Sequence[SuggestedChange]) -> str:
@@ -205,14 +208,14 @@ class Trials:
 
     def _fly(self, start: Start) -> TrialFlight:
         settings, whole = self.session.settings, self.session.budget
-        limit = min(settings.solver.iterations_max, TRIAL.iterations_max)
+        limit = min(settings.solver.iterations_max, TRIAL_ITERATIONS_MAX)
         settings = dataclasses.replace(settings, solver=dataclasses.replace(settings.solver, iterations_max=limit))
-        own, left = TRIAL.work * float(max(start.problem.intervals, INTERVALS_MIN)), whole.work - whole.spent
+        own, left = TRIAL_WORK * float(max(start.problem.intervals, INTERVALS_MIN)), whole.work - whole.spent
         if left <= 0.0:
             return NOT_TRIED
         budget = Budget(min(own, left), failed_only=False)
-        session = dataclasses.replace(self.session, settings=settings, budget=budget)
-        found = solve_certified(session, start, settings.solver.primary)
+        with limited_session(self.session, budget, settings) as session:
+            found = solve_certified(session, start, settings.solver.primary)
         whole.spent += budget.spent
         work = budget.spent / own
         if isinstance(found, StageResult):
@@ -314,8 +317,8 @@ def validate(race: Race, fly: Fly, repairs: Sequence[Repair], others: Sequence[R
     found: list[RepairTrial] = []
     for one in trials:
         last = latest = one
-        for margin in range(1, len(SETTINGS.margins)):
-            if last.flight.certified or (work > TRIAL.conflict_work_max and (certified or one is not trials[0])):
+        for margin in range(1, len(MARGINS)):
+            if last.flight.certified or (work > CONFLICT_WORK_MAX and (certified or one is not trials[0])):
                 break
             milder = attempt(one.repair, margin, last.flight).after_failing(latest)
             work += milder.flight.work

@@ -39,30 +39,20 @@ OPTIONS = SolverOptions(tolerance=1e-4, iterations_max=300, barrier=0.05, curvat
 instead of 52 and were not told apart."""
 
 
-@dataclasses.dataclass(frozen=True)
-class ElasticSettings:
-    """The settings of elastic problems.
-
-    Attributes:
-        weight: of a usual step of every parameter.
-        original_weight: factor on the weights of race time and controls. A step then costs 10,000 s, so that no
-            limit is relaxed for the sake of time: with 1, Rovinj with 1.2 g was relaxed to 1.4 g, which saves 40 s.
-        single_iterations_max: iterations in which one limit alone must help. Those that helped on eight courses spoilt
-            by one limit each took 17 to 161; those that did not took 116 to 300 to fail.
-        steps_max: the most usual steps by which all parameters give way at once.
-        needed: usual steps from which a relaxation counts; the barrier leaves less than a thousandth.
-        multiplier_min: per scale, below which a limit is not active.
-    """
-
-    weight: float = 100.0
-    original_weight: float = 1e-2
-    single_iterations_max: int = 175
-    steps_max: float = 60.0
-    needed: float = 5e-3
-    multiplier_min: float = 1e-7
-
-
-SETTINGS = ElasticSettings()
+WEIGHT = 100.0
+"""The weight of a usual step of every parameter."""
+ORIGINAL_WEIGHT = 1e-2
+"""The factor on the weights of race time and controls. A step then costs 10,000 s, so that no limit is relaxed for the
+sake of time: with 1, Rovinj with 1.2 g was relaxed to 1.4 g, which saves 40 s."""
+SINGLE_ITERATIONS_MAX = 175
+"""The iterations in which one limit alone must help. Those that helped on eight courses spoilt by one limit each took
+17 to 161; those that did not took 116 to 300 to fail."""
+STEPS_MAX = 60.0
+"""The most usual steps by which all parameters give way at once."""
+NEEDED = 5e-3
+"""The number of usual steps from which a relaxation counts; the barrier leaves less than a thousandth."""
+MULTIPLIER_MIN = 1e-7
+"""The multiplier, per scale, below which a limit is not active."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -91,7 +81,7 @@ class Relaxed:
     @property
     def is_needed(self) -> bool:
         """Whether limits had to give way at all."""
-        return self.steps > SETTINGS.needed
+        return self.steps > NEEDED
 
     @property
     def where(self) -> str:
@@ -131,7 +121,7 @@ class ElasticSolver:
         for parameter in parameters:
             milder = parameter.set(milder, parameter.milder)
         start, most = augment(start, start_steps), OPTIONS.iterations_max
-        return self._solve(session, race, milder, start, "every limit giving way", most, SETTINGS.steps_max)
+        return self._solve(session, race, milder, start, "every limit giving way", most, STEPS_MAX)
 
     def solve_single(
         self, session: SolverSession, race: Race, parameter: Parameter[Race], near: Relaxed, estimate: float
@@ -147,14 +137,14 @@ class ElasticSolver:
         """
         start = augment(near.flight, min(max(estimate, 1.0), 0.9 * parameter.steps_max))
         milder, purpose = parameter.set(race, parameter.milder), f"{parameter.key} giving way"
-        most = SETTINGS.single_iterations_max
+        most = SINGLE_ITERATIONS_MAX
         return self._solve(session, race, milder, start, purpose, most, parameter.steps_max)
 
     def attribution(self, race: Race, parameter: Parameter[Race], at: Relaxed) -> float:
         """Return what a usual step of a parameter would save, in steps of all parameters together."""
         nominal = self._perturbed.problem(race)
         change = difference(nominal, self._perturbed.problem(parameter.set(race, parameter.milder)))
-        return _saving(change, nominal, at) / SETTINGS.weight
+        return _saving(change, nominal, at) / WEIGHT
 
     def _solve(
         self,
@@ -168,7 +158,7 @@ class ElasticSolver:
     ) -> Relaxed | None:
         nominal, relaxed = self._perturbed.problem(race), self._perturbed.problem(milder)
         objectives = _with_small_objective(nominal), _with_small_objective(relaxed)
-        problem = elastic(*objectives, weight=SETTINGS.weight, furthest=steps_max)
+        problem = elastic(*objectives, weight=WEIGHT, furthest=steps_max)
         session.progress.activity(purpose, 0, 0)
         iterations_max = min(iterations_max, session.settings.solver.iterations_max)
         options = dataclasses.replace(OPTIONS, iterations_max=iterations_max)
@@ -187,7 +177,7 @@ class ElasticSolver:
         places: dict[str, float] = {}
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
             multiplier = float(lam[place]) / row.quantity.scale
-            if abs(multiplier) < SETTINGS.multiplier_min:
+            if abs(multiplier) < MULTIPLIER_MIN:
                 continue
             owner = PATH if row.source < 0 else owners[id(layout.output_samples[row.source].bounds)]
             name = row.quantity.name
@@ -207,7 +197,7 @@ class ElasticSolver:
 
 def _with_small_objective(problem: Problem) -> Problem:
     """Return a problem in which race time hardly counts beside the relaxation."""
-    weight, own = SETTINGS.original_weight, problem.objective
+    weight, own = ORIGINAL_WEIGHT, problem.objective
     regularisation = {name: weight * each for name, each in own.regularisation.items()}
     return dataclasses.replace(problem, objective=Objective(time=weight * own.time, regularisation=regularisation))
 

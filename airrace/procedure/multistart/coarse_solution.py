@@ -31,42 +31,31 @@ from airrace.trajectory import Array
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class CoarseSettings:
-    """The settings of coarse solutions.
-
-    Attributes:
-        interval: approximate length of an interval, s: half again as long as those of a first mesh.
-        intervals_min, intervals_max: of a phase.
-        quantum: in multiples of which intervals are counted, so that phases of like length share a solver.
-        tolerance: of the solver (1).
-        stall_seconds: longest time for an iteration, s; it takes a thousandth of that.
-        iterations_max: of a solve. Of 71 from plans and the homotopy that predictor-corrector steps solved, nine in ten
-            took 53 at most.
-        known_iterations_max: of one from an optimum on another mesh with its multipliers, before one without them.
-        baseline_iterations_max: of the start without a search, which must not be lost by it. All solves of a point
-            mass without a search, the mesh check among them, took 69 to 203 iterations on most of 14 generated
-            courses, 367 on one and 638 and 939 on two.
-        share_min: part of the intervals that a phase should have (1), below which it gets a finer mesh.
-        error_max: time by which a phase may be too fast because of its mesh alone, s.
-        meshes_max: number of meshes that are solved on.
-    """
-
-    interval: float = 0.22
-    intervals_min: int = 8
-    intervals_max: int = 120
-    quantum: int = 4
-    tolerance: float = 1e-5
-    stall_seconds: float = 20.0
-    iterations_max: int = 120
-    known_iterations_max: int = 40
-    baseline_iterations_max: int = 400
-    share_min: float = 0.7
-    error_max: float = 0.01
-    meshes_max: int = 3
-
-
-SETTINGS = CoarseSettings()
+INTERVAL_SECONDS = 0.22
+"""Approximate length of an interval, s: half again as long as those of a first mesh."""
+INTERVALS_MIN, INTERVALS_MAX = 8, 120
+"""The numbers of intervals of a phase."""
+INTERVAL_QUANTUM = 4
+"""The number in multiples of which intervals are counted, so that phases of like length share a solver."""
+TOLERANCE = 1e-5
+"""The tolerance of the solver (1)."""
+STALL_SECONDS = 20.0
+"""Longest time for an iteration, s; it takes a thousandth of that."""
+ITERATIONS_MAX = 120
+"""The iterations of a solve. Of 71 from plans and the homotopy that predictor-corrector steps solved, nine in ten took
+53 at most."""
+KNOWN_ITERATIONS_MAX = 40
+"""The iterations of a solve from an optimum on another mesh with its multipliers, before one without them."""
+BASELINE_ITERATIONS_MAX = 400
+"""The iterations of the start without a search, which must not be lost by it. All solves of a point mass without a
+search, the mesh check among them, took 69 to 203 iterations on most of 14 generated courses, 367 on one and 638 and 939
+on two."""
+SHARE_MIN = 0.7
+"""Part of the intervals that a phase should have (1), below which it gets a finer mesh."""
+ERROR_MAX = 0.01
+"""Time by which a phase may be too fast because of its mesh alone, s."""
+MESHES_MAX = 3
+"""Number of meshes that are solved on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +106,7 @@ class CoarseSolution:
     @property
     def error_penalty(self) -> Array:
         """The time that is added to the duration of each phase, s; shape (n,)."""
-        return np.where(np.abs(self.errors) > SETTINGS.error_max, np.abs(self.errors), self.errors)
+        return np.where(np.abs(self.errors) > ERROR_MAX, np.abs(self.errors), self.errors)
 
     @cached_property
     def costates(self) -> Array:
@@ -134,8 +123,8 @@ def planned_guess(flight: StageProblem, plan: Plan, barrier: InitialBarrier) -> 
 
 def intervals(seconds: float) -> int:
     """Return the number of intervals of a phase of that duration (s)."""
-    wanted = max(SETTINGS.intervals_min, seconds / SETTINGS.interval)
-    return min(SETTINGS.quantum * math.ceil(wanted / SETTINGS.quantum), SETTINGS.intervals_max)
+    wanted = max(INTERVALS_MIN, seconds / INTERVAL_SECONDS)
+    return min(INTERVAL_QUANTUM * math.ceil(wanted / INTERVAL_QUANTUM), INTERVALS_MAX)
 
 
 def solve_coarse(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
@@ -155,14 +144,14 @@ def on_other_mesh(found: CoarseSolution, counts: Sequence[int]) -> InitialGuess:
 
 def _solve_with_refinement(service: SolverService, start: InitialGuess) -> CoarseSolution | None:
     mesh, iterate, barrier = list(start.mesh), start.guess, start.barrier
-    iterations = SETTINGS.baseline_iterations_max if start.is_baseline else SETTINGS.iterations_max
+    iterations = BASELINE_ITERATIONS_MAX if start.is_baseline else ITERATIONS_MAX
     found, before = None, start.before
-    for _ in range(SETTINGS.meshes_max):
+    for _ in range(MESHES_MAX):
         problem = start.flight.problem(mesh)
         solution: Solution | None = None
         if before is not None:
             known = transfer_multipliers(before.multipliers, Layout(before.problem), Layout(problem))
-            solution = try_solve(service, problem, iterate, barrier, SETTINGS.known_iterations_max, known)
+            solution = try_solve(service, problem, iterate, barrier, KNOWN_ITERATIONS_MAX, known)
         if solution is None or not solution.success:
             solution = try_solve(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
@@ -171,9 +160,9 @@ def _solve_with_refinement(service: SolverService, start: InitialGuess) -> Coars
         found = before = CoarseSolution(start.flight, problem, solution.iterate, solution.multipliers, errors)
         counts: list[int] = []
         for phase, seconds, error in zip(mesh, found.iterate.durations.tolist(), errors.tolist(), strict=True):
-            wanted, accurate = intervals(seconds), abs(error) <= SETTINGS.error_max
-            count = len(phase) if accurate else min(2 * len(phase), SETTINGS.intervals_max)
-            counts.append(wanted if count < SETTINGS.share_min * wanted else count)
+            wanted, accurate = intervals(seconds), abs(error) <= ERROR_MAX
+            count = len(phase) if accurate else min(2 * len(phase), INTERVALS_MAX)
+            counts.append(wanted if count < SHARE_MIN * wanted else count)
         if counts == [len(phase) for phase in mesh]:
             return found
         mesh, iterate = resample(mesh, found.iterate, counts)
@@ -186,7 +175,7 @@ def try_solve(
     problem: Problem,
     iterate: Iterate,
     barrier: InitialBarrier,
-    iterations: int = SETTINGS.iterations_max,
+    iterations: int = ITERATIONS_MAX,
     multipliers: Multipliers | None = None,
 ) -> Solution | None:
     """Solve once within a budget of iterations; return None if the solver did not come back.
@@ -196,8 +185,8 @@ def try_solve(
     Raises:
         SolverEnded: nobody waits for the result any more.
     """
-    options = SolverOptions(SETTINGS.tolerance, iterations, barrier.value, curvature=False)
-    stall = SETTINGS.stall_seconds
+    options = SolverOptions(TOLERANCE, iterations, barrier.value, curvature=False)
+    stall = STALL_SECONDS
     try:
         return service.solve(
             problem,

@@ -21,35 +21,24 @@ from airrace.procedure.multistart.segments import Segment, SegmentShape, neighbo
 from airrace.procedure.multistart.window import EvaluatedMove, Move
 from airrace.track.course import Course, Turning
 
-
-@dataclasses.dataclass(frozen=True)
-class MoveSettings:
-    """The settings of moves.
-
-    Attributes:
-        margin: number of segments before and after those that change in a window. On Rovinj a reversal that saves
-            0.40 s jointly was evaluated at 0.28 s with one of them, at 0.38 s with two.
-        turn_min: from which on the opposite turn is proposed, rad. Shorter ones that were forced to the other side, on
-            Rovinj, came back to where they were.
-        long_turn: from which on a way over the top is proposed, rad.
-        fewest: number of intervals of a phase from which on they are left out of a window, and that stay in it at
-            least: the end fixes eleven states, which two intervals behind a gate cannot reach.
-        high: rise above both ends from which on a turn is no longer flat, m.
-        plan_penalty_max: largest extra time of a move's plan with which it is proposed, whatever the budget, s. On
-            Rovinj and Air Race X moves with 2 s and more were slower by 3.7 to 12 s in their windows.
-        tilt: of a long turn, rad: almost upright. From 50 degrees, too, windows on 33 courses led to no other flight.
-    """
-
-    margin: int = 2
-    fewest: int = 4
-    turn_min: float = math.radians(60.0)
-    long_turn: float = math.radians(100.0)
-    high: float = 40.0
-    plan_penalty_max: float = 7.0
-    tilt: float = math.radians(85.0)
-
-
-SETTINGS = MoveSettings()
+MARGIN = 2
+"""Number of segments before and after those that change in a window. On Rovinj a reversal that saves 0.40 s jointly was
+evaluated at 0.28 s with one of them, at 0.38 s with two."""
+FEWEST = 4
+"""Number of intervals of a phase from which on they are left out of a window, and that stay in it at least: the end
+fixes eleven states, which two intervals behind a gate cannot reach."""
+TURN_MIN = math.radians(60.0)
+"""The turn from which on the opposite turn is proposed, rad. Shorter ones that were forced to the other side, on
+Rovinj, came back to where they were."""
+LONG_TURN = math.radians(100.0)
+"""The turn from which on a way over the top is proposed, rad."""
+HIGH = 40.0
+"""Rise above both ends from which on a turn is no longer flat, m."""
+PLAN_PENALTY_MAX = 7.0
+"""Largest extra time of a move's plan with which it is proposed, whatever the budget, s. On Rovinj and Air Race X moves
+with 2 s and more were slower by 3.7 to 12 s in their windows."""
+TILT = math.radians(85.0)
+"""The tilt of a long turn, rad: almost upright. From 50 degrees, too, windows on 33 courses led to no other flight."""
 
 
 class MoveGenerator:
@@ -67,7 +56,7 @@ class MoveGenerator:
         base: CoarseSolution,
         course: Course,
         pace: PlanningModel,
-        plan_penalty_max: float = SETTINGS.plan_penalty_max,
+        plan_penalty_max: float = PLAN_PENALTY_MAX,
     ) -> None:
         self.segments = segments_of(course)
         self.base, self._course, self._pace, self._plan_penalty_max = base, course, pace, plan_penalty_max
@@ -121,8 +110,8 @@ class MoveGenerator:
     def _spare(self, phase: int, count: int) -> int:
         """Return how many of so many intervals at an end of a phase need not be in a window."""
         whole, counting = len(self.base.problem.phases[phase].fractions), self.base.problem.phases[phase].bounds
-        spare = min(count, whole - SETTINGS.fewest)
-        return 0 if counting or spare < SETTINGS.fewest else spare
+        spare = min(count, whole - FEWEST)
+        return 0 if counting or spare < FEWEST else spare
 
     def from_flight(self, other: CoarseSolution, group: Sequence[Segment]) -> Move:
         """Return the route of another flight through neighbouring segments."""
@@ -185,7 +174,7 @@ class MoveGenerator:
 
     def _opposite_turn(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
         """Yield the turn to the other side; where its ends are free to be crossed otherwise, they are."""
-        if abs(shape.turn) < SETTINGS.turn_min or not self._is_level(segment):
+        if abs(shape.turn) < TURN_MIN or not self._is_level(segment):
             return
         free = self._release(segment.first, segment.last)
         turns = {**free.turns, segment.last: -1 if shape.turn > 0.0 else 1}
@@ -242,7 +231,7 @@ class MoveGenerator:
 
     def _other_shapes(self, segment: Segment, shape: SegmentShape) -> Iterator[Move]:
         """Yield a segment flat instead of high, and a long turn over the top instead of flat."""
-        is_long, is_high = abs(shape.turn) >= SETTINGS.long_turn, shape.rise > SETTINGS.high
+        is_long, is_high = abs(shape.turn) >= LONG_TURN, shape.rise > HIGH
         if not (is_long or is_high) or not self._is_level(segment):
             return
         phases = range(segment.first, segment.last)
@@ -250,7 +239,7 @@ class MoveGenerator:
         if is_high:
             yield self._move(segment, segment, self._plan, pieces, "flat")
         if is_long:
-            tilted = dict(zip(phases, tilt_turn([pieces[index] for index in phases], SETTINGS.tilt), strict=True))
+            tilted = dict(zip(phases, tilt_turn([pieces[index] for index in phases], TILT), strict=True))
             yield self._move(segment, segment, self._plan, tilted, "over the top")
 
     def _is_level(self, segment: Segment) -> bool:
@@ -304,6 +293,6 @@ class MoveGenerator:
 
     def _window(self, first: Segment, last: Segment) -> tuple[int, int]:
         """Return the first phase of a window around some segments, and the one behind its last."""
-        begin = self.segments[max(0, first.number - SETTINGS.margin)].first
-        end = self.segments[min(len(self.segments) - 1, last.number + SETTINGS.margin)].last
+        begin = self.segments[max(0, first.number - MARGIN)].first
+        end = self.segments[min(len(self.segments) - 1, last.number + MARGIN)].last
         return begin, end

@@ -46,34 +46,22 @@ from airrace.procedure.stage_problem import StageProblem, load_factors_along, me
 from airrace.procedure.warm_start import InitialBarrier, Start
 from airrace.track.course import Course
 
-
-@dataclass(frozen=True)
-class ReportSettings:
-    """The thresholds of what a search returns and reports.
-
-    Attributes:
-        elite_lag: largest lag behind the best flight with which a flight is compared again, s.
-        interval: approximate length of an interval of the mesh on which flights are compared, s. On one of 0.22 s rolls
-            are misjudged by 20 ms, on one of 0.15 s by 2 ms.
-        near: largest lag with which the rolls of a flight are tried the other way, and with which it is refined and
-            certified before one is chosen, s. Race times on the mesh of the comparison err by 50 to 90 ms.
-        routes_max: number of routes that are reported.
-        needless_turn: turn beyond what the gates ask for that makes a segment a needless loop, rad. The loops of wrong
-            routes are a full circle or more.
-        needless_length, spare_length: length that makes a segment a needless loop: a factor on the plan's length (1),
-            and a length on top (m), because short legs swing out.
-    """
-
-    elite_lag: float = 0.4
-    interval: float = 0.15
-    near: float = 0.1
-    routes_max: int = 40
-    needless_turn: float = math.radians(150.0)
-    needless_length: float = 2.0
-    spare_length: float = 200.0
-
-
-SETTINGS = ReportSettings()
+ELITE_LAG = 0.4
+"""Largest lag behind the best flight with which a flight is compared again, s."""
+INTERVAL_SECONDS = 0.15
+"""Approximate length of an interval of the mesh on which flights are compared, s. On one of 0.22 s rolls are misjudged
+by 20 ms, on one of 0.15 s by 2 ms."""
+NEAR_LAG = 0.1
+"""Largest lag with which the rolls of a flight are tried the other way, and with which it is refined and certified
+before one is chosen, s. Race times on the mesh of the comparison err by 50 to 90 ms."""
+ROUTES_MAX = 40
+"""Number of routes that are reported."""
+NEEDLESS_TURN = math.radians(150.0)
+"""Turn beyond what the gates ask for that makes a segment a needless loop, rad. The loops of wrong routes are a full
+circle or more."""
+NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0
+"""Length that makes a segment a needless loop: a factor on the plan's length (1), and a length on top (m), because
+short legs swing out."""
 
 
 @dataclass(frozen=True)
@@ -141,13 +129,13 @@ def search_routes(
 
 def _is_near(flight: CoarseSolution, best: CoarseSolution) -> bool:
     """Return whether a flight may be the faster one, as far as rough race times tell."""
-    error = max(SETTINGS.near, *(float(np.abs(one.errors).sum()) for one in (flight, best)))
+    error = max(NEAR_LAG, *(float(np.abs(one.errors).sum()) for one in (flight, best)))
     return flight.race_time <= best.race_time + error
 
 
 def _elite(flights: Sequence[CoarseSolution], course: Course, most: int) -> list[CoarseSolution]:
     """Return the fastest flights that differ from one another, none of them far behind the best."""
-    near = [one for one in flights if one.race_time <= flights[0].race_time + SETTINGS.elite_lag]
+    near = [one for one in flights if one.race_time <= flights[0].race_time + ELITE_LAG]
     return _distinct(near, course, most)
 
 
@@ -171,7 +159,7 @@ def _refine(pool: SolverPool, session: SolverSession, elite: list[CoarseSolution
 
 def solve_finer(service: SolverService, coarse: CoarseSolution, mesh: MeshSettings) -> CoarseSolution:
     """Return a flight on the mesh on which flights are compared; the flight itself where it leads to none there."""
-    fine = replace(mesh, interval=min(mesh.interval, SETTINGS.interval))
+    fine = replace(mesh, interval=min(mesh.interval, INTERVAL_SECONDS))
     wanted = counts_of(coarse.iterate.durations.tolist(), fine)
     counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
     return solve_coarse(service, on_other_mesh(coarse, counts)) or coarse
@@ -215,7 +203,7 @@ def _report(
     ranked = sorted(unique.values(), key=lambda one: one.race_time)
     first = Route(describe_route(course, best, segments), best.race_time, 0.0, "joint")
     loops = tuple(_needless_loops(best, course, pace, segments))
-    routes = (first, *ranked[: SETTINGS.routes_max - 1])
+    routes = (first, *ranked[: ROUTES_MAX - 1])
     return SearchReport(routes, converged, len(found.flights) - converged, found.failed, seconds, loops)
 
 
@@ -231,8 +219,8 @@ def _needless_loops(
             continue
         turn, length = sum(path.turning for path in known), sum(path.length for path in known)
         shape = shape_of(best, segment)
-        longest = SETTINGS.needless_length * length + SETTINGS.spare_length
-        if abs(shape.turn) > turn + SETTINGS.needless_turn or shape.length > longest:
+        longest = NEEDLESS_LENGTH * length + SPARE_LENGTH
+        if abs(shape.turn) > turn + NEEDLESS_TURN or shape.length > longest:
             yield (
                 f"{segment_name(course, segment)}: turns {abs(math.degrees(shape.turn)):.0f} degrees on "
                 f"{shape.length:.0f} m, where the gates ask for {math.degrees(turn):.0f} degrees on {length:.0f} m"

@@ -18,7 +18,10 @@ from airrace.planning.route_decisions import RouteDecisions, candidates
 from airrace.procedure.guess import concatenate, guess, phase_piece
 from airrace.procedure.multistart import coarse_solution
 from airrace.procedure.multistart.coarse_solution import (
-    SETTINGS,
+    ERROR_MAX,
+    INTERVAL_QUANTUM,
+    INTERVAL_SECONDS,
+    INTERVALS_MAX,
     CoarseSolution,
     InitialGuess,
     intervals,
@@ -214,15 +217,19 @@ def test_coarse_solution_is_near_the_certified_optimum_and_corrects_its_own_erro
     assert found.race_time == pytest.approx(optimum(race, OFF).trajectory.race_time, abs=0.03)
     counts = [len(phase) for phase in found.problem.mesh]
     for error, count in zip(found.errors.tolist(), counts, strict=True):
-        assert abs(error) <= SETTINGS.error_max or count == SETTINGS.intervals_max
+        assert abs(error) <= ERROR_MAX or count == INTERVALS_MAX
 
 
-COARSER = dataclasses.replace(SETTINGS, interval=0.5, intervals_min=3, quantum=1)
+def coarsen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let coarse solutions have fewer intervals."""
+    for name, value in (("INTERVAL_SECONDS", 0.5), ("INTERVALS_MIN", 3), ("INTERVAL_QUANTUM", 1)):
+        monkeypatch.setattr(coarse_solution, name, value)
 
 
 def test_errors_of_integration_on_a_coarse_mesh_become_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Corrected, a race time is nearer to that of the same mesh where intervals are integrated more finely."""
-    monkeypatch.setattr(coarse_solution, "SETTINGS", dataclasses.replace(COARSER, meshes_max=1))
+    coarsen(monkeypatch)
+    monkeypatch.setattr(coarse_solution, "MESHES_MAX", 1)
     flight = prepared(DIVING_EIGHT)
     with open_session() as session:
         coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))
@@ -242,11 +249,11 @@ def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -
     own = planned_coarse_solution(SMALL)
     doubtful = dataclasses.replace(own, errors=own.errors + np.eye(len(own.errors))[0] * error)
     raw = float(own.iterate.durations.sum())
-    assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * SETTINGS.error_max)
+    assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * ERROR_MAX)
 
 
 def test_mesh_with_large_errors_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_solution, "SETTINGS", COARSER)
+    coarsen(monkeypatch)
     flight = prepared(DIVING_EIGHT)
     first = planned_guess(flight, flight.plan, InitialBarrier.COLD)
     with open_session() as session:
@@ -260,10 +267,10 @@ def test_intervals_grow_with_the_duration_in_steps_up_to_a_limit() -> None:
     seconds = np.linspace(0.1, 60.0, 200).tolist()
     counts = [intervals(one) for one in seconds]
     assert counts == sorted(counts)
-    assert all(count % SETTINGS.quantum == 0 for count in counts)
-    assert counts[-1] == SETTINGS.intervals_max
+    assert all(count % INTERVAL_QUANTUM == 0 for count in counts)
+    assert counts[-1] == INTERVALS_MAX
     for one, count in zip(seconds, counts, strict=True):
-        assert count == SETTINGS.intervals_max or one / count <= SETTINGS.interval + 1e-12
+        assert count == INTERVALS_MAX or one / count <= INTERVAL_SECONDS + 1e-12
 
 
 def test_slower_plan_has_no_more_intervals_for_being_slow() -> None:

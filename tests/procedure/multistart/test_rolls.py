@@ -148,7 +148,7 @@ def test_windows_of_rolls_have_room_before_and_behind_the_gates_at_their_ends(mo
             rest += [piece.control.shape[1] - spare for piece, spare in ends if spare]
             left_out += sum(one.spare)
     assert left_out
-    assert min(rest) >= moves.SETTINGS.fewest
+    assert min(rest) >= moves.FEWEST
 
 
 def test_windows_of_pushes_are_wider_than_those_of_rolls() -> None:
