@@ -471,7 +471,7 @@ def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path
         (("--start", "yesterday"), "expected a time such as"),
     ],
 )
-def test_arguments_that_say_nothing_sensible_are_refused(tmp_path: Path, extra: tuple[str, ...], said: str) -> None:
+def test_invalid_arguments_are_refused(tmp_path: Path, extra: tuple[str, ...], said: str) -> None:
     code, error = run("kml", "none.h5", "--output", str(tmp_path / "a.kml"), *extra)
     assert code == 2
     assert said in error
