@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
-from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, read_yaml
+from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, quoted, read_yaml
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
 PREFIXED = ("aircraft", "settings")
 """The documents other than the track, whose names stand before the key."""
+QUOTES, INDICATORS = ("'", '"'), ("[", "{", "&", "*", "!", "|", ">")
+"""What a value begins with that is quoted, and what no single value begins with."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +72,13 @@ def value_text(value: str | int | float | bool) -> str:
         return str(value).lower()
     if not isinstance(value, str):
         return repr(value)
-    return value if is_plain_text(value) and value[:1] not in ("'", '"') else "'" + value.replace("'", "''") + "'"
+    is_plain = is_plain_text(value) and value == value.strip() and not value.startswith((*QUOTES, *INDICATORS))
+    return value if is_plain else quoted(value)
 
 
 def _scalar(text: str) -> str | int | float | bool | None:
     """Return a value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
-    if text[:1] in ("'", '"'):
+    if text.startswith(QUOTES):
         try:
             node = read_yaml(FILE, text)
         except InputError as error:
@@ -83,7 +86,7 @@ def _scalar(text: str) -> str | int | float | bool | None:
         if isinstance(node, ScalarNode):
             return node.value
         raise ValueError("only a single value can be set")
-    if text[:1] in ("[", "{", "&", "*", "!", "|", ">"):
+    if text.startswith(INDICATORS):
         raise ValueError("only a single value can be set; edit the file for more")
     return plain_scalar(text)
 
