@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
@@ -26,25 +27,21 @@ class Override:
 
 
 def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Override]:
-    """Understand `key=value` texts; those that cannot be understood are reported."""
-    parsed: list[Override] = []
+    """Return the overrides of `key=value` texts; invalid ones are reported."""
+    overrides: list[Override] = []
     for text in texts:
         key, equals, value = text.partition("=")
         names = key.strip().split(".")
-        if not equals or not all(names):
-            findings.append(
-                Finding(FILE, 0, 0, key.strip(), f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
-            )
-            continue
         try:
+            if not equals or not all(names):
+                raise ValueError(f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
             node = ScalarNode(PLACE, _scalar(value.strip()))
         except ValueError as error:
             findings.append(Finding(FILE, 0, 0, key.strip(), str(error)))
             continue
-        prefixed = len(names) > 1 and names[0] in PREFIXED
-        document = names[0] if prefixed else "track"
-        parsed.append(Override(document, tuple(names[1:] if prefixed else names), node))
-    return parsed
+        document = names.pop(0) if len(names) > 1 and names[0] in PREFIXED else "track"
+        overrides.append(Override(document, tuple(names), node))
+    return overrides
 
 
 def apply_overrides(
@@ -56,13 +53,10 @@ def apply_overrides(
     """
     for override in overrides:
         try:
-            replaced = _replace(root, override.path, override.value, schema)
+            root = cast(MappingNode, _replace(root, override.path, override.value, schema))
         except ValueError as error:
             prefix = (override.document,) if override.document in PREFIXED else ()
             findings.append(Finding(FILE, 0, 0, dotted((*prefix, *override.path)), str(error)))
-            continue
-        if isinstance(replaced, MappingNode):
-            root = replaced
     return root
 
 
