@@ -15,7 +15,7 @@ import yaml
 from airrace.errors import UsageError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import KeyPath, dotted
-from airrace.inputs.yaml_reader import FAST, is_plain_text, read_yaml
+from airrace.inputs.yaml_reader import FAST, is_plain_text, quoted, read_yaml
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,10 @@ def flow_text(value: Any) -> str:
             return f"{value:.12g}"
         case str() if re.fullmatch(r"\w[\w-]*", value) and is_plain_text(value):
             return value
-        case _:  # JSON escapes letters beyond 16 bits in two halves, which YAML does not take
-            return json.dumps(value, ensure_ascii=not str(value).isprintable())
+        case str():
+            return quoted(value)
+        case _:
+            return json.dumps(value)
 
 
 def _change(plain: Any, edit: Edit) -> None:

@@ -1,7 +1,7 @@
 """Tacview's ACMI 2.2: several aircraft on one clock, with attitude, airspeeds, load factors and throttle.
 
-Gates, pylons and people are things that stand; every passing is an event of the aircraft that makes it. Lengths are in
-metres, speeds in m/s, angles in degrees, as the format wants them.
+Gates, pylons and people are static objects; every passing is an event of its aircraft. Lengths are in metres, speeds in
+m/s, angles in degrees, as the format requires.
 """
 
 import math
@@ -29,12 +29,7 @@ PROPERTIES: tuple[tuple[str, str, float, int], ...] = (
 
 
 def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return a recording of some flights that start together.
-
-    Args:
-        flights: on the globe.
-        begin: when their clocks start.
-    """
+    """Return a recording of flights that start together."""
     title = ", ".join(dict.fromkeys(flight.course.name for flight in flights))
     lines = [
         "FileType=text/acmi/tacview",
@@ -52,7 +47,7 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
         key = f"{FIRST_AIRCRAFT + number:x}"
         lines.append(f"{key},Name={name},Type=Air+FixedWing,Pilot={pilot},CallSign={pilot},Color={colour}")
     last = -math.inf
-    for time, _, line in sorted(_moments(flights), key=lambda one: (one[0], one[1])):
+    for time, _, line in sorted(_moments(flights), key=lambda moment: moment[:2]):
         if time != last:
             lines.append(f"#{time:.3f}")
             last = time
@@ -61,7 +56,7 @@ def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _features(flights: Sequence[Flight]) -> Iterator[str]:
-    """Yield a line for everything that stands on the courses; of a line or an area, one for every corner."""
+    """Yield a line for every place of the courses' features."""
     number = FIRST_FEATURE
     for course in courses(flights):
         for feature in features(course):
@@ -73,7 +68,7 @@ def _features(flights: Sequence[Flight]) -> Iterator[str]:
 
 
 def _moments(flights: Sequence[Flight]) -> Iterator[tuple[float, int, str]]:
-    """Yield time, rank within the time, and line of all that happens."""
+    """Yield time, rank within the time, and line of every state and event."""
     for number, flight in enumerate(flights):
         key = f"{FIRST_AIRCRAFT + number:x}"
         for time, text in zip(np.round(flight.time, 3).tolist(), _states(flight), strict=True):
@@ -86,16 +81,20 @@ def _moments(flights: Sequence[Flight]) -> Iterator[tuple[float, int, str]]:
 
 
 def _states(flight: Flight) -> Iterator[str]:
-    """Yield, for every time, the place and the attitude of the aircraft and all of its properties that are known."""
+    """Yield, for every time, the place and the attitude of the aircraft and those of its properties that it has."""
     attitude = [np.degrees(flight.values("phi")), np.degrees(flight.values("theta"))]
     attitude.append(np.remainder(np.degrees(flight.values("psi")), 360.0))
-    known = [
+    properties = [
         (name, factor * flight[history], digits) for name, history, factor, digits in PROPERTIES if history in flight
     ]
     for row, (east, north, up) in enumerate(places(flight)):
-        roll, pitch, yaw = (f"{one[row]:.2f}" if math.isfinite(one[row]) else "" for one in attitude)
-        rest = "".join(f",{name}={one[row]:.{digits}f}" for name, one, digits in known if math.isfinite(one[row]))
-        yield f"T={east:.8f}|{north:.8f}|{up:.3f}|{roll}|{pitch}|{yaw}{rest}"
+        texts = [f"T={east:.8f}", f"{north:.8f}", f"{up:.3f}"]
+        texts += [f"{angle[row]:.2f}" if math.isfinite(angle[row]) else "" for angle in attitude]
+        state = "|".join(texts)
+        for name, values, digits in properties:
+            if math.isfinite(values[row]):
+                state += f",{name}={values[row]:.{digits}f}"
+        yield state
 
 
 def _text(text: str) -> str:

@@ -27,7 +27,7 @@ from airrace.results import Flight, Stamp
 
 @dataclass(frozen=True)
 class Provenance:
-    """The origin of a flight: the name of its track, what it is, and the version of airrace that found it."""
+    """The origin of a flight: the name of its track, its stamp, and the version of airrace."""
 
     track: str
     stamp: Stamp
@@ -43,15 +43,9 @@ def export_csv(
     sampler: Sampler | None = None,
     provenance: Provenance | None = None,
 ) -> None:
-    """Write the flight: `# key: value` lines that say which it is, a header `time_s,x_m,...,phase`, one row per time.
+    """Write the flight of a stage: lines `# key: value`, a header `time_s,x_m,...,phase`, and one row per time.
 
-    Args:
-        result: the stage to export.
-        stream: receives the text.
-        rate_hz: rows per second from the start to the end, both included; None for one row per node of the mesh.
-        derived: further columns.
-        sampler: gives the states between the nodes; without one they are interpolated linearly, see `at_times`.
-        provenance: names for the comments.
+    The other arguments are those of `flight_table`; a provenance goes into the comments.
 
     Raises:
         UsageError: the rate cannot be exported.
@@ -75,11 +69,9 @@ def export_csv(
 
 
 def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None = None) -> None:
-    """Write a flight of any source: all of its histories, with the leg that each row belongs to.
+    """Write all histories of a flight of any source, with the leg of each row.
 
     Args:
-        flight: the flight.
-        stream: receives the text.
         rate_hz: rows per second, positive; None for one row per time of the flight.
     """
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
@@ -91,12 +83,12 @@ def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None =
 
 
 def _further(stamp: Stamp) -> str:
-    """Return what a stamp says besides stage, certificate and aircraft.
+    """Return the entries of a stamp besides stage, certificate and aircraft.
 
-    It shares a line with another entry, so that the number of lines before the table stays what readers skip.
+    They share a line with another entry, so that the number of lines before the table stays what readers skip.
     """
-    told = ("stage", "certificate", "aircraft")
-    return "; ".join(f"{name}: {value}" for name, value in stamp.entries().items() if name not in told)
+    entries = stamp.entries().items()
+    return "; ".join(f"{name}: {value}" for name, value in entries if name not in ("stage", "certificate", "aircraft"))
 
 
 def _write_comments(entries: Mapping[str, str], stream: TextIO) -> None:
@@ -106,12 +98,12 @@ def _write_comments(entries: Mapping[str, str], stream: TextIO) -> None:
 
 def _columns_and_phases(flight: Flight) -> tuple[Sequence[HistoryColumn], Sequence[str]]:
     columns = [HistoryColumn("time_s", flight.time)]
-    for one in flight.histories.values():
-        columns.extend(display_columns(one.quantity, one.values))
+    for history in flight.histories.values():
+        columns.extend(display_columns(history.quantity, history.values))
     passings = [crossing for crossing in flight.crossings if crossing.found]
-    last = np.searchsorted([one.time for one in passings], flight.time)
-    places: list[int] = np.clip(last, 0, len(passings) - 1).tolist()
-    return columns, [passings[place].name for place in places]
+    following = np.searchsorted([passing.time for passing in passings], flight.time)
+    indices: list[int] = np.clip(following, 0, len(passings) - 1).tolist()
+    return columns, [passings[index].name for index in indices]
 
 
 def _write_rows(parts: Iterable[tuple[Sequence[HistoryColumn], Sequence[str]]], stream: TextIO) -> None:

@@ -13,40 +13,42 @@ from html import escape
 
 import numpy as np
 
-from airrace.export.aircraft_model import aircraft_model, glb
-from airrace.export.globe import Feature, Shape, courses, features, places, printable, stamp
+from airrace.export.aircraft_model import glb
+from airrace.export.globe import (
+    FEATURE_COLOURS,
+    FLIGHT_COLOURS,
+    Feature,
+    Shape,
+    courses,
+    features,
+    places,
+    printable,
+    stamp,
+)
 from airrace.results import Flight
 from airrace.results.attitude import path_axes, quaternions
 from airrace.results.flight import BODY_ATTITUDE
 from airrace.trajectory import Array
 
-COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
-KINDS = {"crowd": (192, 57, 43), "safety line": (184, 134, 11), "airspace": (52, 86, 139)}
-BLACK = (34, 34, 34)
-
 
 def czml(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return a document with the courses and the flights.
-
-    Args:
-        flights: on the globe.
-        begin: when their clocks start.
-    """
+    """Return a document with the courses and the flights."""
     first = min(float(flight.time[0]) for flight in flights)
     last = max(float(flight.time[-1]) for flight in flights)
     interval = f"{stamp(begin, first)}/{stamp(begin, last)}"
     name = ", ".join(dict.fromkeys(printable(flight.course.name) for flight in flights))
     clock = {"interval": interval, "currentTime": stamp(begin, first), "multiplier": 1, "range": "LOOP_STOP"}
     packets: list[object] = [{"id": "document", "name": name, "version": "1.0", "clock": clock}]
-    things = [(course.origin.elevation, one) for course in courses(flights) for one in features(course)]
-    packets += [_feature(f"thing-{number}", one, up) for number, (up, one) in enumerate(things)]
+    for course in courses(flights):
+        for feature in features(course):
+            packets.append(_feature(f"thing-{len(packets) - 1}", feature, course.origin.elevation))
     packets += [_flight(f"flight-{number}", flight, begin, number) for number, flight in enumerate(flights)]
     return (json.dumps(packets, allow_nan=False) + "\n").encode()
 
 
 def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str, object]:
     positions = np.column_stack([flight.time, places(flight)])
-    colour = {"rgba": [*COLOURS[number % len(COLOURS)], 255]}
+    colour = {"rgba": [*FLIGHT_COLOURS[number % len(FLIGHT_COLOURS)], 255]}
     packet: dict[str, object] = {
         "id": key,
         "name": printable(flight.label),
@@ -64,7 +66,7 @@ def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str,
         "label": {"text": printable(flight.label), "font": "12pt sans-serif", "pixelOffset": {"cartesian2": [0, -20]}},
     }
     if flight.has(*BODY_ATTITUDE):
-        model = base64.b64encode(glb(aircraft_model(flight.aircraft.airframe.b))).decode()
+        model = base64.b64encode(glb(flight.aircraft.airframe.b)).decode()
         packet["model"] = {"gltf": f"data:model/gltf-binary;base64,{model}", "minimumPixelSize": 48}
         q = np.stack([flight.time, *_fixed_attitude(flight)], axis=1)
         packet["orientation"] = {"epoch": stamp(begin, 0.0), "unitQuaternion": np.round(q, 9).ravel().tolist()}
@@ -91,8 +93,8 @@ def _feature(key: str, feature: Feature, up: float) -> dict[str, object]:
     name = printable(f"{feature.kind} {feature.name}")
     packet: dict[str, object] = {"id": key, "name": name, "description": escape(feature.note)}
     corners = [*feature.places, *(feature.places[:1] if feature.shape is Shape.AREA else ())]
-    positions = [one for east, north in corners for one in (east, north, up)]
-    colour = {"rgba": [*KINDS.get(feature.kind, BLACK), 255]}
+    positions = [number for east, north in corners for number in (east, north, up)]
+    colour = {"rgba": [*FEATURE_COLOURS[feature.kind], 255]}
     if feature.shape is Shape.POINT:
         return packet | {"position": {"cartographicDegrees": positions}, "point": {"pixelSize": 8, "color": colour}}
     line = {"positions": {"cartographicDegrees": positions}, "width": 4, "clampToGround": True}

@@ -31,12 +31,7 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 
 
 def fdr(flights: Sequence[Flight], begin: datetime, model: str = AIRCRAFT) -> bytes:
-    """Return the recording of one flight.
-
-    Args:
-        flights: one, on the globe.
-        begin: when its clock starts.
-        model: the aircraft that X-Plane shows, a file below its folder.
+    """Return the recording of one flight; X-Plane shows it with the aircraft in a file `model` below its folder.
 
     Raises:
         UsageError: there are several flights, or the model is no file of an aircraft.
@@ -50,7 +45,7 @@ def fdr(flights: Sequence[Flight], begin: datetime, model: str = AIRCRAFT) -> by
 
 def _lines(flight: Flight, begin: datetime, model: str) -> Iterator[str]:
     when, first = begin.astimezone(UTC), float(flight.time[0])
-    columns = [one for one in COLUMNS if one[1] in flight]
+    columns = [column for column in COLUMNS if column[1] in flight]
     yield from ("A", "4", "")
     yield f"COMM, {_plain(flight.course.name)} flown by {_plain(flight.aircraft.name)}: {_plain(flight.label)}"
     yield f"COMM, {_plain(flight.stamp.text)}"
@@ -69,14 +64,15 @@ def _lines(flight: Flight, begin: datetime, model: str) -> Iterator[str]:
     for dataref, history, _, _ in columns:
         yield f"DREF, {dataref}\t1.0\t// {history}"
     yield ""
-    yield f"COMM, time, longitude, latitude, altitude, heading, pitch, roll, {', '.join(one[1] for one in columns)}"
+    histories = ", ".join(history for _, history, _, _ in columns)
+    yield f"COMM, time, longitude, latitude, altitude, heading, pitch, roll, {histories}"
     values = [(flight[history] / unit, digits) for _, history, unit, digits in columns]
     names = ("longitude", "latitude", "altitude", "psi", "theta", "phi")
     rows = zip(*(np.nan_to_num(flight.values(name)).tolist() for name in names), strict=True)  # the columns are a must
     for row, (time, (east, north, up, psi, theta, phi)) in enumerate(zip(flight.time.tolist(), rows, strict=True)):
         place = f"{math.degrees(east):.8f}, {math.degrees(north):.8f}, {up / FOOT:.2f}"
         angles = f"{compass(psi):.3f}, {math.degrees(theta):.3f}, {math.degrees(phi):.3f}"
-        rest = "".join(f", {one[row]:.{digits}f}" for one, digits in values)
+        rest = "".join(f", {column[row]:.{digits}f}" for column, digits in values)
         yield f"{stamp(begin, time)[11:23]}, {place}, {angles}{rest}"
 
 

@@ -177,7 +177,7 @@ def flight_tables(
     if rate_hz is None:
         return iter([_table(trajectory, at_nodes(trajectory), derived)])
     times = times_at_rate(trajectory, rate_hz)
-    return (_table(trajectory, at_times(trajectory, some, sampler), derived) for some in pieces(times))
+    return (_table(trajectory, at_times(trajectory, piece, sampler), derived) for piece in pieces(times))
 
 
 def pieces(times: Array) -> Iterator[Array]:
@@ -196,9 +196,8 @@ def _table(trajectory: Trajectory, samples: Samples, derived: Derived) -> Flight
         columns.append(HistoryColumn("height_m", -histories["z"]))
     if all(name in histories for name in QUATERNION):
         angles = euler_angles(path_axes([histories[name] for name in QUATERNION]))
-        columns.extend(
-            HistoryColumn(f"{name}_deg", one / DEGREE) for name, one in zip(PATH_ANGLES, angles, strict=True)
-        )
+        for name, angle in zip(PATH_ANGLES, angles, strict=True):
+            columns.append(HistoryColumn(f"{name}_deg", angle / DEGREE))
     for quantity, function in derived.items():
         columns.extend(display_columns(quantity, function(histories)))
     phases = tuple(np.array(trajectory.phases)[samples.phase].tolist())

@@ -21,16 +21,12 @@ FALLS, GLIDES = "free fall", "glide without power"
 
 
 def footprint_geojson(footprint: Footprint, flight: Flight, begin: datetime) -> bytes:
-    """Return course, flight and footprint as GeoJSON (RFC 7946).
-
-    Args:
-        footprint: of the flight.
-        flight: on the globe.
-        begin: when its clock starts.
-    """
+    """Return course, flight (on the globe, its clock starting at `begin`) and footprint as GeoJSON (RFC 7946)."""
     entries = flight_entries([flight], begin)
     for name, outlines in _layers(footprint):
-        rings = [polygon for one in outlines for polygon in _polygons(one, flight.course.origin)]
+        rings: list[list[list[Corner]]] = []
+        for outline in outlines:
+            rings += _polygons(outline, flight.course.origin)
         properties = {"kind": "footprint", "name": name, "note": NOT_AN_AUTHORITYS}
         entries.append(feature("MultiPolygon", rings, properties))
     return collection(entries)
@@ -47,9 +43,9 @@ def footprint_kml(footprint: Footprint, flight: Flight, begin: datetime) -> byte
         add_element(add_element(style, "LineStyle"), "color", "ff" + colour)
         add_element(add_element(style, "PolyStyle"), "color", ("60" if name == FALLS else "10") + colour)
         pieces = add_element(mark, "MultiGeometry")
-        for one in outlines:
+        for outline in outlines:
             polygon = add_element(pieces, "Polygon")
-            for kind, ring in (("outer", one.border), *(("inner", hole) for hole in one.holes)):
+            for kind, ring in (("outer", outline.border), *(("inner", hole) for hole in outline.holes)):
                 places = (f"{east:.7f},{north:.7f}" for east, north in _close(ring, flight.course.origin))
                 boundary = add_element(add_element(polygon, f"{kind}BoundaryIs"), "LinearRing")
                 add_element(boundary, "coordinates", " ".join(places))
@@ -69,7 +65,7 @@ def footprint_csv(footprint: Footprint) -> str:
     glide = np.full((len(footprint.time), 2), np.nan)
     glide[footprint.glide_rows] = footprint.reach.straight
     columns |= {"glide_north_m": glide[:, 0], "glide_east_m": glide[:, 1]}
-    columns |= {f"{one.name}_distance_m": footprint.distances(one) for one in footprint.race.course.crowd}
+    columns |= {f"{crowd.name}_distance_m": footprint.distances(crowd) for crowd in footprint.race.course.crowd}
     text = io.StringIO(newline="")
     text.write(f"# {NOT_AN_AUTHORITYS}\n# glides: one for every {every} instants\n")
     writer = csv.writer(text, lineterminator="\n")

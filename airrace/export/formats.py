@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from airrace.results import Flight
 
 Writer = Callable[..., bytes]
-"""From flights and the instant at which their clocks start to the content of a file; one whose viewer has aircraft of
-its own takes the file of one as `model`."""
+"""A function of flights and the instant at which their clocks start that returns the content of a file. For a viewer
+with aircraft of its own it takes the file of one as `model`."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class Format:
         Args:
             flights: with latitudes and longitudes where `globe` says so.
             begin: the instant at which their clocks start.
-            model: an aircraft of the viewer's own, where it has any; None for the usual one.
+            model: an aircraft of the viewer's own, where it has any; None for the default.
         """
-        chosen = {} if model is None else {"model": model}
+        options = {} if model is None else {"model": model}
         if not isinstance(self.writer, str):
-            return self.writer(flights, begin, **chosen)
+            return self.writer(flights, begin, **options)
         module, _, function = self.writer.partition(":")
-        return getattr(import_module(module), function)(flights, begin, **chosen)
+        return getattr(import_module(module), function)(flights, begin, **options)
 
 
 _formats: dict[str, Format] = {}
@@ -59,7 +59,7 @@ _formats: dict[str, Format] = {}
 def register(form: Format) -> Format:
     """Add a format, and with it the subcommand `airrace export NAME`; return it.
 
-    A file that calls this is all that a format of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
+    An extension that calls this needs nothing else: import it, or name it in `AIRRACE_EXTENSIONS`.
 
     Raises:
         ValueError: there is a format of this name.

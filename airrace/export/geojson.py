@@ -24,21 +24,18 @@ from airrace.results import Flight, TimedCrossing
 
 
 def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return a collection of features; positions are longitude, latitude (degrees) and altitude (m).
-
-    Args:
-        flights: on the globe.
-        begin: when their clocks start.
-    """
+    """Return a collection of features; positions are longitude, latitude (degrees) and altitude (m)."""
     return collection(flight_entries(flights, begin))
 
 
 def flight_entries(flights: Sequence[Flight], begin: datetime) -> list[dict[str, object]]:
     """Return the features of the courses, the flights and their passings; arguments are those of `geojson`."""
-    entries = [_on_course(one) for course in courses(flights) for one in features(course)]
+    entries: list[dict[str, object]] = []
+    for course in courses(flights):
+        entries += map(_on_course, features(course))
     for flight in flights:
         entries.append(_line(flight, begin))
-        entries.extend(_passing(flight, one) for one in flight.crossings if one.found)
+        entries += [_passing(flight, crossing) for crossing in flight.crossings if crossing.found]
     return entries
 
 
@@ -47,17 +44,17 @@ def collection(entries: Sequence[Mapping[str, object]]) -> bytes:
     return (json.dumps({"type": "FeatureCollection", "features": entries}, allow_nan=False) + "\n").encode()
 
 
-def _on_course(thing: Feature) -> dict[str, object]:
-    corners = [list(place) for place in thing.places]
-    properties = {"kind": thing.kind, "name": printable(thing.name), "note": thing.note}
-    match thing.shape:
+def _on_course(of_course: Feature) -> dict[str, object]:
+    corners = [list(place) for place in of_course.places]
+    properties = {"kind": of_course.kind, "name": printable(of_course.name), "note": of_course.note}
+    match of_course.shape:
         case Shape.POINT:
             return feature("Point", corners[0], properties)
         case Shape.LINE:
             return feature(*_line_geometry(cut_line(corners)), properties)
         case Shape.AREA:
-            turned = unwrapped(corners)
-            area = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise([*turned, turned[0]]))
+            ring = unwrapped(corners)
+            area = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise([*ring, ring[0]]))
             pieces = cut_area(corners if area > 0.0 else corners[::-1])  # an outline runs counterclockwise
             polygons = [[[*ring, ring[0]]] for ring in pieces]
             if len(polygons) == 1:
@@ -70,10 +67,14 @@ def _line_geometry(pieces: list[list[Corner]]) -> tuple[str, object]:
 
 
 def _line(flight: Flight, begin: datetime) -> dict[str, object]:
-    pieces = cut_line([[*place, when] for place, when in zip(_positions(flight), flight.time.tolist(), strict=True)])
-    times = [[round(corner[3], 4) for corner in piece] for piece in pieces]
+    lines: list[list[Corner]] = []
+    times: list[list[float]] = []
+    corners = [[*place, when] for place, when in zip(_positions(flight), flight.time.tolist(), strict=True)]
+    for piece in cut_line(corners):
+        lines.append([[round(lon, 8), round(lat, 8), round(up, 8)] for lon, lat, up, _ in piece])
+        times.append([round(when, 4) for *_, when in piece])
     return feature(
-        *_line_geometry([[[round(one, 8) for one in corner[:3]] for corner in piece] for piece in pieces]),
+        *_line_geometry(lines),
         {
             "kind": "flight",
             "name": printable(flight.label),

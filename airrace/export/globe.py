@@ -21,7 +21,18 @@ from airrace.track.course import Course, Origin, geodetic
 from airrace.track.polygons import Point
 
 BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)
-"""The instant at which a flight starts unless another one is given: viewers want a date, and an optimum has none."""
+"""The default instant at which a flight starts: viewers want a date, and an optimum has none."""
+FLIGHT_COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+"""The colours of the flights in turn: red, green, blue [Okabe, Ito]."""
+FEATURE_COLOURS = {
+    "gate": (34, 34, 34),
+    "pylon": (34, 34, 34),
+    "manoeuvre": (34, 34, 34),
+    "crowd": (192, 57, 43),
+    "obstacle": (85, 85, 85),
+    "safety line": (184, 134, 11),
+    "airspace": (52, 86, 139),
+}
 
 
 class Shape(Enum):
@@ -34,12 +45,11 @@ class Shape(Enum):
 
 @dataclass(frozen=True)
 class Feature:
-    """Something of a course, on the globe.
+    """A feature of a course on the globe.
 
     Attributes:
-        kind: `gate`, `pylon`, `manoeuvre`, `crowd`, `obstacle`, `safety line` or `airspace`.
-        name: of it.
-        shape: what `places` are.
+        kind: a key of `FEATURE_COLOURS`.
+        shape: that `places` form.
         places: longitude and latitude, degrees, of every corner; an area's outline is not closed.
         note: a sentence about it; often empty.
     """
@@ -61,16 +71,16 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
     Raises:
         UsageError: the course says nothing.
     """
-    where = origin or flight.course.origin
-    if not where.has_coordinates:
+    origin = origin or flight.course.origin
+    if not origin.has_coordinates:
         raise UsageError(
             f"the course of {flight.label} has no origin on the globe; say where it lies with --origin LAT,LON,ELEV"
         )
-    latitude, longitude = geodetic(flight["x"], flight["y"], where)
-    columns = {"latitude": latitude, "longitude": longitude, "altitude": flight["height"] + where.elevation}
-    found = {name: History(GLOSSARY[name], values, Basis.DERIVED) for name, values in columns.items()}
-    race = replace(flight.race, course=replace(flight.course, origin=where))
-    return replace(flight, race=race, histories={**flight.histories, **found})
+    latitude, longitude = geodetic(flight["x"], flight["y"], origin)
+    columns = {"latitude": latitude, "longitude": longitude, "altitude": flight["height"] + origin.elevation}
+    histories = {name: History(GLOSSARY[name], values, Basis.DERIVED) for name, values in columns.items()}
+    race = replace(flight.race, course=replace(flight.course, origin=origin))
+    return replace(flight, race=race, histories={**flight.histories, **histories})
 
 
 def features(course: Course) -> Iterator[Feature]:
@@ -87,10 +97,10 @@ def features(course: Course) -> Iterator[Feature]:
     for crowd in course.crowd:
         note = f"keep {crowd.distance:g} m away, measured {'in space' if crowd.slant else 'over ground'}"
         yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
-    for one in course.obstacles:
-        note = f"{one.height:g} m high, keep the wing {one.clearance:g} m away"
-        shape = Shape.AREA if len(one.outline) > 1 else Shape.POINT
-        yield _feature(course, "obstacle", one.name, shape, one.outline, note)
+    for obstacle in course.obstacles:
+        note = f"{obstacle.height:g} m high, keep the wing {obstacle.clearance:g} m away"
+        shape = Shape.AREA if len(obstacle.outline) > 1 else Shape.POINT
+        yield _feature(course, "obstacle", obstacle.name, shape, obstacle.outline, note)
     for line in course.safety_lines:
         note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
         yield _feature(course, "safety line", line.name, Shape.LINE, (line.start, line.end), note)
@@ -99,7 +109,7 @@ def features(course: Course) -> Iterator[Feature]:
 
 
 def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequence[Point], note: str = "") -> Feature:
-    north, east = np.array([one.north for one in corners]), np.array([one.east for one in corners])
+    north, east = np.array([corner.north for corner in corners]), np.array([corner.east for corner in corners])
     latitude, longitude = geodetic(north, east, course.origin)
     places = zip(np.degrees(longitude).tolist(), np.degrees(latitude).tolist(), strict=True)
     return Feature(kind, name, shape, tuple(places), note)
@@ -107,11 +117,19 @@ def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequen
 
 def courses(flights: Sequence[Flight]) -> list[Course]:
     """Return the different courses of some flights."""
-    different: list[Course] = []
+    distinct: list[Course] = []
     for flight in flights:
-        if flight.course not in different:
-            different.append(flight.course)
-    return different
+        if flight.course not in distinct:
+            distinct.append(flight.course)
+    return distinct
+
+
+def all_histories(flights: Sequence[Flight]) -> dict[str, History]:
+    """Return the declarations of all histories that some of the flights have."""
+    histories: dict[str, History] = {}
+    for flight in flights:
+        histories |= flight.histories
+    return histories
 
 
 def places(flight: Flight) -> list[tuple[float, float, float]]:
@@ -150,42 +168,44 @@ Corner = list[float]
 def cut_line(corners: Sequence[Corner]) -> list[list[Corner]]:
     """Return the pieces of a line, each on one side of the antimeridian; a line that stays on its side is one piece."""
     pieces = [[corners[0]]]
-    for one, other in pairwise(corners):
-        if abs(other[0] - one[0]) > 180.0:
-            side = math.copysign(180.0, one[0])
-            between = _at(one, [other[0] + 2.0 * side, *other[1:]], side)
-            pieces[-1].append(between)
-            pieces.append([[-side, *between[1:]]])
-        pieces[-1].append(other)
+    for begin, end in pairwise(corners):
+        if abs(end[0] - begin[0]) > 180.0:
+            side = math.copysign(180.0, begin[0])
+            crossing = _interpolate(begin, [end[0] + 2.0 * side, *end[1:]], side)
+            pieces[-1].append(crossing)
+            pieces.append([[-side, *crossing[1:]]])
+        pieces[-1].append(end)
     return pieces
 
 
 def cut_area(ring: Sequence[Corner]) -> list[list[Corner]]:
     """Return the pieces of an area, none of them closed, in the sense of rotation of the given one."""
-    turned = unwrapped(ring)
-    far = max(turned, key=lambda one: abs(one[0]))[0]
-    side = math.copysign(180.0, far)
-    if abs(far) <= 180.0:
+    corners = unwrapped(ring)
+    farthest = max((corner[0] for corner in corners), key=abs)
+    if abs(farthest) <= 180.0:
         return [list(ring)]
+    side = math.copysign(180.0, farthest)
     pieces: list[list[Corner]] = []
     for inner in (True, False):
         piece: list[Corner] = []
-        for one, other in pairwise([*turned, turned[0]]):
-            here, there = ((abs(corner[0]) <= 180.0) == inner for corner in (one, other))
-            piece += [one] if here else []
-            piece += [_at(one, other, side)] if here != there else []
+        for begin, end in pairwise([*corners, corners[0]]):
+            has_begin, has_end = (abs(begin[0]) <= 180.0) == inner, (abs(end[0]) <= 180.0) == inner
+            if has_begin:
+                piece.append(begin)
+            if has_begin != has_end:
+                piece.append(_interpolate(begin, end, side))
         pieces.append(piece if inner else [[lon - 2.0 * side, *rest] for lon, *rest in piece])
-    return [one for one in pieces if len(one) > 2]
+    return [piece for piece in pieces if len(piece) > 2]
 
 
 def unwrapped(ring: Sequence[Corner]) -> list[Corner]:
     """Return corners whose longitudes go on beyond half a turn, without a jump."""
-    found = [list(ring[0])]
+    corners = [list(ring[0])]
     for lon, *rest in ring[1:]:
-        found.append([found[-1][0] + math.remainder(lon - found[-1][0], 360.0), *rest])
-    return found
+        corners.append([corners[-1][0] + math.remainder(lon - corners[-1][0], 360.0), *rest])
+    return corners
 
 
-def _at(one: Corner, other: Corner, longitude: float) -> Corner:
-    share = (longitude - one[0]) / (other[0] - one[0])
-    return [longitude, *(a + share * (b - a) for a, b in zip(one[1:], other[1:], strict=True))]
+def _interpolate(begin: Corner, end: Corner, longitude: float) -> Corner:
+    share = (longitude - begin[0]) / (end[0] - begin[0])
+    return [longitude, *(a + share * (b - a) for a, b in zip(begin[1:], end[1:], strict=True))]

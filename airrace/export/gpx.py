@@ -9,17 +9,12 @@ from airrace.results import Flight
 
 
 def gpx(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return a document with the elements of the courses and the flights.
-
-    Args:
-        flights: on the globe.
-        begin: when their clocks start.
-    """
+    """Return a document with the elements of the courses and the flights."""
     root = ET.Element("gpx", {"xmlns": "http://www.topografix.com/GPX/1/1", "version": "1.1", "creator": "airrace"})
     for course in courses(flights):
         for feature in features(course):
             if feature.kind in ("gate", "pylon", "manoeuvre"):
-                east, north = (sum(one) / len(feature.places) for one in zip(*feature.places, strict=True))
+                east, north = (sum(degrees) / len(degrees) for degrees in zip(*feature.places, strict=True))
                 point = add_element(root, "wpt", lat=f"{north:.8f}", lon=f"{east:.8f}")
                 add_element(point, "ele", f"{course.origin.elevation:.2f}")
                 add_element(point, "name", printable(feature.name))

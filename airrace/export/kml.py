@@ -9,56 +9,38 @@ import io
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from airrace.export.aircraft_model import aircraft_model, collada
-from airrace.export.globe import Feature, Shape, add_element, compass, courses, features, places, printable, stamp
+from airrace.export.aircraft_model import collada
+from airrace.export.globe import (
+    FEATURE_COLOURS,
+    FLIGHT_COLOURS,
+    Feature,
+    Shape,
+    add_element,
+    compass,
+    courses,
+    features,
+    places,
+    printable,
+    stamp,
+)
 from airrace.results import Flight
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
-COLOURS = ("ffb27200", "ff005ed5", "ff739e00", "ffa779cc", "ff009fe6", "ffe9b456")
-"""The colours of the flights, taken in turn: alpha, blue, green, red, two hexadecimal digits each."""
-KINDS = {
-    "gate": "ff222222",
-    "pylon": "ff222222",
-    "manoeuvre": "ff222222",
-    "crowd": "ff2b39c0",
-    "obstacle": "ff555555",
-    "safety line": "ff0b86b8",
-    "airspace": "ff8b5634",
-}
-
-
-@dataclass(frozen=True)
-class TourSettings:
-    """How a tour follows an aircraft.
-
-    Attributes:
-        step: the time between two views of a tour, s.
-        looking: the time before and after a view between which the way is the direction of the look, s: steady in a
-            loop.
-    """
-
-    step: float = 0.5
-    looking: float = 2.0
-
-
-TOUR = TourSettings()
+TOUR_STEP = 0.5
+"""The time between two views of a tour, s."""
+LOOK_TIME = 2.0
+"""The time before and after a view between which the way gives the direction of the look, s: steady in a loop."""
 RANGE, TILT = 80.0, 78.0
-"""How far behind the aircraft a tour looks from, m, and how far from straight down, degrees."""
+"""The distance of a tour's viewpoint behind the aircraft, m, and its angle from straight down, degrees."""
 
 
 def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return a document with the courses and the flights.
-
-    Args:
-        flights: on the globe.
-        begin: when their clocks start.
-    """
+    """Return a document with the courses and the flights."""
     return content_of(kml_document(flights, begin))
 
 
@@ -74,18 +56,20 @@ def kml_document(flights: Sequence[Flight], begin: datetime, models: Mapping[flo
 
     Args:
         flights, begin: see `kml`.
-        models: files of aircraft by their span; None where viewers show their own marks.
+        models: paths of aircraft models by their span; None for none.
     """
     document = ET.Element("Document")
-    add_element(document, "name", ", ".join(dict.fromkeys(printable(one.course.name) for one in flights)))
-    styles = {kind.replace(" ", "-"): (colour, 3.0) for kind, colour in KINDS.items()}
-    styles |= {f"flight{number}": (COLOURS[number % len(COLOURS)], 2.5) for number in range(len(flights))}
-    for name, (colour, width) in styles.items():
+    add_element(document, "name", ", ".join(dict.fromkeys(printable(flight.course.name) for flight in flights)))
+    styles = [(kind.replace(" ", "-"), colour, "3") for kind, colour in FEATURE_COLOURS.items()]
+    for number in range(len(flights)):
+        styles.append((f"flight{number}", FLIGHT_COLOURS[number % len(FLIGHT_COLOURS)], "2.5"))
+    for name, (red, green, blue), width in styles:
+        colour = f"{blue:02x}{green:02x}{red:02x}"
         style = add_element(document, "Style", id=name)
         line = add_element(style, "LineStyle")
-        add_element(line, "color", colour)
-        add_element(line, "width", f"{width:g}")
-        add_element(add_element(style, "PolyStyle"), "color", "40" + colour[2:])
+        add_element(line, "color", "ff" + colour)
+        add_element(line, "width", width)
+        add_element(add_element(style, "PolyStyle"), "color", "40" + colour)
     for course in courses(flights):
         folder = _folder(document, printable(course.name))
         for feature in features(course):
@@ -98,11 +82,11 @@ def kml_document(flights: Sequence[Flight], begin: datetime, models: Mapping[flo
 
 
 def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return the document that `kml` returns, zipped, with a model for the aircraft of every span."""
+    """Return the document of `kml`, zipped, with a model for the aircraft of every span."""
     spans = dict.fromkeys(flight.aircraft.airframe.b for flight in flights)
     models = {span: f"models/aircraft{number}.dae" for number, span in enumerate(spans)}
     contents = {"doc.kml": content_of(kml_document(flights, begin, models))}
-    contents |= {name: collada(aircraft_model(span)) for span, name in models.items()}
+    contents |= {name: collada(span) for span, name in models.items()}
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
         for name, content in contents.items():
@@ -113,7 +97,7 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str, model: str) -> None:
-    """Add the line of a flight, its track in time, by choice with a model, and a point for every passing."""
+    """Add the line of a flight, its track in time, with a model if there is one, and a point for every passing."""
     label, line = printable(flight.label), _coordinates(flight)
     _add_geometry(_placemark(folder, f"{label}, line", style), "LineString", line, absolute=True)
     track = add_element(_placemark(folder, label, style, printable(flight.stamp.text)), "gx:Track")
@@ -138,8 +122,8 @@ def _add_flight(folder: ET.Element, flight: Flight, begin: datetime, style: str,
 def _add_tour(document: ET.Element, flight: Flight, begin: datetime) -> None:
     """Add a tour that looks at the aircraft from behind, in the time of the flight."""
     first, last = float(flight.time[0]), float(flight.time[-1])
-    time = np.append(np.arange(first, last, TOUR.step), last)
-    before, after = (flight.at(np.clip(time + side, first, last)) for side in (-TOUR.looking, TOUR.looking))
+    time = np.append(np.arange(first, last, TOUR_STEP), last)
+    before, after = (flight.at(np.clip(time + side, first, last)) for side in (-LOOK_TIME, LOOK_TIME))
     headings = np.arctan2(after["y"] - before["y"], after["x"] - before["x"])
     tour = add_element(document, "gx:Tour")
     add_element(tour, "name", f"behind {printable(flight.label)}")

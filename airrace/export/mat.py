@@ -10,31 +10,26 @@ import numpy as np
 from airrace.export.globe import stamp
 from airrace.results import Flight
 
-LONGEST = 31
-"""The length of the longest name, letters."""
+NAME_LENGTH_MAX = 31
 
 
 def mat(flights: Sequence[Flight], begin: datetime) -> bytes:
     """Return a MAT-file with every flight as a structure named after its label.
 
     A structure holds `time`, the histories (SI, radians), `units` and `passings`, among others.
-
-    Args:
-        flights: any.
-        begin: when their clocks start.
     """
     # Imported here: no other format needs scipy. ignore: untyped in scipy.
     from scipy.io import savemat  # pyright: ignore[reportUnknownVariableType]
 
     names = _names([flight.label for flight in flights])
-    written = io.BytesIO()
+    file = io.BytesIO()
     content = {name: _structure(flight, begin) for name, flight in zip(names, flights, strict=True)}
-    savemat(written, content, long_field_names=True, oned_as="column")
-    return written.getvalue()
+    savemat(file, content, long_field_names=True, oned_as="column")
+    return file.getvalue()
 
 
 def _structure(flight: Flight, begin: datetime) -> dict[str, object]:
-    found = [crossing for crossing in flight.crossings if crossing.found]
+    passings = [crossing for crossing in flight.crossings if crossing.found]
     return {
         "label": flight.label,
         "track": flight.course.name,
@@ -44,11 +39,11 @@ def _structure(flight: Flight, begin: datetime) -> dict[str, object]:
         "race_time": flight.race_time,
         "begin": stamp(begin, 0.0),
         "time": flight.time,
-        **{name: one.values for name, one in flight.histories.items()},
-        "units": {"time": "s"} | {name: one.quantity.unit for name, one in flight.histories.items()},
+        **{name: history.values for name, history in flight.histories.items()},
+        "units": {"time": "s"} | {name: history.quantity.unit for name, history in flight.histories.items()},
         "passings": {
-            "name": np.array([crossing.name for crossing in found], object),
-            "time": np.array([crossing.time for crossing in found]),
+            "name": np.array([passing.name for passing in passings], object),
+            "time": np.array([passing.time for passing in passings]),
         },
     }
 
@@ -58,6 +53,6 @@ def _names(labels: Sequence[str]) -> list[str]:
     names: list[str] = []
     for number, label in enumerate(labels, start=1):
         name = re.sub(r"\W", "_", label, flags=re.ASCII)
-        name = (name if name[:1].isalpha() else f"flight_{name}")[:LONGEST]
-        names.append(f"{name[: LONGEST - 4]}_{number}" if name in names else name)
+        name = (name if name[:1].isalpha() else f"flight_{name}")[:NAME_LENGTH_MAX]
+        names.append(f"{name[: NAME_LENGTH_MAX - 4]}_{number}" if name in names else name)
     return names

@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.export.csv import Provenance
 from airrace.export.flight_table import FlightTable
-from airrace.export.globe import stamp
+from airrace.export.globe import all_histories, stamp
 from airrace.procedure.result import StageResult
 from airrace.resources import extra
 from airrace.results import Flight
@@ -27,8 +27,8 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     # Imported here: no other format but MATLAB's needs scipy. ignore: untyped in scipy.
     from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType]
 
-    written = io.BytesIO()
-    file: Any = netcdf_file(written, "w", version=2)  # Any: untyped in scipy
+    buffer = io.BytesIO()
+    file: Any = netcdf_file(buffer, "w", version=2)  # Any: untyped in scipy
     file.Conventions, file.featureType, file.source = "CF-1.11", "trajectory", "airrace"
     file.title = _text(", ".join(dict.fromkeys(flight.course.name for flight in flights)))
     file.createDimension("trajectory", len(flights))
@@ -50,13 +50,13 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     time[:] = np.concatenate([flight.time for flight in flights])
     time.units = f"seconds since {stamp(begin, 0.0)[:19].replace('T', ' ')}"
     time.long_name, time.standard_name, time.axis = "time since the start", "time", "T"
-    for name, one in {name: one for flight in flights for name, one in flight.histories.items()}.items():
+    for name, history in all_histories(flights).items():
         variable = file.createVariable(name, "d", ("obs",))
         variable[:] = np.concatenate([flight.values(name) for flight in flights])
-        variable.units, variable.long_name = one.quantity.unit, _text(one.quantity.text or name)
-        variable.basis = one.basis.value
+        variable.units, variable.long_name = history.quantity.unit, _text(history.quantity.text or name)
+        variable.basis = history.basis.value
     file.flush()
-    content = written.getvalue()
+    content = buffer.getvalue()
     file.close()
     return content
 
@@ -72,10 +72,10 @@ _PROPERTIES = {
 def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
     """Write a variable with a row of characters for each text; the classic format knows no strings."""
     encoded = [_text(text).encode() for text in texts]
-    width = max(1, *(len(one) for one in encoded))
+    width = max(1, *map(len, encoded))
     file.createDimension(f"{name}_length", width)
     variable = file.createVariable(name, "c", ("trajectory", f"{name}_length"))
-    variable[:] = np.array([list(one.ljust(width).decode("latin-1")) for one in encoded], "S1")
+    variable[:] = np.array([list(text.ljust(width).decode("latin-1")) for text in encoded], "S1")
     for key, value in about.items():
         setattr(variable, key, value)
 
@@ -96,8 +96,12 @@ def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provena
     xarray: Any = extra("xarray", "a dataset")  # Any: without xarray there are no types
     histories = flight.samples.histories
     variables = {
-        one.name: ("time", histories[one.name], {"units": one.unit, "long_name": one.text or one.name})
-        for one in flight.quantities
+        quantity.name: (
+            "time",
+            histories[quantity.name],
+            {"units": quantity.unit, "long_name": quantity.text or quantity.name},
+        )
+        for quantity in flight.quantities
     }
     if "z" in histories:
         variables["height"] = ("time", -histories["z"], {"units": "m", "long_name": "height above the track's origin"})

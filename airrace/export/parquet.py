@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.export.globe import stamp
+from airrace.export.globe import all_histories, stamp
 from airrace.resources import extra
 from airrace.results import Flight
 
@@ -27,7 +27,6 @@ def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
     """
     pyarrow: Any = extra("pyarrow", "a Parquet file", "parquet")  # Any: without pyarrow there are no types
     files: Any = extra("pyarrow.parquet", "a Parquet file", "parquet")
-    declared = {name: one for flight in flights for name, one in flight.histories.items()}
     number = np.repeat(np.arange(len(flights), dtype=np.int32), [len(flight.time) for flight in flights])
     labels = pyarrow.DictionaryArray.from_arrays(
         _column(pyarrow, number, pyarrow.int32()), _texts(pyarrow, [flight.label for flight in flights])
@@ -37,15 +36,16 @@ def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
         pyarrow.field("flight", labels.type, metadata={"long_name": "which flight"}),
         pyarrow.field("time", pyarrow.float64(), metadata={"unit": "s", "long_name": "time since the start"}),
     ]
-    for name, one in declared.items():
-        about = {"unit": one.quantity.unit, "long_name": one.quantity.text or name, "basis": one.basis.value}
-        fields.append(pyarrow.field(name, pyarrow.float64(), metadata=about))
+    for name, history in all_histories(flights).items():
+        quantity = history.quantity
+        metadata = {"unit": quantity.unit, "long_name": quantity.text or name, "basis": history.basis.value}
+        fields.append(pyarrow.field(name, pyarrow.float64(), metadata=metadata))
         values = np.concatenate([flight.values(name) for flight in flights])
         columns.append(_column(pyarrow, values, pyarrow.float64()))
     schema = pyarrow.schema(fields, metadata={"airrace": json.dumps(about_flights(flights, begin))})
-    written = io.BytesIO()
-    files.write_table(pyarrow.table(columns, schema=schema), written)
-    return written.getvalue()
+    buffer = io.BytesIO()
+    files.write_table(pyarrow.table(columns, schema=schema), buffer)
+    return buffer.getvalue()
 
 
 # Of numpy's arrays and of lists pyarrow makes columns only after it has loaded pandas, if that is installed.
@@ -76,7 +76,9 @@ def about_flights(flights: Sequence[Flight], begin: datetime) -> list[dict[str, 
             **flight.stamp.properties(),
             "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
             "begin": stamp(begin, 0.0),
-            "passings": [{"name": one.name, "time_s": one.time} for one in flight.crossings if one.found],
+            "passings": [
+                {"name": passing.name, "time_s": passing.time} for passing in flight.crossings if passing.found
+            ],
         }
         for flight in flights
     ]

@@ -28,15 +28,6 @@ LANGUAGES: dict[str, Callable[[], type[Schema]]] = {
 }
 """The languages by name, each with the model that reads its documents."""
 
-_TITLES = {
-    "track": "Track of airrace",
-    "aircraft": "Aircraft of airrace",
-    "settings": "Settings of airrace",
-    "batch": "Batch of airrace",
-    "log": "Mapping of a log for airrace",
-}
-_FIRST = ("$schema", "title", "description")
-
 
 def json_schema(language: str) -> JsonSchemaValue:
     """Return the JSON Schema of what a file of a language may hold.
@@ -50,9 +41,9 @@ def json_schema(language: str) -> JsonSchemaValue:
     model = LANGUAGES[language]()
     generated = model.model_json_schema(ref_template="#/definitions/{model}", schema_generator=_Generator)
     definitions = generated.pop("$defs", {})
-    schema = {**generated, "$schema": DIALECT, "title": _TITLES[language], "definitions": definitions}
-    first = {key: schema[key] for key in _FIRST if key in schema}
-    return cast(JsonSchemaValue, _lone_references({**first, **schema}))
+    title = "Mapping of a log for airrace" if language == "log" else f"{language.capitalize()} of airrace"
+    first = {"$schema": DIALECT, "title": title, "description": generated.get("description", "")}
+    return cast(JsonSchemaValue, _lone_references({**first, **generated, **first, "definitions": definitions}))
 
 
 def schema_text(language: str) -> str:

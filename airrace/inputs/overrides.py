@@ -2,16 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import KeyPath, MappingEntry, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
-from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, read_yaml
+from airrace.inputs.yaml_reader import is_plain_text, plain_scalar, quoted, read_yaml
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
 PREFIXED = ("aircraft", "settings")
 """The documents other than the track, whose names stand before the key."""
+QUOTES, INDICATORS = ("'", '"'), ("[", "{", "&", "*", "!", "|", ">")
+"""What a value begins with that is quoted, and what no single value begins with."""
 
 
 @dataclass(frozen=True)
@@ -24,25 +27,21 @@ class Override:
 
 
 def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Override]:
-    """Understand `key=value` texts; those that cannot be understood are reported."""
-    parsed: list[Override] = []
+    """Return the overrides of `key=value` texts; invalid ones are reported."""
+    overrides: list[Override] = []
     for text in texts:
         key, equals, value = text.partition("=")
         names = key.strip().split(".")
-        if not equals or not all(names):
-            findings.append(
-                Finding(FILE, 0, 0, key.strip(), f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
-            )
-            continue
         try:
+            if not equals or not all(names):
+                raise ValueError(f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
             node = ScalarNode(PLACE, _scalar(value.strip()))
         except ValueError as error:
             findings.append(Finding(FILE, 0, 0, key.strip(), str(error)))
             continue
-        prefixed = len(names) > 1 and names[0] in PREFIXED
-        document = names[0] if prefixed else "track"
-        parsed.append(Override(document, tuple(names[1:] if prefixed else names), node))
-    return parsed
+        document = names.pop(0) if len(names) > 1 and names[0] in PREFIXED else "track"
+        overrides.append(Override(document, tuple(names), node))
+    return overrides
 
 
 def apply_overrides(
@@ -54,13 +53,10 @@ def apply_overrides(
     """
     for override in overrides:
         try:
-            replaced = _replace(root, override.path, override.value, schema)
+            root = cast(MappingNode, _replace(root, override.path, override.value, schema))
         except ValueError as error:
             prefix = (override.document,) if override.document in PREFIXED else ()
             findings.append(Finding(FILE, 0, 0, dotted((*prefix, *override.path)), str(error)))
-            continue
-        if isinstance(replaced, MappingNode):
-            root = replaced
     return root
 
 
@@ -70,12 +66,13 @@ def value_text(value: str | int | float | bool) -> str:
         return str(value).lower()
     if not isinstance(value, str):
         return repr(value)
-    return value if is_plain_text(value) and value[:1] not in ("'", '"') else "'" + value.replace("'", "''") + "'"
+    is_plain = is_plain_text(value) and value == value.strip() and not value.startswith((*QUOTES, *INDICATORS))
+    return value if is_plain else quoted(value)
 
 
 def _scalar(text: str) -> str | int | float | bool | None:
     """Return a value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
-    if text[:1] in ("'", '"'):
+    if text.startswith(QUOTES):
         try:
             node = read_yaml(FILE, text)
         except InputError as error:
@@ -83,7 +80,7 @@ def _scalar(text: str) -> str | int | float | bool | None:
         if isinstance(node, ScalarNode):
             return node.value
         raise ValueError("only a single value can be set")
-    if text[:1] in ("[", "{", "&", "*", "!", "|", ">"):
+    if text.startswith(INDICATORS):
         raise ValueError("only a single value can be set; edit the file for more")
     return plain_scalar(text)
 

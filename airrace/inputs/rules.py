@@ -400,10 +400,11 @@ class MarginsEntry(Schema):
 
     def by_key(self) -> dict[str, float]:
         """Return the margins by the keys of the limits, e.g. `gates.g3.clearance_m`."""
-        groups = {"rules": self.rules}
+        by_key = {f"rules.{key}": margin for key, margin in self.rules.items()}
         for part in ("gates", "crowd", "safety_lines", "obstacles"):
-            groups |= {f"{part}.{name}": margins for name, margins in getattr(self, part).items()}
-        return {f"{group}.{key}": margin for group, margins in groups.items() for key, margin in margins.items()}
+            for name, margins in getattr(self, part).items():
+                by_key |= {f"{part}.{name}.{key}": margin for key, margin in margins.items()}
+        return by_key
 
 
 def tightened(race: Race, entry: MarginsEntry, reporter: Reporter) -> Race:

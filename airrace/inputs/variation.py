@@ -41,8 +41,12 @@ class Variation:
             raise UsageError("numbers have keys in files alone: this course or its aircraft was built in Python")
 
     @cached_property
-    def _entry(self) -> TrackEntry | None:
-        return validate(track_language(), Reporter(self._track, []))
+    def _entry(self) -> TrackEntry:
+        reporter = Reporter(self._track, [])
+        entry = validate(track_language(), reporter)
+        if entry is None:
+            raise InputError(reporter.findings)
+        return entry
 
     @cached_property
     def parameters(self) -> dict[str, Parameter[Race]]:
@@ -51,13 +55,10 @@ class Variation:
         They include numbers that a preset or the language provides, but neither absent limits nor whole numbers that
         count.
         """
-        reporter = Reporter(self._track, [])
-        track = validate(track_language(), reporter)
-        aircraft = validate(AircraftEntry, Reporter(self._aircraft, reporter.findings))
-        if track is None or aircraft is None:
-            raise InputError(reporter.findings)
+        track = _complete(self._entry, Reporter(self._track, []))
+        aircraft = validate(AircraftEntry, Reporter(self._aircraft, []))
         parameters: dict[str, Parameter[Race]] = {}
-        for path, value in (*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))):
+        for path, value in (*_numbers(track, ()), *_numbers(aircraft, (AIRCRAFT,))):
             key = dotted(path)
             parameters[key] = Parameter(key, value, partial(self._set, key))
         return parameters
@@ -79,7 +80,8 @@ class Variation:
         path: KeyPath = tuple(key.split("."))
         kind = AIRCRAFT if path[0] in PREFIXED else "track"
         override = [Override(kind, path[1:] if kind == AIRCRAFT else path, ScalarNode(PLACE, value))]
-        race, entry, track = self._race.by_rules, self._entry, Reporter(self._track, findings)
+        race, track = self._race.by_rules, Reporter(self._track, findings)
+        entry: TrackEntry | None = self._entry
         if kind == AIRCRAFT:
             changed = apply_overrides(self._aircraft, override, findings, AircraftEntry)
             aircraft = read_aircraft(Reporter(changed, findings, prefix=f"{AIRCRAFT}."))

@@ -76,6 +76,17 @@ def is_plain_text(text: str) -> bool:
         return False
 
 
+def quoted(text: str) -> str:
+    """Return a text as a double-quoted scalar, which is read back as this very text."""
+    letters = ""
+    for letter in text:
+        if letter in '"\\':
+            letters += "\\" + letter
+        else:
+            letters += letter if letter.isprintable() else f"\\U{ord(letter):08x}"
+    return f'"{letters}"'
+
+
 def _integer(text: str) -> int:
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
     # 20 digits are enough for every number of 64 bits; more would only take time to convert.

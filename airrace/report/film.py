@@ -18,29 +18,16 @@ from airrace.report.browser import HARDWARE, SOFTWARE, browser_path, page_in_bro
 from airrace.resources import extra
 from airrace.standard_streams import STANDARD
 
-
-@dataclass(frozen=True)
-class FilmDefaults:
-    """Sizes and times of films.
-
-    Attributes:
-        card: pixels of a card: what messengers and social media show of a link in full width (Open Graph).
-        hold: the time that the last picture of a whole race is held, s.
-        gif_share: of that, those of a GIF, which would be too large for a message.
-        rates: the least and the largest rate of pictures, 1/s.
-    """
-
-    card: tuple[int, int] = (1200, 630)
-    hold: float = 1.5
-    gif_share: float = 0.5
-    rates: tuple[float, float] = (1.0, 120.0)
-
-
-FILM = FilmDefaults()
+CARD_SIZE = (1200, 630)
+"""Pixels of a card: what messengers and social media show of a link in full width (Open Graph)."""
+FINISH_HOLD = 1.5
+"""The time for which the last picture of a whole race is held, s."""
 SIZES = {"16:9": (1280, 720), "9:16": (720, 1280), "1:1": (960, 960)}
-"""Pixels of a film by its format."""
+"""Pixels of a film by its format; a GIF, which would be too large for a message, has half of them either way."""
+PIXELS_MIN, PIXELS_MAX = 160, 3840
+RATE_MIN, RATE_MAX = 1.0, 120.0
+"""The range of pictures per second."""
 FILMS, CARDS = "films are drawn", "cards are drawn"
-SMALLEST, LARGEST = 160, 3840
 ENCODERS = {
     ".mp4": ("-c:v", "libx264", "-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"),
     ".gif": ("-filter_complex", "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"),
@@ -83,7 +70,7 @@ class FilmSettings:
         Raises:
             UsageError: nothing lies between begin and end, or the end lies beyond that moment.
         """
-        begin, last = 0.0 if self.begin is None else self.begin, duration + FILM.hold
+        begin, last = self.begin or 0.0, duration + FINISH_HOLD
         end = last if self.end is None else self.end
         if not 0.0 <= begin < min(end, duration):
             raise UsageError(
@@ -108,7 +95,7 @@ def film_settings(
     to: float | None = None,
     seconds: float | None = None,
 ) -> FilmSettings:
-    """Return the settings of a film by the words of its user, when all that it needs is installed.
+    """Return the settings of a film from the user's options.
 
     Args:
         path, view, format: the film, `.mp4` or `.gif`; one of `FilmView`; one of `SIZES`.
@@ -117,7 +104,7 @@ def film_settings(
         from_, to, seconds: the piece, on the clock of the race, s; None for all of it. A length excludes an end.
 
     Raises:
-        UsageError: an argument says nothing sensible, or Chromium or ffmpeg is not found.
+        UsageError: an option is not valid, or Chromium or ffmpeg is not found.
     """
     suffix = path.suffix.lower()
     if suffix not in ENCODERS:
@@ -126,18 +113,21 @@ def film_settings(
         raise UsageError(f"there is no view {view!r}; known are {', '.join(FilmView)}")
     if format not in SIZES:
         raise UsageError(f"there is no format {format!r}; known are {', '.join(SIZES)}, or a size such as 1920x1080")
-    share = FILM.gif_share if suffix == ".gif" else 1.0
-    width, height = (2 * round(share * pixels / 2) for pixels in SIZES[format])
+    width, height = SIZES[format]
+    rate = 30.0
+    if suffix == ".gif":
+        width, height, rate = width // 2, height // 2, 15.0
     if size is not None:
-        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
-        width, height = map(int, found.groups()) if found else (0, 0)
-        if not all(SMALLEST <= pixels <= LARGEST and pixels % 2 == 0 for pixels in (width, height)):
-            raise UsageError(f"{size} is no size: expected even numbers, {SMALLEST} to {LARGEST}, such as 1920x1080")
-    rate = fps if fps is not None else (15.0 if suffix == ".gif" else 30.0)
-    if not FILM.rates[0] <= rate <= FILM.rates[1]:
-        raise UsageError(
-            f"{rate:g} pictures per second: the rate must lie between {FILM.rates[0]:g} and {FILM.rates[1]:g}"
-        )
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
+        width, height = map(int, match.groups()) if match else (0, 0)
+        if not all(PIXELS_MIN <= pixels <= PIXELS_MAX and pixels % 2 == 0 for pixels in (width, height)):
+            raise UsageError(
+                f"{size} is no size: expected even numbers, {PIXELS_MIN} to {PIXELS_MAX}, such as 1920x1080"
+            )
+    if fps is not None:
+        rate = fps
+    if not RATE_MIN <= rate <= RATE_MAX:
+        raise UsageError(f"{rate:g} pictures per second: the rate must lie between {RATE_MIN:g} and {RATE_MAX:g}")
     if seconds is not None:
         if to is not None:
             raise UsageError("the end and the seconds of a film exclude each other")
@@ -160,11 +150,7 @@ def ffmpeg_path() -> str:
 
 
 def film_of(page: str, settings: FilmSettings, suffix: str, watch: Callable[[float], None] = lambda _: None) -> bytes:
-    """Return a film of the scene of a report.
-
-    Args:
-        page, settings, suffix: the report, see `film_settings`, `.mp4` or `.gif`.
-        watch: called after every picture with the share that is done.
+    """Return a film, `.mp4` or `.gif`, of the scene of a report; `watch` is called with the share that is done.
 
     Raises:
         UsageError: nothing lies between begin and end, or Chromium or ffmpeg is not found.
@@ -172,36 +158,36 @@ def film_of(page: str, settings: FilmSettings, suffix: str, watch: Callable[[flo
     """
     with (
         tempfile.TemporaryDirectory() as folder,
-        page_in_browser(page, FILMS, HARDWARE) as shown,
+        page_in_browser(page, FILMS, HARDWARE) as browser,
     ):
-        times = settings.times(float(shown.value("airrace.flights[0].duration")))
+        times = settings.times(float(browser.value("airrace.flights[0].duration")))
         file = Path(folder) / f"film{suffix.lower()}"
         command = [ffmpeg_path(), "-loglevel", "error", "-f", "image2pipe", "-c:v", "mjpeg"]
         command += ["-framerate", f"{settings.fps:g}", "-i", "-", *ENCODERS[suffix.lower()]]
         command += ["-fflags", "+bitexact", "-flags:v", "+bitexact", str(file)]
-        complaints = Path(folder) / "complaints"
+        output = Path(folder) / "output"
         try:
             with (
-                complaints.open("wb") as said,
-                subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as ffmpeg,
+                output.open("wb") as stream,
+                subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream) as ffmpeg,
             ):
                 assert ffmpeg.stdin is not None
                 for number, time in enumerate(times, start=1):
                     frame = json.dumps([time, settings.view, settings.width, settings.height])
-                    _ = ffmpeg.stdin.write(base64.b64decode(shown.value(f"airrace.film.frame(...{frame})")))
+                    _ = ffmpeg.stdin.write(base64.b64decode(browser.value(f"airrace.film.frame(...{frame})")))
                     watch(number / len(times))
             if ffmpeg.returncode == 0:
                 return file.read_bytes()
         except OSError as error:
-            raise StorageError(f"ffmpeg fails: {_last_line(complaints) or error}") from error
-        raise StorageError(f"ffmpeg fails: {_last_line(complaints) or f'exit code {ffmpeg.returncode}'}")
+            raise StorageError(f"ffmpeg fails: {_last_line(output) or error}") from error
+        raise StorageError(f"ffmpeg fails: {_last_line(output) or f'exit code {ffmpeg.returncode}'}")
 
 
 def ensure_card(path: Path) -> None:
-    """Find out now whether a card can be drawn into a file of this name; stdout takes PNG.
+    """Check whether a card can be drawn into a file of this name; stdout takes PNG.
 
     Raises:
-        UsageError: the name says no PNG, or Chromium is not found.
+        UsageError: the name does not end in .png, or Chromium is not found.
     """
     if path != STANDARD and path.suffix.lower() != ".png":
         raise UsageError(f"{path}: the name of a card must end in .png")
@@ -209,14 +195,14 @@ def ensure_card(path: Path) -> None:
 
 
 def card_of(page: str) -> bytes:
-    """Return a card of the first flight of a report as PNG, of `FILM.card` pixels; the same bits for the same report.
+    """Return a card of the first flight of a report as PNG, bit by bit the same for the same report.
 
     Raises:
         UsageError: Chromium is not found.
         StorageError: it fails.
     """
-    with page_in_browser(page, CARDS, SOFTWARE) as shown:
-        return base64.b64decode(shown.value(f"airrace.film.card({FILM.card[0]}, {FILM.card[1]})"))
+    with page_in_browser(page, CARDS, SOFTWARE) as browser:
+        return base64.b64decode(browser.value(f"airrace.film.card({CARD_SIZE[0]}, {CARD_SIZE[1]})"))
 
 
 def _last_line(path: Path) -> str:

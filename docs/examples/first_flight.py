@@ -1,4 +1,4 @@
-"""Fly a course that comes along, look at the answer, and keep it."""
+"""Fly a shipped course, look at the answer, and keep it."""
 
 import airrace
 

@@ -156,7 +156,7 @@ def test_a_batch_file_says_all_that_the_command_line_says_which_comes_before_it(
     job = plan.steps[-1].job
     assert job is not None
     assert job.until == "point-mass"
-    assert job.overrides[:2] == ("rules.n_z_max=9", "notes='12'")
+    assert job.overrides[:2] == ("rules.n_z_max=9", 'notes="12"')
     pc9 = ROOT / "configs" / "pc9.yaml"
     template = JobTemplate((pc9,), None, (), parse_sweeps(["environment.wind.speed_kt=7"]), "six-dof")
     (group,) = find_sources([str(batch)], template).groups

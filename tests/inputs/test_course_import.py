@@ -91,10 +91,8 @@ def test_whole_words_tell_what_a_placemark_is(name: str, subject: Subject | None
 
 
 def test_short_names_are_those_of_elements_but_words_come_first() -> None:
-    found = {
-        name: Placemark(name, PlacemarkShape.POINT).named_subject
-        for name in ("g4", "P 12", "7", "wp3a", "c", "quay", "vip")
-    }
+    names = ("g4", "P 12", "7", "wp3a", "c", "quay", "vip")
+    found = {name: Placemark(name, PlacemarkShape.POINT).named_subject for name in names}
     assert found == dict.fromkeys(("g4", "P 12", "7", "wp3a", "c"), Subject.ELEMENT) | {
         "quay": None,
         "vip": Subject.CROWD,

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, findings_of, understood
 
 from airrace.aircraft import Aircraft
@@ -17,6 +19,7 @@ from airrace.inputs.document import TRACKS
 from airrace.inputs.inputs import shorten
 from airrace.inputs.nodes import FINDINGS_MAX
 from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, document_of_objects, is_of_objects
+from airrace.inputs.overrides import parse_overrides, value_text
 from airrace.inputs.variation import Variation
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.quantities import Interval
@@ -428,3 +431,14 @@ def test_forged_objects_are_refused_with_a_sentence(objects: object) -> None:
     for read in (course_and_air_of, aircraft_of):
         with pytest.raises(InputError, match="does not hold"):
             read(forged)
+
+
+@given(st.text(max_size=30))
+@example("[a")
+@example(" a ")
+@example("'a'")
+@example("012")
+def test_any_text_is_set_as_this_very_text(text: str) -> None:
+    findings: list[Finding] = []
+    (override,) = parse_overrides([f"name={value_text(text)}"], findings)
+    assert (override.value.value, findings) == (text, [])

@@ -21,7 +21,7 @@ from airrace.cli.main import app
 from airrace.errors import StorageError, UsageError
 from airrace.report import browser, film
 from airrace.report.browser import page_in_browser, print_pdf
-from airrace.report.film import FILM, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
+from airrace.report.film import FINISH_HOLD, FilmSettings, FilmView, ensure_card, ffmpeg_path, film_settings
 
 MP4, GIF = Path("race.mp4"), Path("race.gif")
 
@@ -80,7 +80,7 @@ def test_pictures_lie_a_frame_apart_and_the_finish_is_held(fps: float) -> None:
     assert times[0] == 0.0
     assert np.diff(flown) == pytest.approx(1.0 / fps)
     assert times[-1] == 10.0
-    assert len(times) / fps == pytest.approx(10.0 + FILM.hold, abs=1.0 / fps)
+    assert len(times) / fps == pytest.approx(10.0 + FINISH_HOLD, abs=1.0 / fps)
 
 
 def test_a_piece_of_a_race_is_as_long_as_was_asked_for() -> None:
@@ -104,7 +104,7 @@ def test_a_film_that_goes_on_behind_the_finish_is_refused_with_the_last_instant(
 
 
 def test_the_end_of_a_film_may_be_that_of_the_whole_one() -> None:
-    assert settings(None, 10.0 + FILM.hold).times(10.0) == settings().times(10.0)
+    assert settings(None, 10.0 + FINISH_HOLD).times(10.0) == settings().times(10.0)
 
 
 @pytest.mark.usefixtures("installed")

@@ -29,7 +29,7 @@ from typer.testing import CliRunner
 from airrace import resources
 from airrace.cli.main import app
 from airrace.errors import UsageError
-from airrace.export.aircraft_model import aircraft_model, collada, glb
+from airrace.export.aircraft_model import collada, glb
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.fdr import fdr
@@ -182,8 +182,7 @@ def test_a_tour_looks_at_the_aircraft_from_behind_in_the_time_of_the_flight() ->
 @pytest.mark.parametrize("span", [7.43, 10.0])
 def test_models_of_aircraft_are_closed_and_their_noses_point_ahead(span: float) -> None:
     """Read by other programs: in glTF up is +Y and forward +Z, in COLLADA up is +Z and forward +Y."""
-    parts = aircraft_model(span)
-    for content, kind, axes in ((glb(parts), "glb", (2, 0, 1)), (collada(parts), "dae", (1, 0, 2))):
+    for content, kind, axes in ((glb(span), "glb", (2, 0, 1)), (collada(span), "dae", (1, 0, 2))):
         scene = trimesh.load(io.BytesIO(content), file_type=kind)
         forward, aside, up = (scene.bounds[:, axis] for axis in axes)
         assert (aside[0], aside[1]) == pytest.approx((-span / 2, span / 2), abs=1e-3)
@@ -202,7 +201,7 @@ def test_czml_carries_a_model_of_the_span() -> None:
     (moving,) = [packet for packet in json.loads(czml([one], BEGIN)) if "orientation" in packet]
     head, _, content = moving["model"]["gltf"].partition(",")
     assert head == "data:model/gltf-binary;base64"
-    assert base64.b64decode(content) == glb(aircraft_model(one.aircraft.airframe.b))
+    assert base64.b64decode(content) == glb(one.aircraft.airframe.b)
 
 
 def test_x_plane_shows_the_aircraft_that_is_named() -> None:
@@ -472,7 +471,7 @@ def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path
         (("--start", "yesterday"), "expected a time such as"),
     ],
 )
-def test_arguments_that_say_nothing_sensible_are_refused(tmp_path: Path, extra: tuple[str, ...], said: str) -> None:
+def test_invalid_arguments_are_refused(tmp_path: Path, extra: tuple[str, ...], said: str) -> None:
     code, error = run("kml", "none.h5", "--output", str(tmp_path / "a.kml"), *extra)
     assert code == 2
     assert said in error

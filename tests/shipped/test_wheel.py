@@ -50,6 +50,8 @@ def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -
         "airrace/__main__.py",
         "airrace/inputs/presets/rbar-2014.yaml",
         "airrace/inputs/templates/course.yaml",
+        "airrace/export/aircraft.glb",
+        "airrace/export/aircraft.dae",
         "airrace/native/airrace_native.so",
         "airrace/report/page.html",
         "airrace/report/script/main.js",
