@@ -15,15 +15,24 @@ from datetime import tzinfo
 import numpy as np
 
 from airrace.environment import g0
-from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, names_zone, parse_time, unwrap_days
+from airrace.logs.clocks import (
+    SINCE_1970_MIN,
+    TICKS,
+    find_tick,
+    guess_notation,
+    instant,
+    names_zone,
+    parse_time,
+    unwrap_days,
+)
 from airrace.logs.dialects import Dialect, dialect_of, plain_header
-from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
-from airrace.quantities import KNOT
+from airrace.logs.recording import EARTH_RADIUS, IDLE_MAX, Recording, SampleTable, enumerate_words, refuse
+from airrace.quantities import DEGREE, FOOT, KNOT
 from airrace.trajectory import Array
 
-_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+_ANGLE = {"deg": DEGREE, "rad": 1.0}
 _PLACE = {**_ANGLE, "arcmin": math.pi / 10800.0, "arcmin west": -math.pi / 10800.0, "1e-7 deg": 1e-7 * math.pi / 180.0}
-_LENGTH = {"m": 1.0, "ft": 0.3048, "km": 1000.0, "mm": 1e-3}
+_LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0, "mm": 1e-3}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
 _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
@@ -94,24 +103,14 @@ _SUFFIXED = re.compile(
 _DELIMITERS = (",", ";", "\t", "|")
 
 
-@dataclass(frozen=True)
-class CsvLimits:
-    """Where headers are looked for.
-
-    Attributes:
-        preamble: lines that may come before the headers.
-        header_letters: letters of the longest line of headers.
-        turn: a full turn, deg, beyond which the numbers of a place are no degrees.
-        rows_below: rows of units, sources and the like that may stand between the headers and the first sample.
-    """
-
-    preamble: int = 200
-    header_letters: int = 20_000
-    turn: float = 360.0
-    rows_below: int = 3
-
-
-CSV = CsvLimits()
+PREAMBLE_LINES = 200
+"""The number of lines that may come before the headers."""
+HEADER_LETTERS = 20_000
+"""The letters of the longest line of headers."""
+FULL_TURN = 360.0
+"""A full turn, deg, beyond which the numbers of a place are no degrees."""
+ROWS_BELOW = 3
+"""The number of rows of units, sources and the like that may stand between the headers and the first sample."""
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
@@ -159,7 +158,7 @@ class CsvColumn:
     def factor(self, numbers: Array) -> float:
         """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
         unit = self.unit
-        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > CSV.turn:
+        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > FULL_TURN:
             unit = "1e-7 deg"
         return self.field.units[unit or next(iter(self.field.units))]
 
@@ -279,7 +278,7 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         remarks += more
     if not zoned and layout.zone is None:
         remarks.append("times name no zone and are taken as UTC")
-    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > CLOCKS.since_1970)
+    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
     time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
     guessed = tuple(one.field.history for one in others if not one.unit)
     mapped = tuple(FIELDS[one].history for one in {**layout.scales, **layout.offsets})
@@ -304,8 +303,8 @@ def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator
     for at, line in numbered:
         if line.strip() and not line.startswith("#"):
             yield at, line
-        if at - len(samples.lines) > LIMITS.idle:
-            refuse(samples.path, at, f"has more than {LIMITS.idle} lines without a sample; cut the log to the flight")
+        if at - len(samples.lines) > IDLE_MAX:
+            refuse(samples.path, at, f"has more than {IDLE_MAX} lines without a sample; cut the log to the flight")
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -329,16 +328,16 @@ def _find_headers(
     """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])
-    for at, line in itertools.islice(numbered, CSV.preamble):
+    for at, line in itertools.islice(numbered, PREAMBLE_LINES):
         plain = line.strip().lstrip("\ufeff#%").strip()
-        if not plain or len(plain) > CSV.header_letters:
+        if not plain or len(plain) > HEADER_LETTERS:
             continue
         delimiter, headers = _split_headers(plain, layout)
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
             units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
-            for number in range(CSV.rows_below):
+            for number in range(ROWS_BELOW):
                 rest = list(itertools.islice(numbered, 1))
                 below = rest[0][1] if rest else ""
                 cells = _cells(below, delimiter)

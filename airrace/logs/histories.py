@@ -1,7 +1,6 @@
 """The histories of a recorded flight: what was measured, and what follows from the smoothed path."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,25 +16,14 @@ from airrace.results.derivation import complete_histories, wind_along
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Histories, History
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class HistorySettings:
-    """What is known between and beyond samples.
-
-    Attributes:
-        slowest: the speed below which a path has no direction, m/s.
-        hole: between two samples of a history, s, beyond which nothing is known between them.
-        steep: the climb angle beyond which a roll alone tells no bank, rad.
-        alpha_max: the largest angle of attack that is plausible, rad.
-    """
-
-    slowest: float = 1.0
-    hole: float = 0.5
-    steep: float = np.radians(60.0)
-    alpha_max: float = 0.35
-
-
-HISTORIES = HistorySettings()
+SPEED_MIN = 1.0
+"""The speed below which a path has no direction, m/s."""
+HOLE = 0.5
+"""The time between two samples of a history beyond which nothing is known between them, s."""
+STEEP = np.radians(60.0)
+"""The climb angle beyond which a roll alone tells no bank, rad."""
+ALPHA_MAX = 0.35
+"""The largest angle of attack that is plausible, rad."""
 DECLARATIONS = {
     **GLOSSARY,
     "x": Quantity("x", "m", text="north of the track's origin"),
@@ -94,7 +82,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
         race: course, aircraft and air.
         position, velocity, acceleration: north, east and up, m, m/s and m/s^2, each of shape (3, n).
     """
-    speed = np.maximum(np.linalg.norm(velocity, axis=0), HISTORIES.slowest)
+    speed = np.maximum(np.linalg.norm(velocity, axis=0), SPEED_MIN)
     e = velocity / speed
     force = acceleration + np.array([[0.0], [0.0], [g0]])
     along = np.sum(force * e, axis=0)
@@ -106,7 +94,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
     V_A = np.linalg.norm(_DOWN * velocity - wind_along(race.air, north, east, -up), axis=0)
     rho = np.asarray(density(-up, atmosphere_parameters(race.air)), np.float64).reshape(up.shape)
     body = race.aircraft.airframe
-    C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, HISTORIES.slowest) ** 2 * body.S)
+    C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, SPEED_MIN) ** 2 * body.S)
     values = {"x": north, "y": east, "height": up, "z": -up, "V_K": speed, "n_z": n_z, "n_x": along / g0}
     values |= zip(QUATERNION, attitude.quaternions(R), strict=True)
     return values | {"V_A": V_A, "C_L": C_L, "beta_A": np.zeros_like(C_L)}
@@ -127,13 +115,11 @@ def _recorded_attitude(
     axes = attitude.path_axes([derived[name] for name in QUATERNION])
     _, gamma, mu = attitude.euler_angles(axes)
     full, roll = np.isfinite(psi + theta + phi), np.isfinite(phi)
-    alpha = np.clip(
-        attitude.angle_of_attack(derived["C_L"], race.aircraft.lift), -HISTORIES.alpha_max, HISTORIES.alpha_max
-    )
+    alpha = np.clip(attitude.angle_of_attack(derived["C_L"], race.aircraft.lift), -ALPHA_MAX, ALPHA_MAX)
     a, b = np.cos(gamma) * np.cos(phi), np.sin(phi) * np.cos(alpha) * np.cos(gamma)
     c = np.sin(phi) * np.sin(alpha) * np.sin(gamma)
     turned = np.arctan2(b, a) - np.arcsin(np.clip(c / np.maximum(np.hypot(a, b), 1e-9), -1.0, 1.0)) - mu
-    turned = np.where(roll & ~full & (np.abs(gamma) < HISTORIES.steep), turned, 0.0)
+    turned = np.where(roll & ~full & (np.abs(gamma) < STEEP), turned, 0.0)
     x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
     y, z = np.cos(turned) * y + np.sin(turned) * z, np.cos(turned) * z - np.sin(turned) * y
     R_OB = _euler_axes(*(np.where(full, one, 0.0) for one in (psi, theta, phi)))
@@ -162,7 +148,7 @@ def _interpolate(recording: Recording, name: str, time: Array) -> Array:
     inside = (behind > 0) & (behind < len(at))
     gap = np.where(inside, at[np.clip(behind, 0, len(at) - 1)] - at[np.clip(behind - 1, 0, len(at) - 1)], np.inf)
     edge = np.minimum(np.abs(time - at[0]), np.abs(time - at[-1]))
-    found = np.where((gap <= HISTORIES.hole) | (edge <= 0.1), found, np.nan)
+    found = np.where((gap <= HOLE) | (edge <= 0.1), found, np.nan)
     return np.remainder(found + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else found
 
 

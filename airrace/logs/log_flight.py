@@ -12,38 +12,27 @@ from airrace.logs.histories import log_histories
 from airrace.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
 from airrace.logs.plausibility import height_bias, in_feet_if_so, plausible, roll_offsets
 from airrace.logs.recording import Recording, count_of, refuse
-from airrace.logs.smoothing import SMOOTHING, Path, smooth
+from airrace.logs.smoothing import DURATION_MAX, EDGE, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.race import Race
 from airrace.results import Flight, Source, TimedCrossing
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class ImportSettings:
-    """The settings of an import.
-
-    Attributes:
-        sampling: between two samples of the flight, s, as of an optimum's.
-        coarse: between the samples among which a run is looked for, s.
-        margin: what is smoothed before the first passing and behind the last one, s.
-        gap: beyond which samples have a gap between them, s, if they are `gap_factor` times farther apart than usual.
-        gap_factor: see above.
-        runs_max: the greatest number of runs whose start is in the remarks.
-        gaps_max: the greatest number of gaps with a remark of their own.
-    """
-
-    sampling: float = 0.02
-    coarse: float = 0.2
-    margin: float = 5.0
-    gap: float = 0.25
-    gap_factor: float = 2.5
-    runs_max: int = 12
-    gaps_max: int = 5
-
-
-IMPORT = ImportSettings()
+SAMPLING = 0.02
+"""The time between two samples of the flight, s, as of an optimum's."""
+COARSE_SAMPLING = 0.2
+"""That between the samples among which a run is looked for, s."""
+SMOOTHED_MARGIN = 5.0
+"""The time that is smoothed before the first passing and behind the last one, s."""
+GAP = 0.25
+"""The time beyond which samples have a gap between them, s, if they are also farther apart than usual."""
+GAP_FACTOR = 2.5
+"""By this factor."""
+RUNS_MAX = 12
+"""The greatest number of runs whose start is in the remarks."""
+GAPS_MAX = 5
+"""The greatest number of gaps with a remark of their own."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +81,11 @@ def flight_from_log(
         InputError: the recording does not pass the course, or has no such run.
     """
     framed, chosen, remarks = _choose_flight(recording, race, run)
-    if (duration := chosen.end - chosen.begin) > SMOOTHING.duration_max:
-        most = f"at most {SMOOTHING.duration_max:g} s are read"
+    if (duration := chosen.end - chosen.begin) > DURATION_MAX:
+        most = f"at most {DURATION_MAX:g} s are read"
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
     framed = in_feet_if_so(framed, race, chosen)
-    within = (framed.time >= chosen.begin - IMPORT.margin) & (framed.time <= chosen.end + IMPORT.margin)
+    within = (framed.time >= chosen.begin - SMOOTHED_MARGIN) & (framed.time <= chosen.end + SMOOTHED_MARGIN)
     return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
 
 
@@ -113,7 +102,7 @@ def flight_of_part(
     if np.isfinite(places[2]).sum() < 2:
         refuse(part.path, 0, "tells no heights on the course")
     path = smooth(placed.time, places, noise, least)
-    fine = path.time[0] + IMPORT.sampling * np.arange(int((path.time[-1] - path.time[0]) / IMPORT.sampling) + 1)
+    fine = path.time[0] + SAMPLING * np.arange(int((path.time[-1] - path.time[0]) / SAMPLING) + 1)
     (x, y, _), _, _ = path.at(fine)
     again = find_runs(race, fine, x, y)
     if not again:
@@ -175,8 +164,8 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
     index = found.index(best) if wanted is None else wanted - 1
     if len(found) == 1:
         return found[0], ()
-    begins, own = ", ".join(f"{one.begin:.1f}" for one in found[: IMPORT.runs_max]), ""
-    if len(found) > IMPORT.runs_max:
+    begins, own = ", ".join(f"{one.begin:.1f}" for one in found[:RUNS_MAX]), ""
+    if len(found) > RUNS_MAX:
         begins, own = f"{begins}, ...", f", which begins at {found[index].begin:.1f} s"
     remark = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
     return found[index], (f"{remark}{own}",)
@@ -185,7 +174,7 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
 def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
     """Return time, north and east on a coarse path, which goes straight on where the log ends."""
     placed = framed.select(np.isfinite(framed.columns["x"]) & np.isfinite(framed.columns["y"]))
-    step, edge = IMPORT.coarse, SMOOTHING.edge
+    step, edge = COARSE_SAMPLING, EDGE
     rows = np.flatnonzero(np.diff(np.floor(placed.time / step), prepend=-np.inf) > 0.0)
     rows = np.unique([*rows.tolist(), len(placed.time) - 1])
     inside = placed.time[rows]
@@ -205,7 +194,7 @@ def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
 def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str) -> Flight:
     """Return the flight from the first passing to the last one; its time axis holds all passings."""
     own = np.array([one.time for one in run.made])
-    between = np.arange(run.begin, run.end, IMPORT.sampling)
+    between = np.arange(run.begin, run.end, SAMPLING)
     time = np.unique(np.concatenate([between[np.min(np.abs(between[:, None] - own), axis=1) > 1e-6], own]))
     histories = log_histories(race, part, path, time)
     flight = Flight(race, Source(label, remark="flown"), time - run.begin, histories, ())
@@ -261,11 +250,11 @@ def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, St
     if count := int(path.outliers.sum()):
         first = int(part.lines[path.outliers][0])
         remarks.append(f"{count_of(count, 'outlier')} left out, the first one in line {first}")
-    gaps = np.flatnonzero((steps > IMPORT.gap) & (steps > IMPORT.gap_factor * usual))
-    for row in gaps[: IMPORT.gaps_max].tolist():
+    gaps = np.flatnonzero((steps > GAP) & (steps > GAP_FACTOR * usual))
+    for row in gaps[:GAPS_MAX].tolist():
         remarks.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")
-    if len(gaps) > IMPORT.gaps_max:
-        remarks.append(f"and {len(gaps) - IMPORT.gaps_max} more gaps")
+    if len(gaps) > GAPS_MAX:
+        remarks.append(f"and {len(gaps) - GAPS_MAX} more gaps")
     missing = [one.name for one in flight.crossings if not one.found]
     if missing:
         remarks.append(f"not passed: {', '.join(missing)}")

@@ -23,7 +23,7 @@ import numpy as np
 from airrace.logs.clocks import instant, iso_seconds
 from airrace.logs.csv_log import ColumnLayout, read_csv
 from airrace.logs.recorders import FIX, read_acmi, read_fit, read_igc
-from airrace.logs.recording import LIMITS, Recording, SampleTable, refuse
+from airrace.logs.recording import DEPTH_MAX, GPX_SIZE_MAX, LINE_MAX, SIZE_MAX, Recording, SampleTable, refuse
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 logger = logging.getLogger(__name__)
@@ -82,9 +82,9 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
             encoding = _encoding(first)
             plain = first.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
             if plain.startswith("<"):
-                content = file.read(LIMITS.gpx_size + 1)
-                if len(content) > LIMITS.gpx_size:
-                    refuse(name, 0, f"is larger than {LIMITS.gpx_size // 1024**2} MiB; cut the log to the flight")
+                content = file.read(GPX_SIZE_MAX + 1)
+                if len(content) > GPX_SIZE_MAX:
+                    refuse(name, 0, f"is larger than {GPX_SIZE_MAX // 1024**2} MiB; cut the log to the flight")
                 return read_gpx(name, content.lstrip(), known.zone)
             if plain.startswith("FileType=text/acmi"):
                 return read_acmi(name, _lines(name, file, encoding), aircraft)
@@ -102,17 +102,17 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
 
 
 def _open(path: Path) -> BinaryIO:
-    large = f"is larger than {LIMITS.size // 1024**3} GiB; cut the log to the flight"
+    large = f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight"
     if path == STANDARD:
-        content = read_bytes(path, LIMITS.size + 1)
-        if len(content) > LIMITS.size:
+        content = read_bytes(path, SIZE_MAX + 1)
+        if len(content) > SIZE_MAX:
             refuse(name_of(path), 0, large)
         return io.BytesIO(content)
     # A named pipe without a writer would block a plain open.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     status = os.fstat(descriptor)
     regular = stat.S_ISREG(status.st_mode)
-    if not regular or status.st_size > LIMITS.size:
+    if not regular or status.st_size > SIZE_MAX:
         os.close(descriptor)
         refuse(str(path), 0, large if regular else "is not a file")
     return open(descriptor, "rb")
@@ -137,12 +137,12 @@ def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
     number, size = 0, 0
     text = io.TextIOWrapper(cast(BinaryIO, file), encoding, errors="replace", newline=None)
     try:
-        while line := text.readline(LIMITS.line):
+        while line := text.readline(LINE_MAX):
             number, size = number + 1, size + len(line)
-            if len(line) >= LIMITS.line:
+            if len(line) >= LINE_MAX:
                 refuse(path, number, "has a line without end; is this a text file?")
-            if size > LIMITS.size:
-                refuse(path, number, f"is larger than {LIMITS.size // 1024**3} GiB unpacked; cut the log to the flight")
+            if size > SIZE_MAX:
+                refuse(path, number, f"is larger than {SIZE_MAX // 1024**3} GiB unpacked; cut the log to the flight")
             yield line
     finally:
         with contextlib.suppress(ValueError):  # it may be closed already
@@ -227,8 +227,8 @@ def _parse(
     def begin(name: str, attributes: Mapping[str, str]) -> None:
         nonlocal depth, inside
         tag, depth = name.rpartition(" ")[2], depth + 1
-        if depth > LIMITS.depth:
-            refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {LIMITS.depth} deep")
+        if depth > DEPTH_MAX:
+            refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {DEPTH_MAX} deep")
         if inside or not only or tag == only:
             inside += 1
             builder.start(tag, dict(attributes))

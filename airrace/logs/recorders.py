@@ -16,7 +16,17 @@ import numpy as np
 
 from airrace.errors import InputError
 from airrace.logs.clocks import instant, unwrap_days
-from airrace.logs.recording import LIMITS, Recording, SampleTable, count_of, enumerate_words, refuse
+from airrace.logs.recording import (
+    IDLE_MAX,
+    LINE_MAX,
+    OBJECTS_MAX,
+    TEXT_MAX,
+    Recording,
+    SampleTable,
+    count_of,
+    enumerate_words,
+    refuse,
+)
 from airrace.resources import extra
 from airrace.trajectory import Array
 
@@ -64,8 +74,8 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
                 date = datetime(2000 + year if year < 80 else 1900 + year, month, day, tzinfo=UTC).timestamp()
             except ValueError:
                 samples.leave_out(number, f"{day:02}{month:02}{year:02} is no date (day, month, year)", "HFDTE")
-        if number - len(samples.lines) > LIMITS.idle:
-            refuse(path, number, f"has more than {LIMITS.idle} lines without a fix; cut the log to the flight")
+        if number - len(samples.lines) > IDLE_MAX:
+            refuse(path, number, f"has more than {IDLE_MAX} lines without a fix; cut the log to the flight")
     numbers, (clock, latitude, longitude, gnss, baro, valid) = samples.arrays("holds no fixes (B records)")
     remarks = list(samples.remarks)
     if not np.any(gnss):
@@ -155,7 +165,7 @@ class _RecordedObject:
             elif key in _PROPERTIES:
                 self.now[_COLUMNS.index(_PROPERTIES[key])] = faults.number(line, value, key)
             elif key in (*_NAMES, "Type"):
-                self.properties[key] = value[: LIMITS.text]
+                self.properties[key] = value[:TEXT_MAX]
 
     @property
     def names(self) -> list[str]:
@@ -189,8 +199,8 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
     read = SampleTable(path, 0)  # of all objects
     time = 0.0
     for number, line in _logical_lines(lines):
-        if number - len(read.lines) > LIMITS.idle:
-            refuse(path, number, f"has more than {LIMITS.idle} lines without a place; cut the log to the flight")
+        if number - len(read.lines) > IDLE_MAX:
+            refuse(path, number, f"has more than {IDLE_MAX} lines without a place; cut the log to the flight")
         if number == 1 and line != "FileType=text/acmi/tacview":
             refuse(path, 1, "is no ACMI recording: expected `FileType=text/acmi/tacview` in the first line")
         if number == 2 and not line.startswith("FileVersion=2."):
@@ -202,14 +212,14 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
             time = time if math.isnan(seconds) else seconds
             continue
         name, *parts = line.replace("\\,", "\0").split(",")  # commas behind a backslash belong to a value
-        name = name.strip().lower()[: LIMITS.text]
+        name = name.strip().lower()[:TEXT_MAX]
         properties = {key: value for key, _, value in (one.replace("\0", ",").partition("=") for one in parts)}
         if name == "0":
-            common |= {key: properties[key][: LIMITS.text] for key in _COMMON if key in properties}
+            common |= {key: properties[key][:TEXT_MAX] for key in _COMMON if key in properties}
             continue
         if name not in objects:
-            if len(objects) >= LIMITS.objects:
-                refuse(path, number, f"holds more than {LIMITS.objects} objects; cut the log to the flight")
+            if len(objects) >= OBJECTS_MAX:
+                refuse(path, number, f"holds more than {OBJECTS_MAX} objects; cut the log to the flight")
             objects[name] = _RecordedObject()
         one = objects[name]
         one.update(read, number, properties)
@@ -244,7 +254,7 @@ def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
         interrupted = False
         continues = (len(line) - len(line.rstrip("\\"))) % 2 == 1
         begun, length = (begun if parts else number), length + len(line)
-        if continues and length < LIMITS.line:
+        if continues and length < LINE_MAX:
             parts.append(line[:-1])
             continue
         yield begun, "\n".join([*parts, line])
@@ -321,8 +331,8 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
                 if not isinstance(frame, fitdecode.FitDataMessage) or frame.name != "record":
                     continue
                 number += 1
-                if number - len(samples.lines) > LIMITS.idle:
-                    refuse(path, number, f"has more than {LIMITS.idle} records without a place")
+                if number - len(samples.lines) > IDLE_MAX:
+                    refuse(path, number, f"has more than {IDLE_MAX} records without a place")
                 _append(samples, number, {one.name: one.value for one in frame.fields})
     except InputError:
         raise

@@ -17,33 +17,22 @@ from numpy.typing import NDArray
 from airrace.errors import Finding, InputError
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class LogLimits:
-    """The largest logs that are read.
-
-    Attributes:
-        size: bytes of a file, unpacked.
-        gpx_size: bytes of a GPX file, which is held in memory.
-        line: bytes of a line.
-        samples: their number; 83 hours at 20 Hz.
-        idle: lines that hold no sample.
-        objects: of an ACMI recording.
-        text: letters of what an ACMI recording tells of an object.
-        depth: of elements within elements of an XML document.
-    """
-
-    size: int = 1024**3
-    gpx_size: int = 256 * 1024**2
-    line: int = 1_000_000
-    samples: int = 6_000_000
-    idle: int = 1_000_000
-    objects: int = 10_000
-    text: int = 200
-    depth: int = 200
-
-
-LIMITS = LogLimits()
+SIZE_MAX = 1024**3
+"""The largest file, unpacked, bytes."""
+GPX_SIZE_MAX = 256 * 1024**2
+"""The largest GPX file, which is held in memory, bytes."""
+LINE_MAX = 1_000_000
+"""The longest line, bytes."""
+SAMPLES_MAX = 6_000_000
+"""The greatest number of samples: 83 hours at 20 Hz."""
+IDLE_MAX = 1_000_000
+"""The greatest number of lines that hold no sample."""
+OBJECTS_MAX = 10_000
+"""The greatest number of objects of an ACMI recording."""
+TEXT_MAX = 200
+"""The letters of what an ACMI recording tells of an object, at most."""
+DEPTH_MAX = 200
+"""The depth of elements within elements of an XML document, at most."""
 EARTH_RADIUS = 6.371e6
 """Near enough for speeds and deviations, m."""
 LARGEST = 1e18
@@ -136,8 +125,8 @@ class SampleTable:
 
     def append(self, line: int, *values: float) -> None:
         """Add a sample; refuse it where there are too many."""
-        if len(self.lines) >= LIMITS.samples:
-            refuse(self.path, line, f"holds more than {LIMITS.samples} {self._what}s; cut the log to the flight")
+        if len(self.lines) >= SAMPLES_MAX:
+            refuse(self.path, line, f"holds more than {SAMPLES_MAX} {self._what}s; cut the log to the flight")
         self.lines.append(line)
         for column, value in zip(self.columns, values, strict=True):
             column.append(value)
@@ -210,24 +199,14 @@ class LogFault:
         return f"{counted} left out, the first one in line {self.line}: {self.message.partition(';')[0]}"
 
 
-@dataclass(frozen=True)
-class FreshnessSettings:
-    """When numbers of a log are repeated ones.
-
-    Attributes:
-        values_max: values that are looked at.
-        repeated: share of measurements that fill more than one row, from which on repeated numbers are no chance.
-        gap: times the usual step between rows, beyond which rows are missing.
-        leap: steps by which a held number leaps when it changes; one that is written coarsely moves by one or two.
-    """
-
-    values_max: int = 200_000
-    repeated: float = 0.05
-    gap: float = 1.5
-    leap: float = 3.0
-
-
-FRESHNESS = FreshnessSettings()
+VALUES_MAX = 200_000
+"""The number of values that are looked at for repeated ones."""
+REPEATED_SHARE = 0.05
+"""The share of measurements that fill more than one row from which on repeated numbers are no chance."""
+GAP_FACTOR = 1.5
+"""The multiple of the usual step between rows beyond which rows are missing."""
+LEAP = 3.0
+"""The steps by which a held number leaps when it changes; one that is written coarsely moves by one or two."""
 
 
 def resolution(values: Array) -> float:
@@ -238,7 +217,7 @@ def resolution(values: Array) -> float:
     Args:
         values: shape (n,); NaN where nothing is known.
     """
-    every = max(1, len(values) // FRESHNESS.values_max)
+    every = max(1, len(values) // VALUES_MAX)
     found = np.unique(values[::every][np.isfinite(values[::every])])
     if len(found) < 10:
         return 0.0
@@ -271,17 +250,17 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     count = int(values.shape[1])
     starts = np.flatnonzero(np.any(np.diff(values, axis=1, prepend=np.inf) != 0.0, axis=0))
     runs = np.diff(starts, append=count)
-    if len(runs) < 10 or np.mean(runs > 1) < FRESHNESS.repeated:
+    if len(runs) < 10 or np.mean(runs > 1) < REPEATED_SHARE:
         return np.zeros(count, bool)
     leaps = np.abs(np.diff(values[:, starts], axis=1))
     steps = np.array([resolution(one) for one in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nanmax(np.where(leaps > 0.0, leaps / steps[:, None], 0.0), axis=0)
-    if np.median(relative) < FRESHNESS.leap:
+    if np.median(relative) < LEAP:
         return np.zeros(count, bool)
     usual = int(np.percentile(runs, 99.0, method="lower"))
     place = np.arange(count) - np.repeat(starts, runs)
     took = np.diff(time, prepend=time[0])
-    resumed = (took[starts] > FRESHNESS.gap * np.median(took)) & (runs != usual)
+    resumed = (took[starts] > GAP_FACTOR * np.median(took)) & (runs != usual)
     place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
     return np.asarray(place % usual != 0, np.bool_)
