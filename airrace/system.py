@@ -62,7 +62,7 @@ class System:
     projection: ca.Function | None = None
 
     def __post_init__(self) -> None:
-        states = {one.name for one in self.states}
+        states = {state.name for state in self.states}
         for one in (*self.states, *self.controls):
             if one.rate_of and one.rate_of not in states:
                 raise ValueError(f"{one.name} is declared to be the rate of {one.rate_of}, which is no state")
@@ -243,15 +243,15 @@ def with_linear_controls(system: System, names: Collection[str] | None = None, *
     Raises:
         ValueError: a name is not that of a control.
     """
-    chosen = [one for one in system.controls if names is None or one.name in names]
+    chosen = [control for control in system.controls if names is None or control.name in names]
     if unknown := set(names or ()) - {one.name for one in chosen}:
         raise ValueError(f"system {system.name!r} has no controls {', '.join(sorted(unknown))}")
-    held = [one for one in system.controls if one not in chosen]
+    held = [control for control in system.controls if control not in chosen]
     n_x, n_p = len(system.states), len(system.parameters)
     x, u, p = ca.SX.sym("x", n_x + len(chosen)), ca.SX.sym("u", len(system.controls)), ca.SX.sym("p", n_p)
     values, inputs, rates = x[n_x:], u[: len(held)], u[len(held) :]
     place = {one.name: number for group in (chosen, held) for number, one in enumerate(group)}
-    control = _vertcat(*[(values if one in chosen else inputs)[place[one.name]] for one in system.controls])
+    control = _vertcat(*[(values if control in chosen else inputs)[place[control.name]] for control in system.controls])
     path, projection = system.path_values, system.projection
     rate_quantities = [
         Quantity(f"{one.name}_dot", f"{one.unit}/s", one.scale / seconds, text=f"rate of {one.text or one.name}")

@@ -96,9 +96,9 @@ class Plant:
     def motion(self, x: Named, u: Named | None = None) -> tuple[Named, LoadFactors[Scalar]]:
         """Return rates, load factors and roll rate in the state `x` with the controls `u`, zero where not given."""
         system = self.system
-        controls = [(u or {}).get(one.name, 0.0) for one in system.controls]
+        controls = [(u or {}).get(control.name, 0.0) for control in system.controls]
         values = system.rates(column(x.values()), column(controls), self._numbers)
-        rates: Named = {one.name: values[row] for row, one in enumerate(system.states)}
+        rates: Named = {state.name: values[row] for row, state in enumerate(system.states)}
         state, change = (
             FlightPathState[Scalar](**{name: of[name] for name in FlightPathState.names()}) for of in (x, rates)
         )
@@ -135,7 +135,7 @@ class Plant:
         controls: Named = {}
         for name, value in wanted.items():
             state = quantity_named(self.system.states, name)
-            control = next(one for one in self.system.controls if one.rate_of == name)
+            control = next(control for control in self.system.controls if control.rate_of == name)
             inside = clip(value, state.lower, state.upper)
             controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
         return controls
@@ -143,7 +143,7 @@ class Plant:
     def controller(self, wanted: Named, settled: Named) -> InnerController:
         """Return the controller that drives the states in `wanted` to their values, and settles those in `settled`."""
         controls = self.following(wanted) | {"delta_T_cmd": self.throttle()}
-        u = column(controls.get(one.name, 0.0) for one in self.system.controls)
+        u = column(controls.get(control.name, 0.0) for control in self.system.controls)
         arguments = [column(self.x.values()), column(self.commands.join())]
         return InnerController(
             controls=ca.Function("controls", arguments, [u], {"cse": True}),
@@ -161,7 +161,7 @@ class Plant:
 
 def quantity_named(quantities: Sequence[Quantity], name: str) -> Quantity:
     """Return the declaration of the quantity `name`."""
-    return next(one for one in quantities if one.name == name)
+    return next(quantity for quantity in quantities if quantity.name == name)
 
 
 def within_bounds(system: System, name: str, value: Scalar) -> Scalar:
@@ -329,7 +329,7 @@ def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
 
 def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
     """Return `n''_des` (g/s2) of the load factor `name`, which is commanded by the state `by`."""
-    rate = next(one.name for one in plant.system.states if one.rate_of == name)
+    rate = next(state.name for state in plant.system.states if state.rate_of == name)
     w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
     return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
 

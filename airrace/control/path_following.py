@@ -130,7 +130,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     rates = at_points(system.rates, state, control, p)
     load = LoadFactors[Array].split(at_points(load_factors(system), state, control, p))
     own = {one.name: row for one, row in zip((*system.states, *system.controls), [*state, *control], strict=True)}
-    rate_of = {one.name: row for one, row in zip(system.states, rates, strict=True)}
+    rate_of = {state.name: row for state, row in zip(system.states, rates, strict=True)}
     R: list[list[Array]] = rotation([own[name] for name in QUATERNION])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)

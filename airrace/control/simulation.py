@@ -150,9 +150,11 @@ def trim_along(
     rates = {one.name: np.diff(row) / np.diff(nodes) for one, row in zip(model.system.states, state, strict=True)}
     held = {"delta_T_cmd": here.delta_T, "Phi_reset": here.Phi_reset, "gain_reset": here.gain_reset}
 
-    def control(one: Quantity) -> Array:
-        values = rates[one.rate_of] if one.rate_of else 0.5 * (held[one.name][1:] + held[one.name][:-1])
-        return np.clip(values, one.lower, one.upper)
+    def control(quantity: Quantity) -> Array:
+        values = (
+            rates[quantity.rate_of] if quantity.rate_of else 0.5 * (held[quantity.name][1:] + held[quantity.name][:-1])
+        )
+        return np.clip(values, quantity.lower, quantity.upper)
 
     return state, np.stack([control(one) for one in model.system.controls])
 
@@ -171,7 +173,7 @@ def trimmed_states(system: System, inner: InnerController, here: ReferencePoint[
     V_K = np.linalg.norm(np.stack(here.velocity), axis=0)
     known = dict(zip(ReferencePoint.names(), here.join(), strict=True)) | {"V_K": V_K}
     shared = (*PoweredState.names(), *RollCounter.names())  # by all models
-    x = np.stack([known[one.name] if one.name in shared else nothing for one in system.states])
+    x = np.stack([known[state.name] if state.name in shared else nothing for state in system.states])
     commands = Commands[Array](
         n_x=nothing,
         delta_T_dot=nothing,
@@ -266,7 +268,7 @@ def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate:
         for name in ("Phi", "gain")
         if name in x
     }
-    return column(wound.get(one.name, 0.0) for one in system.controls)
+    return column(wound.get(control.name, 0.0) for control in system.controls)
 
 
 def _lookup(reference: Reference) -> ca.Function:
@@ -286,11 +288,11 @@ def _controls(system: System, samples: _Simulated, time: Array, state: Array) ->
     """
     rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
     controls: list[Array] = []
-    for one, recorded in zip(system.controls, samples.control, strict=True):
-        if one.rate_of:
-            moved = rows[one.rate_of]
+    for control, recorded in zip(system.controls, samples.control, strict=True):
+        if control.rate_of:
+            moved = rows[control.rate_of]
         else:
             sums = np.append(0.0, np.cumsum(0.5 * (recorded[1:] + recorded[:-1]) * np.diff(samples.time)))
             moved = np.where(np.isnan(time), np.nan, np.interp(time, samples.time, sums))
-        controls.append(np.clip(np.diff(moved) / np.diff(time), one.lower, one.upper))
+        controls.append(np.clip(np.diff(moved) / np.diff(time), control.lower, control.upper))
     return np.stack(controls)

@@ -182,7 +182,7 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     """
     x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
     state = _pick(of.vectors[0], x)
-    weather = Weather(_pick(AtmosphereParameters, p), of.wind, [p[one.name] for one in of.wind.parameters])
+    weather = Weather(_pick(AtmosphereParameters, p), of.wind, [p[parameter.name] for parameter in of.wind.parameters])
     control, aircraft = _pick(of.vectors[1], u), _pick(of.numbers, p)
     rates, path_values = of.equations(state, control, aircraft=aircraft, weather=weather)
     all_rates = list(rates.join())

@@ -189,5 +189,5 @@ def lateral_modes(aircraft: Aircraft, V: float) -> NDArray[np.complex128]:
         * np.array([numbers.C_Ybeta, numbers.C_Yp * numbers.b / (2.0 * V), numbers.C_Yr * numbers.b / (2.0 * V)])
     )
     columns = (motion.beta, motion.p, motion.r)
-    matrix = np.array([turn - [0.0, 0.0, 1.0], [one[0] for one in columns], [one[1] for one in columns]])
+    matrix = np.array([turn - [0.0, 0.0, 1.0], [column[0] for column in columns], [column[1] for column in columns]])
     return np.linalg.eigvals(matrix).astype(np.complex128)

@@ -252,7 +252,7 @@ def settled_observation(model: FlightModel) -> Observation:
         assert system.path_values is not None  # models with angles have load factors among their path quantities
         row = [one.name for one in system.path].index("n_y")
         n_y = system.path_values(*arguments).elements()[row]
-    declared = [_rate(one) for name in model.at_rest for one in system.states if one.name == name]
+    declared = [_rate(state) for name in model.at_rest for state in system.states if state.name == name]
     values = column([g0 * n_y, *(rates[name] for name in model.at_rest)])
     return _observation("settled", [SIDE_ACCELERATION, *declared], x, system.parameters, p, values)
 

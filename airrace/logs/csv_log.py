@@ -36,7 +36,7 @@ _LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0, "mm": 1e-3}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
 _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
-_NUMBERS = {"unix": "s", "unix ms": "ms", **{one: one for one in TICKS}}
+_NUMBERS = {"unix": "s", "unix ms": "ms", **{tick: tick for tick in TICKS}}
 
 
 @dataclass(frozen=True)
@@ -222,8 +222,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     """
     numbered = enumerate(lines, 1)
     delimiter, columns, instance, rest = _find_headers(path, numbered, layout)
-    timed = next(one for one in columns if one.field.name == "time")
-    others = [one for one in columns if one is not timed]
+    timed = next(column for column in columns if column.field.name == "time")
+    others = [column for column in columns if column is not timed]
     samples, zoned = SampleTable(path, 1 + len(others)), True
     said = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
     notation = said
@@ -240,7 +240,9 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
                 samples.leave_out(at, f"is of another receiver than {receiver}", "receiver")
                 continue
         when, *cells = [row[index].strip() if index < len(row) else "" for index in indices]
-        if commas or (delimiter != "," and not any("." in cell for cell in cells) and any("," in one for one in cells)):
+        if commas or (
+            delimiter != "," and not any("." in cell for cell in cells) and any("," in cell for cell in cells)
+        ):
             when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
         if not notation and when:
             notation = guess_notation(when)
@@ -341,22 +343,22 @@ def _find_headers(
                 rest = list(itertools.islice(numbered, 1))
                 below = rest[0][1] if rest else ""
                 cells = _cells(below, delimiter)
-                if len(cells) > max(one.index for one in columns) and any(
-                    _is_number(cells, one.index) for one in columns
+                if len(cells) > max(column.index for column in columns) and any(
+                    _is_number(cells, column.index) for column in columns
                 ):
                     break
                 units = cells if below.strip() and not number else units  # else sources, or headers once more
                 rest = []
-            dialect, plain = dialect_of(headers), [plain_header(one) for one in headers]
+            dialect, plain = dialect_of(headers), [plain_header(header) for header in headers]
             instance = plain.index(dialect.instance) if dialect and dialect.instance in plain else -1
-            return delimiter, [_with_unit(one, units) for one in columns], instance, rest
+            return delimiter, [_with_unit(column, units) for column in columns], instance, rest
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
         above = line, headers
     _, at, headers = best
     if not headers:
         refuse(path, 0, "has no column of time: it holds no row of headers")
-    there = {one.field.name for one in _match(headers, layout)}
+    there = {column.field.name for column in _match(headers, layout)}
     words = enumerate_words(headers)
     if missing := next((name for name in layout.columns if name not in there), None):
         refuse(path, at, f"has no column `{layout.columns[missing][:60]}` for {missing}; its columns are {words}")
@@ -365,11 +367,13 @@ def _find_headers(
 
 
 def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
-    likely = sorted((one for one in _DELIMITERS if one in line), key=line.count, reverse=True) or [" "]
+    likely = sorted((delimiter for delimiter in _DELIMITERS if delimiter in line), key=line.count, reverse=True) or [
+        " "
+    ]
     if layout.delimiter:
         likely = [layout.delimiter]
     readings = [(one, [cell.strip() for cell in _cells(line, one)]) for one in likely]
-    return next((one for one in readings if dialect_of(one[1]) is not None), readings[0])
+    return next((reading for reading in readings if dialect_of(reading[1]) is not None), readings[0])
 
 
 def _is_number(cells: Sequence[str], index: int) -> bool:
@@ -392,12 +396,12 @@ def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     """Return the columns that the mapping names, or that are recognised where there is none."""
     found: dict[str, CsvColumn] = {}
     if "time" not in layout.columns and (dialect := dialect_of(headers)) is not None:
-        found = {one.field.name: one for one in _columns_of(dialect, headers)}
+        found = {column.field.name: column for column in _columns_of(dialect, headers)}
     elif not layout.columns:
         for index, header in enumerate(headers):
             if (own := recognise(header)) is not None:
                 found.setdefault(own[0].name, CsvColumn(index, header, *own))
-    plain = [" ".join(one.split()) for one in headers]
+    plain = [" ".join(header.split()) for header in headers]
     bases = [split_unit(one)[0] for one in plain]
     for name, text in layout.columns.items():
         known, (base, unit) = FIELDS[name], split_unit(text)
@@ -417,7 +421,7 @@ def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
 
 def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
     """Return the columns of a dialect that are there; a unit in a header counts more than that of the dialect."""
-    plain, found = [plain_header(one) for one in headers], list[CsvColumn]()
+    plain, found = [plain_header(header) for header in headers], list[CsvColumn]()
     for name, candidates in dialect.columns.items():
         if there := next(((header, unit) for header, unit in candidates if header in plain), None):
             index, known = plain.index(there[0]), FIELDS[name]
@@ -428,7 +432,7 @@ def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
 
 def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:
     """Return what columns lack for a log, and how one would name it; both empty where nothing is lacking."""
-    found = {one.field.name for one in columns}
+    found = {column.field.name for column in columns}
     if "time" not in found:
         return "column of time; its", "'time=TIME'"
     if not ({"latitude", "longitude"} <= found or {"north", "east"} <= found):

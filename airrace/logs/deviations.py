@@ -105,9 +105,9 @@ def deviations_of(
     accuracy = part.accuracy
     zero = math.hypot(bias, BAROMETER if part.barometric else 0.0, VERTICAL_RATIO * accuracy)
     straight = {
-        one.time: max(abs(math.cos(one.value("chi") - axes[one.name])), COSINE_MIN)
-        for one in flight.crossings
-        if one.found and one.name in axes
+        crossing.time: max(abs(math.cos(crossing.value("chi") - axes[crossing.name])), COSINE_MIN)
+        for crossing in flight.crossings
+        if crossing.found and crossing.name in axes
     }
     half_span = 0.5 * flight.aircraft.airframe.b
     places = part.time[np.isfinite(part.columns["x"])]

@@ -178,7 +178,7 @@ def estimate_factors(aircraft: Aircraft, air: Air, paths: Sequence[RecordedPath]
     hidden = np.sqrt(np.diag(covariance))[:FACTORS] > VISIBLE_DEVIATION
     if hidden.any() and not hidden.all():
         values, covariance = _solve(step, paths, hidden)
-    colour = max(one.colour for one in paths)
+    colour = max(path.colour for path in paths)
     factors = np.where(hidden, 0.0, values[:FACTORS])
     return Estimate(factors, ~hidden, values[FACTORS:].reshape(-1, 2), colour**2 * covariance)
 

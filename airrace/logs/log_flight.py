@@ -110,11 +110,15 @@ def flight_of_part(
     final = max(again, key=lambda one: len(one.made))
     part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
-    axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
+    axes = {
+        p.name: passing.axis
+        for p, passing in zip(race.course.passages, final.passings, strict=True)
+        if passing is not None
+    }
     bias, biases = height_bias(flight, axes)
     (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
     deviations = deviations_of(part, path, least, flight, final.begin, axes, bias=bias, late=late, tilt=tilt)
-    known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
+    known = {crossing.name: deviations(crossing.time) for crossing in flight.crossings if crossing.found}
     remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, known))
     broken = violations(flight, axes, deviations, penalties)
     return LogFlight(flight, broken, known, part, final.begin, remarks, noise)
@@ -149,7 +153,7 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
     """Return the run that is imported, as found on a coarse path, and a sentence where there are several."""
     found = find_runs(race, *_coarse_path(framed))
     if not found:
-        count = sum(stands(one) for one in race.course.passages)
+        count = sum(stands(passage) for passage in race.course.passages)
         if count == 0:
             refuse(framed.path, 0, f"looks like others: {race.course.name} has no gate and no pylon that stands")
         refuse(
@@ -203,7 +207,7 @@ def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str)
     for passage, when in zip(race.course.passages, times, strict=True):
         if math.isfinite(when):
             row = int(np.searchsorted(flight.time, when - 1e-9))
-            values = {name: float(one.values[row]) for name, one in histories.items()}
+            values = {name: float(history.values[row]) for name, history in histories.items()}
             passings.append(TimedCrossing(passage, float(flight.time[row]), values))
         else:
             passings.append(TimedCrossing(passage, math.nan, {}))
@@ -216,7 +220,7 @@ def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) 
     What stands nowhere (a height, an attitude) is passed between its neighbours, where its conditions are violated
     least; the highest such place if several meet them.
     """
-    times = [math.nan if one is None else one.time - run.begin for one in run.passings]
+    times = [math.nan if passing is None else passing.time - run.begin for passing in run.passings]
     for index, passage in enumerate(passages):
         if stands(passage):
             continue
@@ -255,7 +259,7 @@ def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, St
         remarks.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")
     if len(gaps) > GAPS_MAX:
         remarks.append(f"and {len(gaps) - GAPS_MAX} more gaps")
-    missing = [one.name for one in flight.crossings if not one.found]
+    missing = [crossing.name for crossing in flight.crossings if not crossing.found]
     if missing:
         remarks.append(f"not passed: {', '.join(missing)}")
     estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not is_measured(flight, name)]

@@ -96,7 +96,9 @@ def in_order(recording: Recording) -> Recording:
 def _place(recording: Recording) -> NDArray[np.bool_]:
     """Return which samples tell where they are over ground."""
     columns = recording.columns
-    return np.asarray(np.logical_and.reduce([np.isfinite(columns[one]) for one in PLACES if one in columns]), np.bool_)
+    return np.asarray(
+        np.logical_and.reduce([np.isfinite(columns[place]) for place in PLACES if place in columns]), np.bool_
+    )
 
 
 def _with_fresh_columns(recording: Recording) -> Recording:
@@ -167,7 +169,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
         height = np.where(np.isfinite(height), height, columns["altitude"] - course.origin.elevation)
     columns["height"] = height
     placed = np.isfinite(columns["x"]) & np.isfinite(columns["y"])
-    places = [one.element.place for one in course.passages if one.element.place is not None]
+    places = [passage.element.place for passage in course.passages if passage.element.place is not None]
     near = placed & ~(np.abs(height) > FAR)
     for name, values in zip(("x", "y"), np.array(places or [(0.0, 0.0)]).T, strict=True):
         near &= (columns[name] > values.min() - FAR) & (columns[name] < values.max() + FAR)
@@ -223,7 +225,7 @@ class CourseRun:
     @property
     def made(self) -> list[LineCrossing]:
         """The passings that were made."""
-        return [one for one in self.passings if one is not None]
+        return [passing for passing in self.passings if passing is not None]
 
     @property
     def begin(self) -> float:
@@ -251,7 +253,10 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
     place = passage.element.place
     if place is None or not passage.element.stands:
         return []
-    axes = {round(one.axis, 9): one.axis for one in passage.element.crossings(passage.direction, 0.0, rolling=False)}
+    axes = {
+        round(crossing.axis, 9): crossing.axis
+        for crossing in passage.element.crossings(passage.direction, 0.0, rolling=False)
+    }
     reach = float(getattr(passage.element, "reach", 0.0))
     found: list[LineCrossing] = []
     for axis in axes.values():
@@ -277,8 +282,8 @@ def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
         time, x, y: the path, s and m, shape (n,).
     """
     passages = race.course.passages
-    known = [line_crossings(one, time, x, y) for one in passages]
-    needed = sum(stands(one) for one in passages)
+    known = [line_crossings(passage, time, x, y) for passage in passages]
+    needed = sum(stands(passage) for passage in passages)
     found: list[CourseRun] = []
     while True:
         best = _best_run(passages, known)
@@ -310,7 +315,7 @@ def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing
         choices.append(choice)
         place = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
         starts.append((float(later[place]), place))
-    standing = np.cumsum([stands(one) for one in passages]) - [stands(one) for one in passages]
+    standing = np.cumsum([stands(passage) for passage in passages]) - [stands(passage) for passage in passages]
     costs = [cost + UNREACHED_COST * int(n) for (cost, _), n in zip(reversed(starts), standing, strict=True)]
     begin = int(np.argmin(costs))
     place = starts[::-1][begin][1]
@@ -327,10 +332,10 @@ def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing
 
 def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tuple[Array, Array]:
     """Return the cost of the rest from every time on with one more passage, and which of its crossings comes next."""
-    when = np.array([one.time for one in row], np.float64)
-    off = np.array([one.aside for one in row], np.float64) / COST_DISTANCE
+    when = np.array([crossing.time for crossing in row], np.float64)
+    off = np.array([crossing.aside for crossing in row], np.float64) / COST_DISTANCE
     at = np.searchsorted(times, when)
-    slant = SLANT_COST * np.maximum(np.array([one.slant for one in row], np.float64) - FREE_SLANT, 0.0)
+    slant = SLANT_COST * np.maximum(np.array([crossing.slant for crossing in row], np.float64) - FREE_SLANT, 0.0)
     mine = np.minimum(off * off + slant, COST_MAX) + later[at + 1] + SECOND_COST * when
     cost, index = np.full(len(times), np.inf), np.full(len(times), -1)
     worst_first = np.argsort(mine, kind="stable")[::-1]  # of several at one time the last that is written stays

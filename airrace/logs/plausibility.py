@@ -70,21 +70,21 @@ _ANGLES = ("phi", "theta", "psi")
 
 def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     """Return the recording with heights in feet, where their unit is not said and only so they fit the course."""
-    name = next((one for one in HEIGHTS if one in framed.unsaid), None)
+    name = next((height for height in HEIGHTS if height in framed.unsaid), None)
     there = np.isfinite(framed.columns["height"])
     if name is None or not there.any():
         return framed
     ground = race.course.origin.elevation if name == "altitude" else 0.0
-    times = np.array([math.nan if one is None else one.time for one in run.passings])
+    times = np.array([math.nan if passing is None else passing.time for passing in run.passings])
     metres = np.interp(times, framed.time[there], framed.columns["height"][there])
     feet = (metres + ground) * _FOOT - ground
-    axes = [0.0 if one is None else one.axis for one in run.passings]
-    windows = [height_window(one.element, axis) for one, axis in zip(race.course.passages, axes, strict=True)]
+    axes = [0.0 if passing is None else passing.axis for passing in run.passings]
+    windows = [height_window(passage.element, axis) for passage, axis in zip(race.course.passages, axes, strict=True)]
     off = _beyond(metres, windows)
     if len(off) < WINDOWS_MIN or np.median(np.abs(off)) < TOO_HIGH:
         return framed
     scatter = float(np.ptp(metres[np.isfinite(_all_beyond(metres, windows))]))
-    widest = max(one.upper - one.lower for one in windows if math.isfinite(one.upper - one.lower))
+    widest = max(window.upper - window.lower for window in windows if math.isfinite(window.upper - window.lower))
     if (
         np.median(np.abs(_beyond(feet, windows))) > FEET_LEFT * np.median(np.abs(off))
         or scatter < FEET_SCATTER * widest
@@ -102,8 +102,11 @@ def height_bias(flight: Flight, axes: Mapping[str, float]) -> tuple[float, tuple
 
     Heights above the ellipsoid are off by up to 100 m, those of a barometer by 8 m for each hPa.
     """
-    heights = np.array([one.value("height") for one in flight.crossings])
-    off = _beyond(heights, [height_window(one.passage.element, axes.get(one.name, 0.0)) for one in flight.crossings])
+    heights = np.array([crossing.value("height") for crossing in flight.crossings])
+    off = _beyond(
+        heights,
+        [height_window(crossing.passage.element, axes.get(crossing.name, 0.0)) for crossing in flight.crossings],
+    )
     if len(off) < WINDOWS_MIN or abs(np.median(off)) < ZERO_SHIFT:
         return 0.0, ()
     if np.mean(np.sign(off) == np.sign(np.median(off))) < BIASED_SHARE:
@@ -150,7 +153,10 @@ def roll_offsets(
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
     """Return by how much each height is beyond its window, m; NaN where there is no window, or no height."""
-    found = [beyond(h, one) if math.isfinite(one.upper) else math.nan for h, one in zip(heights, windows, strict=True)]
+    found = [
+        beyond(h, window) if math.isfinite(window.upper) else math.nan
+        for h, window in zip(heights, windows, strict=True)
+    ]
     return np.where(np.isfinite(heights), np.array(found), np.nan)
 
 
@@ -190,7 +196,7 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
             continue
         ratio = float(np.median(columns[name][rows][there] / derived["V_K"][there]))
         if name in part.unsaid and ratio > 0.0:
-            unit = min(_SPEEDS, key=lambda one: abs(math.log(ratio * _SPEEDS[one])))
+            unit = min(_SPEEDS, key=lambda unit: abs(math.log(ratio * _SPEEDS[unit])))
             if unit != "m/s":
                 columns[name] = columns[name] * _SPEEDS[unit]
                 remarks.append(f"{name} is taken in {unit}: so it fits the path")
@@ -281,7 +287,7 @@ def _load_factor(recorded: Array, rows: NDArray[np.int64], derived: Array) -> tu
     def off(factor: float, summand: float) -> float:
         return float(np.median(np.abs(factor * recorded[rows][there] + summand - derived[there])))
 
-    factor, summand, words = min(_LOADS, key=lambda one: off(one[0], one[1]))
+    factor, summand, words = min(_LOADS, key=lambda load: off(load[0], load[1]))
     if off(factor, summand) > LOAD_DIFFERENCE_LEFT * off(1.0, 0.0):
         return recorded, ()
     return factor * recorded + summand, (f"load factors are taken as recorded {words}: so they fit the path",)

@@ -70,7 +70,7 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     return replace(found, accuracy=known.accuracy, others=others)
 
 
-def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
+def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
     name = name_of(path)
     try:
         with _open(path) as file:
@@ -85,7 +85,7 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
                 content = file.read(GPX_SIZE_MAX + 1)
                 if len(content) > GPX_SIZE_MAX:
                     refuse(name, 0, f"is larger than {GPX_SIZE_MAX // 1024**2} MiB; cut the log to the flight")
-                return read_gpx(name, content.lstrip(), known.zone)
+                return read_gpx(name, content.lstrip(), layout.zone)
             if plain.startswith("FileType=text/acmi"):
                 return read_acmi(name, _lines(name, file, encoding), aircraft)
             if path.suffix.lower() == ".igc" or any(FIX.match(line) for line in plain.splitlines()[:-1]):
@@ -94,7 +94,7 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
                 return read_fit(name, file)
             if "\0" in plain[:512]:
                 refuse(name, 0, "is no log: expected CSV, GPX, IGC or ACMI")
-            return read_csv(name, _lines(name, file, encoding), known)
+            return read_csv(name, _lines(name, file, encoding), layout)
     except FileNotFoundError:
         refuse(name, 0, "no such file")
     except OSError as error:
@@ -298,7 +298,7 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
         if len(read.lines) < 2:
             refuse(path, error.lineno, broken)
         read.leave_out(error.lineno, broken, "rest")
-    recorded = [one for one in tracks if len(one.lines) > 1]
+    recorded = [track for track in tracks if len(track.lines) > 1]
     if not recorded:
         read.refuse_first_fault()
         refuse(path, 0, "holds no recorded track (`trkpt` with `time`)")

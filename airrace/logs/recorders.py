@@ -69,7 +69,7 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
         elif line.startswith("I"):
             additions = {code: (int(first) - 1, int(last)) for first, last, code in _ADDITION.findall(line[3:])}
         elif date is None and (found := _DATE.match(line)):
-            day, month, year = (int(one) for one in found.groups())
+            day, month, year = (int(group) for group in found.groups())
             try:
                 date = datetime(2000 + year if year < 80 else 1900 + year, month, day, tzinfo=UTC).timestamp()
             except ValueError:
@@ -108,7 +108,7 @@ def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, i
     angles = int(south) + (int(north) + lad) / 60000.0, int(east) + (int(rest) + lod) / 60000.0
     if angles[0] > 90.0 or angles[1] > 180.0 or int(hours) > 24 or int(minutes) > 59 or int(seconds) > 60:
         return None
-    latitude, longitude = (math.radians(one) for one in angles)
+    latitude, longitude = (math.radians(angle) for angle in angles)
     signs = 1.0 if ns == "N" else -1.0, 1.0 if ew == "E" else -1.0
     time = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + fraction
     return time, signs[0] * latitude, signs[1] * longitude, float(gnss), float(baro), float(validity == "A")
@@ -213,7 +213,7 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
             continue
         name, *parts = line.replace("\\,", "\0").split(",")  # commas behind a backslash belong to a value
         name = name.strip().lower()[:TEXT_MAX]
-        properties = {key: value for key, _, value in (one.replace("\0", ",").partition("=") for one in parts)}
+        properties = {key: value for key, _, value in (part.replace("\0", ",").partition("=") for part in parts)}
         if name == "0":
             common |= {key: properties[key][:TEXT_MAX] for key in _COMMON if key in properties}
             continue
@@ -280,27 +280,31 @@ def _choose(
     return typed or chosen
 
 
-def _name_of(name: str, one: _RecordedObject) -> str:
-    return [name, *one.names][-1]
+def _name_of(name: str, recorded_object: _RecordedObject) -> str:
+    return [name, *recorded_object.names][-1]
 
 
-def _recording(path: str, one: _RecordedObject, common: Mapping[str, str], remarks: tuple[str, ...]) -> Recording:
-    assert one.samples is not None  # what moves has samples
-    lines, (times, *values) = one.samples.arrays("")
+def _recording(
+    path: str, recorded_object: _RecordedObject, common: Mapping[str, str], remarks: tuple[str, ...]
+) -> Recording:
+    assert recorded_object.samples is not None  # what moves has samples
+    lines, (times, *values) = recorded_object.samples.arrays("")
     columns = dict(zip(_COLUMNS, values, strict=True))
     for name in _PLACE:
         columns[name] = columns[name] if name == "altitude" else np.radians(columns[name])
     for name, key in (("longitude", "ReferenceLongitude"), ("latitude", "ReferenceLatitude")):
         if key in common:
-            columns[name] = columns[name] + math.radians(one.samples.number(0, common[key], key))
+            columns[name] = columns[name] + math.radians(recorded_object.samples.number(0, common[key], key))
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     if missing := [name for name in ("longitude", "latitude", "altitude") if name not in columns]:
-        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', one)}`")
+        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', recorded_object)}`")
     try:
         begins = instant(datetime.fromisoformat(common["ReferenceTime"]).timestamp() + times[0])
     except (KeyError, ValueError, OverflowError, OSError):
         begins = None
-    return Recording(path, "acmi", times - times[0], columns, lines, begins, remarks, label=_name_of("", one))
+    return Recording(
+        path, "acmi", times - times[0], columns, lines, begins, remarks, label=_name_of("", recorded_object)
+    )
 
 
 # FIT
@@ -333,7 +337,7 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
                 number += 1
                 if number - len(samples.lines) > IDLE_MAX:
                     refuse(path, number, f"has more than {IDLE_MAX} records without a place")
-                _append(samples, number, {one.name: one.value for one in frame.fields})
+                _append(samples, number, {field.name: field.value for field in frame.fields})
     except InputError:
         raise
     except Exception as error:  # of damaged bytes fitdecode raises whatever becomes of them

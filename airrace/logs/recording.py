@@ -159,19 +159,19 @@ class SampleTable:
         if len(self.lines) < 2:
             self.refuse_first_fault()
             refuse(self.path, 0, missing)
-        return np.frombuffer(self.lines, np.int64), [np.frombuffer(one, np.float64) for one in self.columns]
+        return np.frombuffer(self.lines, np.int64), [np.frombuffer(column, np.float64) for column in self.columns]
 
     def refuse_first_fault(self, *keys: str) -> None:
         """Refuse the log for the first thing that could not be read, if there is any; of some columns where named."""
-        faults = [one for one in self.faults.values() if not keys or one.key in keys]
+        faults = [fault for fault in self.faults.values() if not keys or fault.key in keys]
         if faults:
-            first = min(faults, key=lambda one: one.line)
+            first = min(faults, key=lambda fault: fault.line)
             refuse(self.path, first.line, first.message, first.key)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on what was left out."""
-        return tuple(one.sentence(self._what) for one in self.faults.values())
+        return tuple(fault.sentence(self._what) for fault in self.faults.values())
 
 
 @dataclass
@@ -253,7 +253,7 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     if len(runs) < 10 or np.mean(runs > 1) < REPEATED_SHARE:
         return np.zeros(count, bool)
     leaps = np.abs(np.diff(values[:, starts], axis=1))
-    steps = np.array([resolution(one) for one in values])
+    steps = np.array([resolution(value) for value in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nanmax(np.where(leaps > 0.0, leaps / steps[:, None], 0.0), axis=0)
     if np.median(relative) < LEAP:

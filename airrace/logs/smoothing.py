@@ -127,7 +127,7 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
         for axis, density in enumerate(JERK_NOISE):
             certainty = (near & known[axis]) / sigma[axis] ** 2
             states[axis], _ = equations.solve(places[axis], certainty, weights / density)
-        surprise = np.sum([equations.surprise(one) / q for one, q in zip(states, JERK_NOISE, strict=True)], axis=0)
+        surprise = np.sum([equations.surprise(state) / q for state, q in zip(states, JERK_NOISE, strict=True)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
         off = np.where(known, places - equations.positions(states), 0.0)
         near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
@@ -166,15 +166,15 @@ def _estimate_noise(time: Array, places: Array) -> Array:
     For white noise their standard deviation is `sqrt(70) sigma`.
     """
     sigma: list[float] = []
-    for one in places:
-        there = np.isfinite(one)
+    for place in places:
+        there = np.isfinite(place)
         steps = np.diff(time[there])
         even = np.abs(steps - np.median(steps)) < 0.05 * np.median(steps)
         rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:]) if len(steps) >= 9 else ()
         if len(rows) < 5:
             sigma.append(USUAL_NOISE)
         else:
-            sigma.append(float(np.median(np.abs(np.diff(one[there], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
+            sigma.append(float(np.median(np.abs(np.diff(place[there], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
     level = 0.5 * (sigma[0] + sigma[1])
     return np.clip(np.array([level, level, sigma[2]]), NOISE_MIN, NOISE_MAX)
 

@@ -45,9 +45,11 @@ def with_margins(race: Race, margins: Mapping[str, float]) -> Race:
     if not margins:
         return race
     tightened = race
-    for one in course_limits(race):
-        if one.key in margins:
-            tightened = one.set(tightened, one.value - math.copysign(margins[one.key], one.relaxing_step))
+    for course_limit in course_limits(race):
+        if course_limit.key in margins:
+            tightened = course_limit.set(
+                tightened, course_limit.value - math.copysign(margins[course_limit.key], course_limit.relaxing_step)
+            )
     return dataclasses.replace(tightened, rules_course=race.course)
 
 
@@ -103,10 +105,10 @@ def _change_elements(name: str, kind: type[Element]) -> Callable[[Race, Callable
 
     def change(race: Race, make: Callable[[Any], Any]) -> Race:
         passages = tuple(
-            dataclasses.replace(one, element=make(one.element))
-            if one.element.base_name == name and isinstance(one.element, kind)
-            else one
-            for one in race.course.passages
+            dataclasses.replace(passage, element=make(passage.element))
+            if passage.element.base_name == name and isinstance(passage.element, kind)
+            else passage
+            for passage in race.course.passages
         )
         return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=passages))
 

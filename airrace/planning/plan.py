@@ -137,10 +137,13 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
     such as a circle, where one climbs too steeply to a height between two gates, and passes gates so straight that the
     wing fits between their pylons.
     """
-    pylons, ways = {place_of(one): one for one in cleared_pylons(course)}, dict[int, tuple[Waypoint, ...]]()
+    pylons, ways = (
+        {place_of(cleared_pylon): cleared_pylon for cleared_pylon in cleared_pylons(course)},
+        dict[int, tuple[Waypoint, ...]](),
+    )
     for stop in stops_of(course):
         if not _fits(planned.waypoints[stop], pylons, planned.cruise):
-            fitting = [one for one in candidates(course, stop) if _fits(one, pylons, planned.cruise)]
+            fitting = [candidate for candidate in candidates(course, stop) if _fits(candidate, pylons, planned.cruise)]
             ways |= {stop: tuple(fitting)} if fitting else {}
     out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
@@ -148,7 +151,9 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
         turn = sum(float(np.dot(path.lengths, path.curvatures)) for path in paths)
         if max(out[first:last]) > 0.0 and abs(turn) > TURN:
             turns[last] = -1 if turn > 0.0 else 1
-        known = [one.position[2] for one in planned.waypoints[first : last + 1] if one.position is not None]
+        known = [
+            waypoint.position[2] for waypoint in planned.waypoints[first : last + 1] if waypoint.position is not None
+        ]
         needed = float(np.abs(np.diff(known)).sum()) / SLOPE_MAX
         if sum(path.length for path in paths) < needed and len(paths) == last - first:
             lengths_min[last] = needed
@@ -196,7 +201,7 @@ def _depths_outside(course: Course, planned: Plan) -> list[float]:
 def stops_of(course: Course) -> list[int]:
     """Return the passages that are planned for themselves: all but those that ask for a height alone on the way."""
     ends = (0, len(course.passages) - 1)
-    is_stop = [one.roll is not None or not one.element.only_a_height for one in course.passages]
+    is_stop = [passage.roll is not None or not passage.element.only_a_height for passage in course.passages]
     return [index for index, stops in enumerate(is_stop) if stops or index in ends]
 
 
@@ -229,7 +234,7 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> 
         assert here[0].position is not None
         assert there[0].position is not None
         start, end = np.array(here[0].position[:2]), np.array(there[0].position[:2])
-        first = np.array([one.heading for one in here])[:, None]
+        first = np.array([waypoint.heading for waypoint in here])[:, None]
         last = np.array([one.heading for one in there])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
         way = on_side(pieces, stop.side, stop.length_min / pace.radius).min(axis=0) * pace.radius
@@ -277,7 +282,7 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Plann
             continue
         assert a.position is not None
         assert b.position is not None
-        north, east, heading = (float(one[0]) for one in leg.path.points(np.array([share * leg.path.length])))
+        north, east, heading = (float(point[0]) for point in leg.path.points(np.array([share * leg.path.length])))
         height = a.position[2] + share * (b.position[2] - a.position[2])
         height = min(max(height, element.heights.lower), element.heights.upper)
         waypoints.append(Waypoint(passage, (north, east, height), heading, 0.0, None, heading, free=True))

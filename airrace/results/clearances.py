@@ -127,7 +127,9 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
             away = np.hypot(away, np.where(np.isnan(above), 0.0, above))
         yield Distance("crowd", crowd.name, crowd.distance, away)
     for line in course.safety_lines:
-        on_leg = (any(one.name == line.name for one in passage.safety_lines) for passage in course.passages)
+        on_leg = (
+            any(safety_line.name == line.name for safety_line in passage.safety_lines) for passage in course.passages
+        )
         legs = frozenset(number for number, holds in enumerate(on_leg) if number and holds)
         if legs:
             yield Distance("safety line", line.name, line.margin, beside_line(places, line), legs)
@@ -148,7 +150,9 @@ def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearanc
         leg: a complete leg.
         known: what `distances` says of the flight.
     """
-    found = [_least(flight, one, leg.rows) for one in known if one.legs is None or leg.number in one.legs]
+    found = [
+        _least(flight, distance, leg.rows) for distance in known if distance.legs is None or leg.number in distance.legs
+    ]
     return tuple(sorted((one for one in found if one is not None), key=lambda one: one.margin))
 
 
@@ -163,10 +167,10 @@ def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, 
     found = (
         _least(
             flight,
-            one,
-            np.concatenate([none, *(leg.rows for leg in legs if one.legs is None or leg.number in one.legs)]),
+            distance,
+            np.concatenate([none, *(leg.rows for leg in legs if distance.legs is None or leg.number in distance.legs)]),
         )
-        for one in known
+        for distance in known
     )
     return tuple(one for one in found if one is not None)
 
@@ -178,21 +182,21 @@ def least_distances(flight: Flight) -> tuple[Clearance, ...]:
 
 def nearest_pylon(found: Sequence[Clearance]) -> tuple[Clearance, ...]:
     """Return least distances, of those from pylons that with the least margin alone, which comes first."""
-    near = sorted((one for one in found if one.kind == "pylon"), key=lambda one: one.margin)
-    return (*near[:1], *(one for one in found if one.kind != "pylon"))
+    near = sorted((clearance for clearance in found if clearance.kind == "pylon"), key=lambda one: one.margin)
+    return (*near[:1], *(clearance for clearance in found if clearance.kind != "pylon"))
 
 
-def at_row(flight: Flight, one: Distance, row: int) -> Clearance:
+def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
     """Return the distance at one time of a flight."""
     north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
-    away, time = float(one.values[row]), float(flight.time[row])
-    return Clearance(one.kind, one.name, away, one.required, time, north, east, height)
+    away, time = float(distance.values[row]), float(flight.time[row])
+    return Clearance(distance.kind, distance.name, away, distance.required, time, north, east, height)
 
 
-def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance | None:
+def _least(flight: Flight, distance: Distance, rows: NDArray[np.int64]) -> Clearance | None:
     """Return the least distance at some times; None where none of them is known."""
-    known = rows[np.isfinite(one.values[rows])]
-    return at_row(flight, one, int(known[int(np.argmin(one.values[known]))])) if len(known) else None
+    known = rows[np.isfinite(distance.values[rows])]
+    return at_row(flight, distance, int(known[int(np.argmin(distance.values[known]))])) if len(known) else None
 
 
 def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = None) -> Iterator[Distance]:
@@ -208,7 +212,7 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
     if not standing or not np.isfinite(flight["height"]).any():
         return
     wing = _wing(flight)
-    for name in dict.fromkeys(one.element.name for one in flight.course.passages):
+    for name in dict.fromkeys(passage.element.name for passage in flight.course.passages):
         own = [one for one in standing if one.name == name]
         # Usually one: a pylon in the place of another element's may have to be cleared by more than its neighbour.
         for required in sorted({one.required for one in own}):
@@ -273,28 +277,36 @@ def near_misses(flight: Flight) -> tuple[NearMiss, ...]:
     """Return all near misses in the order in which they happen; none where its position is not known, or it
     misses a passing.
     """
-    if not flight.has("x", "y", "height") or not all(one.found for one in flight.crossings):
+    if not flight.has("x", "y", "height") or not all(crossing.found for crossing in flight.crossings):
         return ()
-    found = [_near_miss(flight, one) for distance in pylons(flight) for one in _closest(flight, distance)]
+    found = [_near_miss(flight, clearance) for distance in pylons(flight) for clearance in _closest(flight, distance)]
     return tuple(sorted(found, key=lambda one: one.clearance.time))
 
 
-def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
+def _closest(flight: Flight, distance: Distance) -> Iterator[Clearance]:
     """Yield the least distance of every stretch on which it is less than the passing asks for."""
     start, finish = flight.crossings[0].time, flight.crossings[-1].time
     racing = (flight.time >= start) & (flight.time <= finish)
-    below = racing & (one.values < one.required - NEAR_MISS)  # NaN is not below
+    below = racing & (distance.values < distance.required - NEAR_MISS)  # NaN is not below
     turns = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(np.int8)))
     for first, end in turns.reshape(-1, 2).tolist():
-        yield at_row(flight, one, first + int(np.argmin(one.values[first:end])))
+        yield at_row(flight, distance, first + int(np.argmin(distance.values[first:end])))
 
 
 def _near_miss(flight: Flight, clearance: Clearance) -> NearMiss:
     time = clearance.time
     if clearance.kind == "obstacle":
         return NearMiss(clearance, None, *passings_around(flight, time))
-    (place,) = {one.passage.element.place for one in flight.crossings if one.passage.element.name == clearance.name}
-    own = [one for one in flight.crossings if one.passage.element.place == place and abs(one.time - time) <= BESIDE]
+    (place,) = {
+        crossing.passage.element.place
+        for crossing in flight.crossings
+        if crossing.passage.element.name == clearance.name
+    }
+    own = [
+        crossing
+        for crossing in flight.crossings
+        if crossing.passage.element.place == place and abs(crossing.time - time) <= BESIDE
+    ]
     passing = min(own, key=lambda one: abs(one.time - time), default=None)
     return NearMiss(clearance, passing, *passings_around(flight, time))
 
@@ -308,11 +320,11 @@ def with_distances(flight: Flight) -> Flight:
         return flight
     found = distance_histories(flight)
     crossings = list(flight.crossings)
-    for place, one in enumerate(crossings):
-        if one.found:
-            row = min(int(np.searchsorted(flight.time, one.time - 1e-9)), len(flight.time) - 1)
+    for place, crossing in enumerate(crossings):
+        if crossing.found:
+            row = min(int(np.searchsorted(flight.time, crossing.time - 1e-9)), len(flight.time) - 1)
             values = {name: float(history.values[row]) for name, history in found.items()}
-            crossings[place] = replace(one, values={**one.values, **values})
+            crossings[place] = replace(crossing, values={**crossing.values, **values})
     return replace(flight, histories={**flight.histories, **found}, crossings=tuple(crossings))
 
 
@@ -333,9 +345,9 @@ def distance_histories(flight: Flight) -> Histories:
     return found
 
 
-def _quantity(name: str, one: Distance) -> Quantity:
-    text = f"distance from {one.kind} {one.name}".rstrip()
-    lower = -np.inf if one.legs is not None or one.kind == "pylon" else one.required
+def _quantity(name: str, distance: Distance) -> Quantity:
+    text = f"distance from {distance.kind} {distance.name}".rstrip()
+    lower = -np.inf if distance.legs is not None or distance.kind == "pylon" else distance.required
     return Quantity(name, "m", lower=lower, text=text)
 
 
@@ -372,7 +384,7 @@ def with_nearest(flight: Flight, within: float) -> Flight:
     """
     found: dict[str, History] = {}
     for kind in ("pylon", "obstacle", "crowd", "safety_line"):
-        each = [one for name, one in flight.histories.items() if name.startswith(f"distance_{kind}_")]
+        each = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
         if each:
             values = np.minimum.reduce([one.values for one in each])
             if kind in ("pylon", "obstacle"):

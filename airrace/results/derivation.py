@@ -66,9 +66,9 @@ def complete_histories(race: Race, given: Histories) -> Histories:
         if not missing or not rule.applies(race) or any(name not in complete for name in rule.needs):
             continue
         values = rule.derive(race, {name: one.values for name, one in complete.items()})
-        for name, one in zip(rule.gives, values, strict=True):
+        for name, value in zip(rule.gives, values, strict=True):
             if name in missing:
-                complete[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
+                complete[name] = History(GLOSSARY[name], np.asarray(value), Basis.DERIVED)
     return _with_limits(complete, flight_limits(race.aircraft, race.course.rules))
 
 
@@ -229,6 +229,6 @@ def flight_of(race: Race, result: StageResult, source: Source) -> Flight:
         time = float(result.trajectory.time[node])
         row = int(np.searchsorted(read.time, time))
         crossings.append(
-            TimedCrossing(passage, time, {name: float(one.values[row]) for name, one in histories.items()})
+            TimedCrossing(passage, time, {name: float(history.values[row]) for name, history in histories.items()})
         )
     return Flight(race, source, read.time, histories, tuple(crossings))

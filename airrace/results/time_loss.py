@@ -94,7 +94,7 @@ class Loss:
     @property
     def causes(self) -> tuple[Cause, ...]:
         """The causes that are reported, the greatest first."""
-        ranked = sorted(self.parts, key=lambda one: -self.parts[one])
+        ranked = sorted(self.parts, key=lambda part: -self.parts[part])
         return tuple(one for one in ranked if self.parts[one] >= self._least)[:CAUSES_MAX]
 
     @property
@@ -108,7 +108,7 @@ class Loss:
         for cause in self.causes:
             facts = ", ".join(one.text for one in self.facts[cause])
             clauses.append(f"{self.parts[cause]:.2f} s by {WORDS[cause][0]}{f' ({facts})' if facts else ''}")
-        least = min(self.parts, key=lambda one: self.parts[one])
+        least = min(self.parts, key=lambda part: self.parts[part])
         if -self.parts[least] >= self._least:
             clauses.append(f"{-self.parts[least]:.2f} s won back by {WORDS[least][1]}")
         clauses += [one.text for one in self.leaving]
@@ -131,7 +131,7 @@ class TimeLoss:
     @property
     def costliest(self) -> tuple[Loss, ...]:
         """The losses that are reported, the greatest first."""
-        ranked = sorted(self.losses, key=lambda one: -one.amount)[:LEGS_MAX]
+        ranked = sorted(self.losses, key=lambda loss: -loss.amount)[:LEGS_MAX]
         return tuple(one for one in ranked if one.amount >= LOSS_MIN)
 
     @property

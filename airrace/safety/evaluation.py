@@ -128,7 +128,7 @@ class Judge:
         return cls(
             race.course,
             tuple(waypoints),
-            tuple(boundary(one, seen, span) for one in waypoints),
+            tuple(boundary(waypoint, seen, span) for waypoint in waypoints),
             states,
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
@@ -174,13 +174,13 @@ def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
         return np.concatenate(values, axis=-1)
 
     return FlightMeasurements(
-        joined([one.crossed for one in parts]),
-        {kind: joined([one.breaches[kind] for one in parts]) for kind in parts[0].breaches},
-        joined([one.touched for one in parts]),
-        joined([one.nearest for one in parts]),
-        {kind: joined([one.along[kind] for one in parts]) for kind in parts[0].along},
-        joined([one.deviations for one in parts]),
-        joined([one.lost for one in parts]),
+        joined([part.crossed for part in parts]),
+        {kind: joined([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
+        joined([part.touched for part in parts]),
+        joined([part.nearest for part in parts]),
+        {kind: joined([part.along[kind] for part in parts]) for kind in parts[0].along},
+        joined([part.deviations for part in parts]),
+        joined([part.lost for part in parts]),
     )
 
 
@@ -197,8 +197,8 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
         state, load, late = _crossing(judge, nominal, flights, number)
         missed = ~np.isfinite(state).all(axis=0)
         _judge(judge, passing, number, np.where(missed, judge.states[:, [number]], state), breaches)
-        for one in breaches.values():
-            one[number] &= ~missed
+        for breach in breaches.values():
+            breach[number] &= ~missed
         breaches["missed"][number] |= missed
         there = judge.states[:, [number]]
         e = errors(state, np.repeat(there, count, axis=1))
@@ -306,7 +306,7 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
     if not element.stands:
         return
     seen = at_points(passing.observation.values, state, np.array(passing.values))
-    values = dict(zip((one.name for one in passing.observation.quantities), seen, strict=True))
+    values = dict(zip((quantity.name for quantity in passing.observation.quantities), seen, strict=True))
     values["V_K"] = state[STATE["V_K"]]
     half = 0.5 * getattr(element, "width", np.inf)
     bounds = {"right": Interval(-half, half), **passing.bounds}
@@ -375,7 +375,9 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
         found["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
     for line in course.safety_lines:
         on = [
-            number for number, one in enumerate(course.passages) if any(line.name == it.name for it in one.safety_lines)
+            number
+            for number, passage in enumerate(course.passages)
+            if any(line.name == it.name for it in passage.safety_lines)
         ]
         found["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
     if course.airspace:

@@ -161,7 +161,7 @@ def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: A
     count = len(measured.lost)
     for number, name in enumerate(names):
         rows = dict(zip((*QUANTITIES, "time"), zip(measured.crossed[number], linear[number], strict=True), strict=True))
-        broken = {kind: int(one[number].sum()) for kind, one in measured.breaches.items()}
+        broken = {kind: int(breach[number].sum()) for kind, breach in measured.breaches.items()}
         yield Stretch(
             name,
             {key: _deviation(values, float(sigma)) for key, (values, sigma) in rows.items()},
@@ -183,7 +183,7 @@ def _deviation(values: Array, linear: float) -> Deviation:
     known = values[np.isfinite(values)]
     if not len(known):
         return Deviation(np.nan, (np.nan,) * len(SHARES), linear)
-    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), one)) for one in SHARES), linear)
+    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), share)) for share in SHARES), linear)
 
 
 def _worst(values: Array) -> Deviation:
@@ -294,7 +294,7 @@ def fly_closed_loop(
     names = [passage.name for passage in race.course.passages]
     broken = {
         "pylon": np.asarray(measured.touched.any(axis=0)),
-        **{kind: np.asarray(one.any(axis=0)) for kind, one in measured.breaches.items()},
+        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
         **measured.along,
         "lost": measured.lost,
     }
