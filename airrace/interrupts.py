@@ -1,8 +1,8 @@
-"""Ctrl-C and SIGTERM as one request to stop, repeated until it is heard.
+"""Ctrl-C and SIGTERM as one request to stop, repeated until it is acknowledged.
 
 A signal raises KeyboardInterrupt wherever the main thread is. casadi loses it, or turns it into an error of its own,
-if that is while it finds out what its arguments are. So the request is stored: it is raised again until somebody says
-that it was heard, and an error that comes after it counts as its consequence. While an interrupt is on its way, and
+if that is while it finds out what its arguments are. So the request is stored: it is raised again until it is
+acknowledged, and an error that comes after it counts as its consequence. While an interrupt is on its way, and
 processes and files are put in order, it is not raised a second time, however often Ctrl-C is pressed.
 
 Only the edges of the program listen; a library leaves signals as they are, and defers them during calls of other
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 REMINDER = 0.3
-"""The time after which a request that nobody has heard is repeated, s.
+"""The time after which a request that is not acknowledged is repeated, s.
 
 A command should end within two seconds, and casadi loses about one request in three.
 """
@@ -31,12 +31,12 @@ class _Request:
 
     listening = False
     made = False
-    heard = False
+    acknowledged = False
 
 
 def listen() -> None:
     """Take Ctrl-C and SIGTERM for the same request from now on; neither is ignored in the background."""
-    _Request.listening, _Request.made, _Request.heard = True, False, False
+    _Request.listening, _Request.made, _Request.acknowledged = True, False, False
     for number in SIGNALS:
         signal.signal(number, _request)
     if hasattr(signal, "setitimer"):
@@ -45,7 +45,7 @@ def listen() -> None:
 
 
 def listening() -> bool:
-    """Tell whether requests are repeated until they are heard."""
+    """Tell whether requests are repeated until they are acknowledged."""
     return _Request.listening and signal.getsignal(signal.SIGINT) is _request
 
 
@@ -54,30 +54,30 @@ def caused(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or _Request.made
 
 
-def hear() -> None:
-    """Say that the request is heard: it is not repeated, and the next one is not needed."""
+def acknowledge() -> None:
+    """Acknowledge the request: it is not repeated, and the next one is not needed."""
     if _Request.made or _Request.listening:
-        _Request.heard = True
+        _Request.acknowledged = True
         _remind_in(0.0)
 
 
-def heard() -> bool:
-    """Tell whether somebody has heard the request."""
-    return _Request.heard
+def acknowledged() -> bool:
+    """Tell whether the request is acknowledged."""
+    return _Request.acknowledged
 
 
 def close() -> None:
     """Ignore further requests: the process ends by itself."""
     if _Request.listening:
-        _Request.heard = True
+        _Request.acknowledged = True
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         _remind_in(0.0)
 
 
 def _request(number: int, frame: FrameType | None) -> None:
-    """Raise the request, unless it is heard already or on its way."""
-    if not _Request.heard:
+    """Raise the request, unless it is acknowledged already or on its way."""
+    if not _Request.acknowledged:
         _Request.made = True
         _remind_in(REMINDER)
         if not _is_interrupt(sys.exc_info()[1]):
@@ -104,7 +104,7 @@ def _remind_in(seconds: float) -> None:
 
 
 def _nothing() -> None:
-    """Do nothing: nobody has to hear of it at once."""
+    """Do nothing; the default of `defer_signals`."""
 
 
 @contextmanager
@@ -113,8 +113,8 @@ def defer_signals(stop: Callable[[], None] = _nothing) -> Generator[None]:
 
     Python would raise KeyboardInterrupt as soon as a callback begins, before anything there can catch it, and ctypes
     would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where
-    something is to be done about it. Where requests to stop are repeated until they are heard, none is lost, and one
-    that nothing is to be done about need not wait.
+    something is to be done about it. Where requests to stop are repeated until they are acknowledged, none is lost, and
+    one that nothing is to be done about need not wait.
 
     Args:
         stop: called within the block, from a callback or between two of them.

@@ -32,7 +32,7 @@ What is computed with them here is small. Threads of theirs would wait for work 
 and the last bits of results would depend on their number.
 """
 COLLECTION_THRESHOLD = 200_000
-"""The number of new objects after which Python looks for cycles among them that nobody refers to any more.
+"""The number of new objects after which Python looks for cycles among them that nothing refers to any more.
 
 With its own value of 700 it does so nearly two hundred times while the libraries are loaded, and finds next to nothing.
 """
@@ -93,7 +93,7 @@ def return_freed_memory() -> None:
 
 
 def omit_memory_tracebacks() -> None:
-    """Keep threads that end for lack of memory from printing tracebacks; whoever needs their work finds that out."""
+    """Keep threads that end for lack of memory from printing tracebacks; whatever waits for them sees the error."""
     before = threading.excepthook
 
     def hook(ended: threading.ExceptHookArgs) -> None:
@@ -111,10 +111,10 @@ def python_command(module: str, *arguments: str) -> tuple[str, ...]:
     return (sys.executable, "-P", "-m", module, *arguments)
 
 
-def start_apart(
+def spawn_detached(
     command: Sequence[str], stderr: IO[bytes] | None = None, environment: Mapping[str, str] | None = None
 ) -> "subprocess.Popen[bytes]":
-    """Start a process to talk with, which a terminal's Ctrl-C does not reach: whoever has started it stops it."""
+    """Start a process to talk with, which a terminal's Ctrl-C does not reach: its starter stops it."""
     import subprocess
 
     return subprocess.Popen(
@@ -128,7 +128,7 @@ def start_apart(
     )
 
 
-def take_streams() -> tuple[IO[bytes], IO[bytes]]:
+def claim_stdio() -> tuple[IO[bytes], IO[bytes]]:
     """Take standard input and output for what the starter asks and is answered.
 
     Whatever else this process reads is empty from now on, and whatever else it prints goes to stderr.
@@ -141,7 +141,7 @@ def take_streams() -> tuple[IO[bytes], IO[bytes]]:
     return asked, answers
 
 
-def die_with_starter() -> None:
+def end_with_parent() -> None:
     """Have the system end this process with the thread that started it, where it can (Linux).
 
     Elsewhere, and if that thread has ended already, the end of standard input says so.

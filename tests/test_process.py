@@ -116,7 +116,7 @@ try:
     print("never asked")
 except BaseException as error:
     print(interrupts.caused(error), flush=True)
-    interrupts.hear()
+    interrupts.acknowledge()
 signal.raise_signal(signal.{name})
 time.sleep(2.0 * interrupts.REMINDER)
 print("heard once")

@@ -57,8 +57,8 @@ def main() -> None:
     """Run the job; whatever happens in it becomes its answer."""
     interrupts.listen()
     process.omit_memory_tracebacks()
-    process.die_with_starter()
-    asked, answers = process.take_streams()
+    process.end_with_parent()
+    asked, answers = process.claim_stdio()
     order = json.loads(asked.readline())
     threading.Thread(target=_end_after, args=(asked,), daemon=True).start()
     start_early()

@@ -33,7 +33,7 @@ from airrace.batch.supervision import (
     Started,
 )
 from airrace.errors import Finding
-from airrace.process import ONE_THREAD, python_command, start_apart
+from airrace.process import ONE_THREAD, python_command, spawn_detached
 from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
@@ -113,7 +113,7 @@ class _JobProcess:
         self._timers: list[threading.Timer] = []
         self._output: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
         try:
-            self._process = start_apart(command, self._output, {**os.environ, **ONE_THREAD})
+            self._process = spawn_detached(command, self._output, {**os.environ, **ONE_THREAD})
         except BaseException:
             self._output.close()
             raise
@@ -155,7 +155,7 @@ class _JobProcess:
         name = self._order.job.name
         order = {"job": asdict(self._order.job), "checkpoint": str(self._order.checkpoint)}
         asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None  # `start_apart` was called with it
+        assert asked is not None  # `spawn_detached` was called with it
         assert answers is not None
         with contextlib.suppress(OSError):  # it reads no more
             asked.write(json.dumps(order).encode("utf-8") + b"\n")

@@ -118,7 +118,7 @@ def _say(answer: CommandResult, *, as_json: bool) -> None:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
         abandon_stdout()
     if answer.code is ExitCode.INTERRUPTED:
-        interrupts.hear()  # who listens to signals in another way, as a batch does, has set that up by now
+        interrupts.acknowledge()  # who listens to signals in another way, as a batch does, has set that up by now
     for finding in answer.findings[:FINDINGS_SHOWN]:
         print(one_line(str(finding)), file=sys.stderr)
     if len(answer.findings) > FINDINGS_SHOWN:

@@ -208,7 +208,7 @@ def design(
             print(f"{server.address}\nCtrl-C ends it.", flush=True)
             server.run(browser=not no_browser)
         except KeyboardInterrupt:
-            interrupts.hear()  # the way in which it ends
+            interrupts.acknowledge()  # the way in which it ends
         finally:
             unsaved = designer.close()
         if unsaved is not None:

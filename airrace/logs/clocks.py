@@ -69,10 +69,10 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
 
 
 def _clock_seconds(text: str) -> float:
-    if found := _CLOCK.fullmatch(text):
-        hours, minutes, seconds = int(found[1]), int(found[2]), float((found[3] or "0").replace(",", "."))
-        if found[4]:
-            hours = hours % 12 + 12 * (found[4] in "Pp")
+    if match := _CLOCK.fullmatch(text):
+        hours, minutes, seconds = int(match[1]), int(match[2]), float((match[3] or "0").replace(",", "."))
+        if match[4]:
+            hours = hours % 12 + 12 * (match[4] in "Pp")
         if hours <= 24 and minutes <= 59 and seconds < 61.0:
             return 3600.0 * hours + 60.0 * minutes + seconds
     raise ValueError(text)
@@ -131,32 +131,32 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
     speed = usual_speed(time, places)
     if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
         large = float(np.median(np.abs(time)))
-        found = next((one for one, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
-        return TICKS[unit or found], ()
+        likely = next((name for name, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
+        return TICKS[unit or likely], ()
     low, high = FLIGHT_SPEEDS if unit else RACE_SPEEDS
-    fitting = [one for one, tick in TICKS.items() if RACE_SPEEDS[0] <= speed / tick <= RACE_SPEEDS[1]]
+    fitting = [name for name, tick in TICKS.items() if RACE_SPEEDS[0] <= speed / tick <= RACE_SPEEDS[1]]
     named = unit or "s"
     if low <= speed / TICKS[named] <= high or not fitting:
         return TICKS[named], ()
-    found = fitting[0]
+    likely = fitting[0]
     if unit:
         seconds = (time[-1] - time[0]) * TICKS[unit]
         spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
         refuse(
             path,
             0,
-            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {found}? "
-            f"Then say --column 'time={column} [{found}]'",
+            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {likely}? "
+            f"Then say --column 'time={column} [{likely}]'",
             column,
         )
-    return TICKS[found], (f"times are taken as {found}: so the aircraft flies at {speed / TICKS[found]:.0f} m/s",)
+    return TICKS[likely], (f"times are taken as {likely}: so the aircraft flies at {speed / TICKS[likely]:.0f} m/s",)
 
 
 def usual_speed(time: Array, places: Array) -> float:
     """Return the median speed over so many samples that some hundred metres are covered; NaN where nothing moves."""
-    known = np.flatnonzero(np.isfinite(places).all(axis=0))
-    known = known[:: max(1, len(known) // ROWS_MAX)]
-    time, places = time[known], places[:, known]
+    finite = np.flatnonzero(np.isfinite(places).all(axis=0))
+    finite = finite[:: max(1, len(finite) // ROWS_MAX)]
+    time, places = time[finite], places[:, finite]
     lag = 1
     while lag < len(time):
         way = np.linalg.norm(places[:, lag:] - places[:, :-lag], axis=0)

@@ -5,11 +5,12 @@ what comes before is a preamble. A row of units above or below them is understoo
 """
 
 import csv
+import dataclasses
 import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import tzinfo
 
 import numpy as np
@@ -129,9 +130,9 @@ class ColumnLayout:
         accuracy: of the positions, see `Recording`; it counts for logs of every format.
     """
 
-    columns: Mapping[str, str] = field(default_factory=dict[str, str])
-    scales: Mapping[str, float] = field(default_factory=dict[str, float])
-    offsets: Mapping[str, float] = field(default_factory=dict[str, float])
+    columns: Mapping[str, str] = dataclasses.field(default_factory=dict[str, str])
+    scales: Mapping[str, float] = dataclasses.field(default_factory=dict[str, float])
+    offsets: Mapping[str, float] = dataclasses.field(default_factory=dict[str, float])
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
@@ -166,24 +167,24 @@ class CsvColumn:
 def parse_unit(field: Field, text: str) -> str | None:
     """Return the unit of a field that a text means; None if it has no such unit."""
     plain = " ".join(text.lower().split())
-    for one in (plain, plain.replace("_", "/")):
-        one = _UNITS.get(one, one)
-        if one in field.units:
-            return one
+    for spelling in (plain, plain.replace("_", "/")):
+        unit = _UNITS.get(spelling, spelling)
+        if unit in field.units:
+            return unit
     return None
 
 
 def split_unit(text: str) -> tuple[str, str]:
     """Split `HEADER [UNIT]`; the unit is empty where there is none."""
-    found = _BRACKETED.match(text)
-    return (found["header"].strip(), found["unit"].strip()) if found else (text.strip(), "")
+    match = _BRACKETED.match(text)
+    return (match["header"].strip(), match["unit"].strip()) if match else (text.strip(), "")
 
 
 def is_foreign_unit(field: Field, text: str) -> bool:
     """Return whether a text in brackets is a unit, but none of a field."""
     plain = " ".join(text.lower().split())
-    known = any(parse_unit(one, plain) is not None for one in FIELDS.values())
-    return parse_unit(field, plain) is None and (known or plain in _FOREIGN)
+    named = any(parse_unit(other, plain) is not None for other in FIELDS.values())
+    return parse_unit(field, plain) is None and (named or plain in _FOREIGN)
 
 
 def recognise(header: str) -> tuple[Field, str] | None:
@@ -198,10 +199,10 @@ def recognise(header: str) -> tuple[Field, str] | None:
         readings.append((suffixed["header"], suffixed["unit"]))
     for base, unit in readings:
         plain = " ".join(base.lower().replace("_", " ").split())
-        for one in FIELDS.values():
-            known = parse_unit(one, unit) if unit else ""
-            if known is not None and plain in one.aliases and base != "Phi":  # in our tables an angle that adds up
-                return one, known
+        for field in FIELDS.values():
+            named = parse_unit(field, unit) if unit else ""
+            if named is not None and plain in field.aliases and base != "Phi":  # in our tables an angle that adds up
+                return field, named
     return None
 
 
@@ -223,11 +224,11 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     numbered = enumerate(lines, 1)
     delimiter, columns, instance, rest = _find_headers(path, numbered, layout)
     timed = next(column for column in columns if column.field.name == "time")
-    others = [column for column in columns if column is not timed]
-    samples, zoned = SampleTable(path, 1 + len(others)), True
+    measured = [column for column in columns if column is not timed]
+    samples, zoned = SampleTable(path, 1 + len(measured)), True
     said = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
     notation = said
-    indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
+    indices, commas = [column.index for column in (timed, *measured)], layout.decimal_comma
     garbled = 0  # times that are there and cannot be read
     receiver = ""  # the first of several
     for at, line in _rows(samples, itertools.chain(rest, numbered)):
@@ -256,7 +257,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         if not samples.lines and notation == "iso":
             zoned = names_zone(when)
         values = [
-            samples.number(at, cell, one.header) if cell else math.nan for one, cell in zip(others, cells, strict=True)
+            samples.number(at, cell, column.header) if cell else math.nan
+            for column, cell in zip(measured, cells, strict=True)
         ]
         samples.append(at, seconds, *values)
     if len(samples.lines) < 2 or len(samples.lines) <= garbled:
@@ -264,12 +266,12 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     numbers, (time, *values) = samples.arrays(
         "holds no samples; expected one row for every instant, below a row of headers"
     )
-    for one in others:
-        if one.field.name in _ESSENTIAL and 2 * _unread(samples, one.header) >= len(time):
-            samples.refuse_first_fault(one.header)
+    for column in measured:
+        if column.field.name in _ESSENTIAL and 2 * _unread(samples, column.header) >= len(time):
+            samples.refuse_first_fault(column.header)
     histories = {
-        one.field.history: layout.corrected(one.field.name, cells) * one.factor(cells)
-        for one, cells in zip(others, values, strict=True)
+        column.field.history: layout.corrected(column.field.name, cells) * column.factor(cells)
+        for column, cells in zip(measured, values, strict=True)
     }
     remarks = [*samples.remarks]
     if notation == "number":
@@ -282,8 +284,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         remarks.append("times name no zone and are taken as UTC")
     dated = notation == "iso" or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
     time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
-    guessed = tuple(one.field.history for one in others if not one.unit)
-    mapped = tuple(FIELDS[one].history for one in {**layout.scales, **layout.offsets})
+    guessed = tuple(column.field.history for column in measured if not column.unit)
+    mapped = tuple(FIELDS[name].history for name in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
 
@@ -358,9 +360,9 @@ def _find_headers(
     _, at, headers = best
     if not headers:
         refuse(path, 0, "has no column of time: it holds no row of headers")
-    there = {column.field.name for column in _match(headers, layout)}
+    present = {column.field.name for column in _match(headers, layout)}
     words = enumerate_words(headers)
-    if missing := next((name for name in layout.columns if name not in there), None):
+    if missing := next((name for name in layout.columns if name not in present), None):
         refuse(path, at, f"has no column `{layout.columns[missing][:60]}` for {missing}; its columns are {words}")
     lacks, advice = _lacking(_match(headers, layout), layout)
     return refuse(path, at, f"has no {lacks} columns are {words}; name it with --column {advice} or in a mapping")
@@ -372,7 +374,7 @@ def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
     ]
     if layout.delimiter:
         likely = [layout.delimiter]
-    readings = [(one, [cell.strip() for cell in _cells(line, one)]) for one in likely]
+    readings = [(mark, [cell.strip() for cell in _cells(line, mark)]) for mark in likely]
     return next((reading for reading in readings if dialect_of(reading[1]) is not None), readings[0])
 
 
@@ -394,49 +396,49 @@ def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
 
 def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     """Return the columns that the mapping names, or that are recognised where there is none."""
-    found: dict[str, CsvColumn] = {}
+    columns: dict[str, CsvColumn] = {}
     if "time" not in layout.columns and (dialect := dialect_of(headers)) is not None:
-        found = {column.field.name: column for column in _columns_of(dialect, headers)}
+        columns = {column.field.name: column for column in _columns_of(dialect, headers)}
     elif not layout.columns:
         for index, header in enumerate(headers):
-            if (own := recognise(header)) is not None:
-                found.setdefault(own[0].name, CsvColumn(index, header, *own))
+            if (recognised := recognise(header)) is not None:
+                columns.setdefault(recognised[0].name, CsvColumn(index, header, *recognised))
     plain = [" ".join(header.split()) for header in headers]
-    bases = [split_unit(one)[0] for one in plain]
+    bases = [split_unit(header)[0] for header in plain]
     for name, text in layout.columns.items():
-        known, (base, unit) = FIELDS[name], split_unit(text)
+        field, (base, unit) = FIELDS[name], split_unit(text)
         whole = " ".join(text.split())
         header = whole if whole in plain else base
         if header not in plain:
             if base not in bases:
                 continue
             header = plain[bases.index(base)]
-        said = "" if header == whole and base != whole and parse_unit(known, unit) is None else unit
-        own = recognise(header)
-        if not said and own is not None and own[0] is known:
-            said = own[1]
-        found[name] = CsvColumn(plain.index(header), header, known, parse_unit(known, said) or "")
-    return list(found.values())
+        stated = "" if header == whole and base != whole and parse_unit(field, unit) is None else unit
+        recognised = recognise(header)
+        if not stated and recognised is not None and recognised[0] is field:
+            stated = recognised[1]
+        columns[name] = CsvColumn(plain.index(header), header, field, parse_unit(field, stated) or "")
+    return list(columns.values())
 
 
 def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
     """Return the columns of a dialect that are there; a unit in a header counts more than that of the dialect."""
-    plain, found = [plain_header(header) for header in headers], list[CsvColumn]()
+    plain, columns = [plain_header(header) for header in headers], list[CsvColumn]()
     for name, candidates in dialect.columns.items():
-        if there := next(((header, unit) for header, unit in candidates if header in plain), None):
-            index, known = plain.index(there[0]), FIELDS[name]
-            said = parse_unit(known, split_unit(headers[index])[1])
-            found.append(CsvColumn(index, headers[index], known, said or "", there[1]))
-    return found
+        if present := next(((header, unit) for header, unit in candidates if header in plain), None):
+            index, field = plain.index(present[0]), FIELDS[name]
+            stated = parse_unit(field, split_unit(headers[index])[1])
+            columns.append(CsvColumn(index, headers[index], field, stated or "", present[1]))
+    return columns
 
 
 def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:
     """Return what columns lack for a log, and how one would name it; both empty where nothing is lacking."""
-    found = {column.field.name for column in columns}
-    if "time" not in found:
+    names = {column.field.name for column in columns}
+    if "time" not in names:
         return "column of time; its", "'time=TIME'"
-    if not ({"latitude", "longitude"} <= found or {"north", "east"} <= found):
+    if not ({"latitude", "longitude"} <= names or {"north", "east"} <= names):
         return "position: expected latitude and longitude, or north and east; its", "'latitude=LAT'"
-    if "altitude" not in found and "height" not in found:
+    if "altitude" not in names and "height" not in names:
         return "height; its", "'altitude=ALT [m]'"
-    return ("columns", "'time=TIME'") if layout.columns.keys() - found else ("", "")
+    return ("columns", "'time=TIME'") if layout.columns.keys() - names else ("", "")

@@ -60,11 +60,14 @@ BAROMETER = 70.0
 def place_roundings(placed: Recording) -> Array:
     """Return the standard deviations of rounding of north, east and up, m, shape (3,)."""
     columns = placed.columns
-    found = [rounding(columns[name]) for name in ("x", "y")]
+    roundings = [rounding(columns[name]) for name in ("x", "y")]
     if "latitude" in columns:
         narrow = math.cos(float(np.nanmedian(columns["latitude"])))
-        found = [EARTH_RADIUS * rounding(columns["latitude"]), EARTH_RADIUS * narrow * rounding(columns["longitude"])]
-    return np.array([*found, rounding(columns["height"])])
+        roundings = [
+            EARTH_RADIUS * rounding(columns["latitude"]),
+            EARTH_RADIUS * narrow * rounding(columns["longitude"]),
+        ]
+    return np.array([*roundings, rounding(columns["height"])])
 
 
 def is_measured(flight: Flight, name: str) -> bool:
@@ -147,8 +150,8 @@ def deviations_of(
             rolled = roll_rate * max(between, STEP)
             bank = min(math.hypot(pull / (g0 * max(n_z, 0.1)), rolled), math.pi)
         tip = half_span * math.sin(min(bank, 0.5 * math.pi))
-        known = pull / g0 if load is None else load.deviation(offset + time, when)
-        return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, known, when)
+        load_deviation = pull / g0 if load is None else load.deviation(offset + time, when)
+        return StandardDeviations(across, math.hypot(across, tip), up, bank, turned, speed, load_deviation, when)
 
     return at
 

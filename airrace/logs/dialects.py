@@ -1,6 +1,6 @@
 """Recorders and programs whose columns are known: what their headers are called, and the units that they do not say.
 
-A dialect is a mapping that comes along. It is recognised by headers that stand together in no other; which of its
+A dialect is a mapping that is shipped. It is recognised by headers that stand together in no other; which of its
 columns are there depends on the version and on what was recorded. Magnetic headings are left out: no course is
 magnetic.
 """

@@ -56,15 +56,15 @@ def log_histories(race: Race, recording: Recording, path: Path, time: Array) -> 
     measured: dict[str, Array] = {}
     for name in MEASURED:
         values = _interpolate(recording, name, time)
-        known = np.isfinite(values)
-        if name == "phi" and known.any():
+        finite = np.isfinite(values)
+        if name == "phi" and finite.any():
             derived |= _recorded_attitude(race, derived, velocity, recording, time)
-        if known.all() or (known.mean() > 0.5 and name in fillings):
-            measured[name] = np.where(known, values, fillings.get(name, values))
+        if finite.all() or (finite.mean() > 0.5 and name in fillings):
+            measured[name] = np.where(finite, values, fillings.get(name, values))
     bases = {**dict.fromkeys(derived, Basis.DERIVED), **dict.fromkeys(measured, Basis.MEASURED)}
     values = {**derived, **measured}
-    given = {name: History(DECLARATIONS[name], values[name], basis) for name, basis in bases.items()}
-    return complete_histories(race, given)
+    recorded_histories = {name: History(DECLARATIONS[name], values[name], basis) for name, basis in bases.items()}
+    return complete_histories(race, recorded_histories)
 
 
 def path_histories(race: Race, position: Array, velocity: Array, acceleration: Array) -> dict[str, Array]:
@@ -122,20 +122,20 @@ def _recorded_attitude(
     turned = np.where(roll & ~full & (np.abs(gamma) < STEEP), turned, 0.0)
     x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
     y, z = np.cos(turned) * y + np.sin(turned) * z, np.cos(turned) * z - np.sin(turned) * y
-    R_OB = _euler_axes(*(np.where(full, one, 0.0) for one in (psi, theta, phi)))
+    R_OB = _euler_axes(*(np.where(full, angle, 0.0) for angle in (psi, theta, phi)))
     wing = R_OB[:, 1] - np.sum(R_OB[:, 1] * x, axis=0) * x
     wing = wing / np.maximum(np.linalg.norm(wing, axis=0), 1e-9)
     y = np.where(full, wing, y)
     z = np.where(full, np.cross(x, wing, axis=0), z)
     q = attitude.quaternions(np.stack([x, y, z], axis=1))
-    found: dict[str, Array] = {}
-    found.update(zip(QUATERNION, q, strict=True))
+    attitudes: dict[str, Array] = {}
+    attitudes.update(zip(QUATERNION, q, strict=True))
     if full.all():
-        found.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
-        found["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))
+        attitudes.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
+        attitudes["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))
     if roll.all():
-        found["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
-    return found
+        attitudes["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
+    return attitudes
 
 
 def _interpolate(recording: Recording, name: str, time: Array) -> Array:
@@ -143,13 +143,13 @@ def _interpolate(recording: Recording, name: str, time: Array) -> Array:
     if np.isfinite(recording.columns.get(name, np.empty(0))).sum() < 2:
         return np.full_like(time, np.nan)
     at, values = samples_of(recording, name)
-    found = np.interp(time, at, values)
+    interpolated = np.interp(time, at, values)
     behind = np.searchsorted(at, time, side="right")
     inside = (behind > 0) & (behind < len(at))
     gap = np.where(inside, at[np.clip(behind, 0, len(at) - 1)] - at[np.clip(behind - 1, 0, len(at) - 1)], np.inf)
     edge = np.minimum(np.abs(time - at[0]), np.abs(time - at[-1]))
-    found = np.where((gap <= HOLE) | (edge <= 0.1), found, np.nan)
-    return np.remainder(found + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else found
+    interpolated = np.where((gap <= HOLE) | (edge <= 0.1), interpolated, np.nan)
+    return np.remainder(interpolated + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else interpolated
 
 
 def between_samples(recording: Recording, name: str, times: Array) -> Array:
@@ -175,9 +175,9 @@ def between_samples(recording: Recording, name: str, times: Array) -> Array:
 
 def samples_of(recording: Recording, name: str) -> tuple[Array, Array]:
     """Return times and values of a recorded history where it is known, angles without jumps, each of shape (m,)."""
-    known = np.isfinite(recording.columns[name])
-    values = recording.columns[name][known]
-    return recording.time[known], np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
+    finite = np.isfinite(recording.columns[name])
+    values = recording.columns[name][finite]
+    return recording.time[finite], np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
 
 
 def _roll_rate(R: Array, time: Array) -> Array:
@@ -192,7 +192,7 @@ def _roll_rate(R: Array, time: Array) -> Array:
 
 def _euler_axes(psi: Array, theta: Array, phi: Array) -> Array:
     """Return `R_OB` of heading, pitch and roll, rad, shape (3, 3, n)."""
-    (cz, sz), (cy, sy), (cx, sx) = ((np.cos(one), np.sin(one)) for one in (psi, theta, phi))
+    (cz, sz), (cy, sy), (cx, sx) = ((np.cos(angle), np.sin(angle)) for angle in (psi, theta, phi))
     rows = (
         (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),
         (sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx),

@@ -120,7 +120,9 @@ def recorded_path(path: Path, time: Array, places: Array, begin: float, end: flo
     first, last = time[good][[0, -1]].tolist()  # where no place is near nobody knows the lift
     inside = (path.time > first - STEP) & (path.time < last + STEP)
     nodes = path.time[inside]
-    position, velocity, force = ((down * one[:, inside]).T for one in (path.position, path.velocity, path.acceleration))
+    position, velocity, force = (
+        (down * values[:, inside]).T for values in (path.position, path.velocity, path.acceleration)
+    )
     force = force - np.array([0.0, 0.0, g0])
     e = velocity / np.linalg.norm(velocity, axis=1)[:, None]
     u = force - e * np.sum(force * e, axis=1)[:, None]
@@ -212,9 +214,10 @@ def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Ar
     """
     n, p, h = len(path.states), len(values), STEP
     after, acceleration, by_state, by_value = (
-        np.asarray(one.full(), np.float64) for one in step.map(n - 1)(path.states[:-1].T, values, path.variance)
+        np.asarray(derivative.full(), np.float64)
+        for derivative in step.map(n - 1)(path.states[:-1].T, values, path.variance)
     )
-    A, B = (one.reshape(STATES, n - 1, -1).transpose(1, 0, 2) for one in (by_state, by_value))
+    A, B = (derivative.reshape(STATES, n - 1, -1).transpose(1, 0, 2) for derivative in (by_state, by_value))
     defect = path.states[1:] - after.T
     W = np.empty((n - 1, STATES))
     for block, deviation in enumerate(STEP_DEVIATIONS):
@@ -353,8 +356,8 @@ class RollRate:
 
 def measure_roll_rate(aircraft: Aircraft, logs: Sequence[LogFlight]) -> RollRate | None:
     """Return the roll rate of the quickest roll of all logs; None where none of them shows one that is held."""
-    seen = [one for one in (_log_roll_rate(aircraft, log) for log in logs) if one is not None]
-    return max(seen, key=lambda one: one.factor, default=None)
+    seen = [roll_rate for roll_rate in (_log_roll_rate(aircraft, log) for log in logs) if roll_rate is not None]
+    return max(seen, key=lambda roll_rate: roll_rate.factor, default=None)
 
 
 def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:

@@ -45,7 +45,7 @@ class LogFlight:
         known: how well every passing is known, by the names of the passages.
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
-        remarks: what whoever looks at it should know, as sentences.
+        remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
     """
 
@@ -125,34 +125,34 @@ def flight_of_part(
 
 
 def _choose_flight(
-    recording: Recording, race: Race, wanted: int | None
+    recording: Recording, race: Race, number: int | None
 ) -> tuple[Recording, CourseRun, tuple[str, ...]]:
     """Return the aircraft or track that passes the course best, in the track's frame, its run, and remarks.
 
     Raises:
         InputError: none of them passes the course; the error is that of the first one.
     """
-    found: list[tuple[Recording, CourseRun, tuple[str, ...]]] = []
+    candidates: list[tuple[Recording, CourseRun, tuple[str, ...]]] = []
     first: InputError | None = None
-    for one in (recording, *recording.others):
+    for candidate in (recording, *recording.others):
         try:
-            framed = in_frame(in_order(one), race)
-            found.append((framed, *_choose_run(framed, race, wanted)))
+            framed = in_frame(in_order(candidate), race)
+            candidates.append((framed, *_choose_run(framed, race, number)))
         except InputError as error:
             first = first or error
-    if not found:
+    if not candidates:
         assert first is not None  # there is one recording at least
         raise first
-    framed, chosen, remarks = max(found, key=lambda one: len(one[1].made))
+    framed, chosen, remarks = max(candidates, key=lambda candidate: len(candidate[1].made))
     if recording.others:
         remarks = (f"{framed.label} is taken, which passes the course", *remarks)
     return framed, chosen, remarks
 
 
-def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[CourseRun, tuple[str, ...]]:
+def _choose_run(framed: Recording, race: Race, number: int | None) -> tuple[CourseRun, tuple[str, ...]]:
     """Return the run that is imported, as found on a coarse path, and a sentence where there are several."""
-    found = find_runs(race, *_coarse_path(framed))
-    if not found:
+    runs = find_runs(race, *_coarse_path(framed))
+    if not runs:
         count = sum(stands(passage) for passage in race.course.passages)
         if count == 0:
             refuse(framed.path, 0, f"looks like others: {race.course.name} has no gate and no pylon that stands")
@@ -162,17 +162,17 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
             f"passes less than half of the {count} gates and pylons of {race.course.name} in their order; "
             "is it another course, or another origin?",
         )
-    if wanted is not None and not 1 <= wanted <= len(found):
-        refuse(framed.path, 0, f"has {len(found)} runs through the course; there is no run {wanted}")
-    best = max(found, key=lambda one: (len(one.made), -sum(passing.aside**2 for passing in one.made)))
-    index = found.index(best) if wanted is None else wanted - 1
-    if len(found) == 1:
-        return found[0], ()
-    begins, own = ", ".join(f"{one.begin:.1f}" for one in found[:RUNS_MAX]), ""
-    if len(found) > RUNS_MAX:
-        begins, own = f"{begins}, ...", f", which begins at {found[index].begin:.1f} s"
-    remark = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
-    return found[index], (f"{remark}{own}",)
+    if number is not None and not 1 <= number <= len(runs):
+        refuse(framed.path, 0, f"has {len(runs)} runs through the course; there is no run {number}")
+    best = max(runs, key=lambda run: (len(run.made), -sum(passing.aside**2 for passing in run.made)))
+    index = runs.index(best) if number is None else number - 1
+    if len(runs) == 1:
+        return runs[0], ()
+    begins, own = ", ".join(f"{run.begin:.1f}" for run in runs[:RUNS_MAX]), ""
+    if len(runs) > RUNS_MAX:
+        begins, own = f"{begins}, ...", f", which begins at {runs[index].begin:.1f} s"
+    remark = f"the log holds {len(runs)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
+    return runs[index], (f"{remark}{own}",)
 
 
 def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
@@ -197,7 +197,7 @@ def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
 
 def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str) -> Flight:
     """Return the flight from the first passing to the last one; its time axis holds all passings."""
-    own = np.array([one.time for one in run.made])
+    own = np.array([passing.time for passing in run.made])
     between = np.arange(run.begin, run.end, SAMPLING)
     time = np.unique(np.concatenate([between[np.min(np.abs(between[:, None] - own), axis=1) > 1e-6], own]))
     histories = log_histories(race, part, path, time)
@@ -265,8 +265,8 @@ def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, St
     estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not is_measured(flight, name)]
     if estimated:
         remarks.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
-    times = [one.time for one in known.values()]
+    times = [deviation.time for deviation in known.values()]
     if times:
-        usual, worst = (1e3 * float(one) for one in (np.median(times), max(times)))
+        usual, worst = (1e3 * float(seconds) for seconds in (np.median(times), max(times)))
         remarks.append(f"times of passings are known to {usual:.2g} ms, the worst one to {worst:.2g} ms")
     return remarks

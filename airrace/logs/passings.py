@@ -69,13 +69,13 @@ def in_order(recording: Recording) -> Recording:
     time, remarks = spread_repeated(recording.time)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
-    known = _place(recording)
+    placed = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
-    tells: NDArray[np.bool_] = np.logical_or.reduce([known, *recorded])
+    tells: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
     remarks = ()
     if silent := int((~tells).sum()):
         remarks += (f"{count_of(silent, 'sample')} without a position and left out",)
-    time, apart, last = recording.time[known], np.ones(int(known.sum()), bool), 0.0
+    time, apart, last = recording.time[placed], np.ones(int(placed.sum()), bool), 0.0
     for row in (np.flatnonzero(np.diff(time) < SAME_TIME) + 1).tolist():
         if apart[row - 1]:
             last = float(time[row - 1])
@@ -83,7 +83,7 @@ def in_order(recording: Recording) -> Recording:
     if repeated := int((~apart).sum()):
         nearest = f"{1e3 * SAME_TIME:g} ms"
         remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
-    tells[np.flatnonzero(known)] = apart
+    tells[np.flatnonzero(placed)] = apart
     fresh = _with_fresh_columns(recording.select(tells, *remarks))
     heights = [np.isfinite(fresh.columns[name][_place(fresh)]) for name in HEIGHTS if name in columns]
     if _place(fresh).sum() < 2:
@@ -105,11 +105,11 @@ def _with_fresh_columns(recording: Recording) -> Recording:
     """Return the recording with NaN in the place of what is repeated, and of heights that are none."""
     columns, remarks = dict(recording.columns), list[str]()
     places = [name for name in PLACES if name in columns]
-    known = np.flatnonzero(_place(recording))
+    finite = np.flatnonzero(_place(recording))
     stale = np.zeros(len(recording.time), bool)
-    stale[known] = held(np.stack([columns[name][known] for name in places]), recording.time[known])
+    stale[finite] = held(np.stack([columns[name][finite] for name in places]), recording.time[finite])
     if stale.any():
-        rows = len(known) / max(len(known) - int(stale.sum()), 1)
+        rows = len(finite) / max(len(finite) - int(stale.sum()), 1)
         remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
         for name in places:
             columns[name] = np.where(stale, np.nan, columns[name])
@@ -117,9 +117,9 @@ def _with_fresh_columns(recording: Recording) -> Recording:
         if name not in columns:
             continue
         values = columns[name]
-        known = np.flatnonzero(np.isfinite(values))
+        finite = np.flatnonzero(np.isfinite(values))
         repeated = np.zeros(len(values), bool)
-        repeated[known] = held(values[None, known], recording.time[known])
+        repeated[finite] = held(values[None, finite], recording.time[finite])
         if name in HEIGHTS:
             repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
             missing = _missing_heights(values)
@@ -136,10 +136,10 @@ def _with_fresh_columns(recording: Recording) -> Recording:
 def _missing_heights(values: Array) -> NDArray[np.bool_]:
     """Return which heights are zero although those around them are far from it."""
     zero, place = values == 0.0, np.arange(len(values))
-    others = np.isfinite(values) & ~zero
-    if not zero.any() or others.sum() < 2:
+    recorded = np.isfinite(values) & ~zero
+    if not zero.any() or recorded.sum() < 2:
         return np.zeros(len(values), bool)
-    return zero & (np.abs(np.interp(place, place[others], values[others])) > NO_HEIGHT)
+    return zero & (np.abs(np.interp(place, place[recorded], values[recorded])) > NO_HEIGHT)
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:
@@ -230,12 +230,12 @@ class CourseRun:
     @property
     def begin(self) -> float:
         """The time of its first passing, s."""
-        return min(one.time for one in self.made)
+        return min(passing.time for passing in self.made)
 
     @property
     def end(self) -> float:
         """The time of its last passing, s."""
-        return max(one.time for one in self.made)
+        return max(passing.time for passing in self.made)
 
 
 def stands(passage: Passage) -> bool:
@@ -258,7 +258,7 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         for crossing in passage.element.crossings(passage.direction, 0.0, rolling=False)
     }
     reach = float(getattr(passage.element, "reach", 0.0))
-    found: list[LineCrossing] = []
+    crossings: list[LineCrossing] = []
     for axis in axes.values():
         along = math.cos(axis) * (x - place[0]) + math.sin(axis) * (y - place[1])
         right = -math.sin(axis) * (x - place[0]) + math.cos(axis) * (y - place[1])
@@ -269,9 +269,9 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         near = (np.abs(aside) <= ASIDE + reach) & (time[rows + 1] - time[rows] <= SILENCE)
         forwards, sideways = along[rows + 1] - along[rows], right[rows + 1] - right[rows]
         slant = 1.0 - forwards / np.hypot(forwards, sideways)
-        columns = (one[near].tolist() for one in (when, aside, slant))
-        found += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
-    return sorted(found, key=lambda one: one.time)
+        columns = (values[near].tolist() for values in (when, aside, slant))
+        crossings += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
+    return sorted(crossings, key=lambda crossing: crossing.time)
 
 
 def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
@@ -282,30 +282,30 @@ def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
         time, x, y: the path, s and m, shape (n,).
     """
     passages = race.course.passages
-    known = [line_crossings(passage, time, x, y) for passage in passages]
+    crossings = [line_crossings(passage, time, x, y) for passage in passages]
     needed = sum(stands(passage) for passage in passages)
-    found: list[CourseRun] = []
+    runs: list[CourseRun] = []
     while True:
-        best = _best_run(passages, known)
+        best = _best_run(passages, crossings)
         if len(best.made) < max(0.5 * needed, 1):
-            return sorted(found, key=lambda one: one.begin)
-        found.append(best)
-        known = [[one for one in row if not best.begin <= one.time <= best.end] for row in known]
+            return sorted(runs, key=lambda run: run.begin)
+        runs.append(best)
+        crossings = [[crossing for crossing in row if not best.begin <= crossing.time <= best.end] for row in crossings]
 
 
-def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing]]) -> CourseRun:
+def _best_run(passages: Sequence[Passage], crossings: Sequence[Sequence[LineCrossing]]) -> CourseRun:
     """Return the run of the least cost, by dynamic programming from the last passage back to the first.
 
     At all times at which anything is passed it is known what the rest of the course costs from there; `later` is that
     cost behind each of the times, for the passages that are still to come.
     """
-    times = np.unique([one.time for row in known for one in row])
+    times = np.unique([crossing.time for row in crossings for crossing in row])
     if not len(times):
         return CourseRun(())
     later = np.zeros(len(times) + 1)  # at the end of the path, too
     choices: list[Array] = []
     remaining, starts = 0, list[tuple[float, int]]()  # the cost of what comes behind a passage, and where it begins
-    for passage, row in zip(reversed(passages), reversed(known), strict=True):
+    for passage, row in zip(reversed(passages), reversed(crossings), strict=True):
         choice = np.full(len(times) + 1, -1)
         if stands(passage):
             later, choice = _with_passage(times, later, row)
@@ -320,7 +320,7 @@ def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing
     begin = int(np.argmin(costs))
     place = starts[::-1][begin][1]
     passings: list[LineCrossing | None] = [None] * begin
-    for choice, row in list(zip(reversed(choices), known, strict=True))[begin:]:
+    for choice, row in list(zip(reversed(choices), crossings, strict=True))[begin:]:
         number = int(choice[place])
         if number == -2:
             break
@@ -336,10 +336,10 @@ def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tu
     off = np.array([crossing.aside for crossing in row], np.float64) / COST_DISTANCE
     at = np.searchsorted(times, when)
     slant = SLANT_COST * np.maximum(np.array([crossing.slant for crossing in row], np.float64) - FREE_SLANT, 0.0)
-    mine = np.minimum(off * off + slant, COST_MAX) + later[at + 1] + SECOND_COST * when
+    costs = np.minimum(off * off + slant, COST_MAX) + later[at + 1] + SECOND_COST * when
     cost, index = np.full(len(times), np.inf), np.full(len(times), -1)
-    worst_first = np.argsort(mine, kind="stable")[::-1]  # of several at one time the last that is written stays
-    cost[at[worst_first]], index[at[worst_first]] = mine[worst_first], worst_first
+    worst_first = np.argsort(costs, kind="stable")[::-1]  # of several at one time the last that is written stays
+    cost[at[worst_first]], index[at[worst_first]] = costs[worst_first], worst_first
     least = np.append(np.minimum.accumulate(cost[::-1])[::-1], np.inf)  # from every time on
     places = np.where(cost < least[1:], np.arange(len(times)), len(times))
     chosen = np.append(index, -1)[np.minimum.accumulate(places[::-1])[::-1]]

@@ -1,4 +1,4 @@
-"""Recorded columns held against the path: units that nobody says, and what cannot be true."""
+"""Recorded columns compared with the path: units that are not stated, and values that cannot be true."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -71,12 +71,12 @@ _ANGLES = ("phi", "theta", "psi")
 def in_feet_if_so(framed: Recording, race: Race, run: CourseRun) -> Recording:
     """Return the recording with heights in feet, where their unit is not said and only so they fit the course."""
     name = next((height for height in HEIGHTS if height in framed.unsaid), None)
-    there = np.isfinite(framed.columns["height"])
-    if name is None or not there.any():
+    finite = np.isfinite(framed.columns["height"])
+    if name is None or not finite.any():
         return framed
     ground = race.course.origin.elevation if name == "altitude" else 0.0
     times = np.array([math.nan if passing is None else passing.time for passing in run.passings])
-    metres = np.interp(times, framed.time[there], framed.columns["height"][there])
+    metres = np.interp(times, framed.time[finite], framed.columns["height"][finite])
     feet = (metres + ground) * _FOOT - ground
     axes = [0.0 if passing is None else passing.axis for passing in run.passings]
     windows = [height_window(passage.element, axis) for passage, axis in zip(race.course.passages, axes, strict=True)]
@@ -153,11 +153,11 @@ def roll_offsets(
 
 def _all_beyond(heights: Array, windows: Sequence[Interval]) -> Array:
     """Return by how much each height is beyond its window, m; NaN where there is no window, or no height."""
-    found = [
+    excess = [
         beyond(h, window) if math.isfinite(window.upper) else math.nan
         for h, window in zip(heights, windows, strict=True)
     ]
-    return np.where(np.isfinite(heights), np.array(found), np.nan)
+    return np.where(np.isfinite(heights), np.array(excess), np.nan)
 
 
 def _beyond(heights: Array, windows: Sequence[Interval]) -> Array:
@@ -187,8 +187,8 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
         return float(np.median(np.abs(off))) if len(off) else 0.0
 
     def drop(names: tuple[str, ...], why: str) -> None:
-        there = [name for name in names if columns.pop(name, None) is not None]
-        remarks.append(f"the recorded {', '.join(there)} {'is' if len(there) == 1 else 'are'} not used: {why}")
+        dropped = [name for name in names if columns.pop(name, None) is not None]
+        remarks.append(f"the recorded {', '.join(dropped)} {'is' if len(dropped) == 1 else 'are'} not used: {why}")
 
     for name in ("V_G", "V_A", "V_I"):
         there = fast & np.isfinite(columns[name][rows]) if name in columns else np.zeros(len(rows), bool)
@@ -243,11 +243,11 @@ def plausible(part: Recording, path: Path, race: Race) -> Recording:
 
 def _latest(time: Array, values: Array, when: Array) -> NDArray[np.int64]:
     """Return at some times the last sample that is known, its number; -1 before the first."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not len(known):
+    finite = np.flatnonzero(np.isfinite(values))
+    if not len(finite):
         return np.full(len(when), -1, np.int64)
-    near = np.searchsorted(time[known], when, side="right") - 1
-    return np.where(near >= 0, known[near], -1)
+    near = np.searchsorted(time[finite], when, side="right") - 1
+    return np.where(near >= 0, finite[near], -1)
 
 
 def _stuck(time: Array, values: Array, wrong: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -257,12 +257,12 @@ def _stuck(time: Array, values: Array, wrong: NDArray[np.int64]) -> NDArray[np.b
         time, values: of all samples, shape (n,).
         wrong: the numbers of samples that contradict the path.
     """
-    known = np.flatnonzero(np.isfinite(values))
+    finite = np.flatnonzero(np.isfinite(values))
     stretch = np.full(len(values), -1)
-    stretch[known] = np.cumsum(np.diff(values[known], prepend=np.inf) != 0.0) - 1
-    begins = np.flatnonzero(np.diff(stretch[known], prepend=-1))
-    ends = np.append(begins[1:], len(known)) - 1
-    still = time[known[ends]] - time[known[begins]] > HOLE
+    stretch[finite] = np.cumsum(np.diff(values[finite], prepend=np.inf) != 0.0) - 1
+    begins = np.flatnonzero(np.diff(stretch[finite], prepend=-1))
+    ends = np.append(begins[1:], len(finite)) - 1
+    still = time[finite[ends]] - time[finite[begins]] > HOLE
     bad = np.zeros(len(begins) + 1, np.bool_)  # the last one for what is not known
     bad[stretch[wrong]] = True
     return np.append(still, False)[stretch] & bad[stretch]
@@ -280,12 +280,12 @@ def _load_factor(recorded: Array, rows: NDArray[np.int64], derived: Array) -> tu
         rows: the samples that are looked at, shape (m,).
         derived: of the path there, shape (m,).
     """
-    there = np.isfinite(recorded[rows])
-    if not there.any() or np.ptp(recorded[rows][there]) == 0.0:  # what does not move has no zero
+    finite = np.isfinite(recorded[rows])
+    if not finite.any() or np.ptp(recorded[rows][finite]) == 0.0:  # what does not move has no zero
         return recorded, ()
 
     def off(factor: float, summand: float) -> float:
-        return float(np.median(np.abs(factor * recorded[rows][there] + summand - derived[there])))
+        return float(np.median(np.abs(factor * recorded[rows][finite] + summand - derived[finite])))
 
     factor, summand, words = min(_LOADS, key=lambda load: off(load[0], load[1]))
     if off(factor, summand) > LOAD_DIFFERENCE_LEFT * off(1.0, 0.0):

@@ -64,10 +64,10 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     Raises:
         InputError: there is no such file, it is too large, or it is damaged; it names the line.
     """
-    known = layout or ColumnLayout()
-    found = _read(path, known, aircraft)
-    others = tuple(replace(one, accuracy=known.accuracy) for one in found.others)
-    return replace(found, accuracy=known.accuracy, others=others)
+    columns = layout or ColumnLayout()
+    recording = _read(path, columns, aircraft)
+    others = tuple(replace(track, accuracy=columns.accuracy) for track in recording.others)
+    return replace(recording, accuracy=columns.accuracy, others=others)
 
 
 def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
@@ -160,7 +160,7 @@ def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...]
     Raises:
         InputError: there is none, or it is packed by a method that may need any amount of memory.
     """
-    entry = next((one for one in archive.infolist() if one.filename.lower().endswith(suffixes)), None)
+    entry = next((file for file in archive.infolist() if file.filename.lower().endswith(suffixes)), None)
     if entry is None:
         refuse(path, 0, f"is an archive without {what}")
     if entry.compress_type not in _METHODS:

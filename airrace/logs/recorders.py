@@ -68,8 +68,8 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
                 samples.append(number, *values)
         elif line.startswith("I"):
             additions = {code: (int(first) - 1, int(last)) for first, last, code in _ADDITION.findall(line[3:])}
-        elif date is None and (found := _DATE.match(line)):
-            day, month, year = (int(group) for group in found.groups())
+        elif date is None and (recording := _DATE.match(line)):
+            day, month, year = (int(group) for group in recording.groups())
             try:
                 date = datetime(2000 + year if year < 80 else 1900 + year, month, day, tzinfo=UTC).timestamp()
             except ValueError:
@@ -88,12 +88,12 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
     time = unwrap_days(clock)
     begins = None if date is None else instant(date + float(clock[0]) % 86400.0)
     columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude}
-    found = Recording(path, "igc", time - time[0], columns, numbers, begins, barometric=barometric)
+    recording = Recording(path, "igc", time - time[0], columns, numbers, begins, barometric=barometric)
     flat = valid < 0.5
     if 0 < flat.sum() <= 0.5 * len(flat):
         remarks.append(f"{count_of(int(flat.sum()), 'fix')} left out as not valid (`V`)")
-        found = found.select(~flat)
-    return found.select(np.ones(len(found.time), bool), *remarks)
+        recording = recording.select(~flat)
+    return recording.select(np.ones(len(recording.time), bool), *remarks)
 
 
 def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, int]]) -> tuple[float, ...] | None:
@@ -119,10 +119,10 @@ def _with_missing(gnss: Array, baro: Array, remarks: list[str]) -> Array:
     zero, place = gnss == 0.0, np.arange(len(gnss))
     if not zero.any():
         return gnss
-    others = ~zero
-    expected = np.interp(place, place[others], gnss[others])
+    recorded = ~zero
+    expected = np.interp(place, place[recorded], gnss[recorded])
     if np.any(baro):
-        expected = baro + np.median((gnss - baro)[others])
+        expected = baro + np.median((gnss - baro)[recorded])
     missing = zero & (np.abs(expected) > _MISSING)
     if missing.any():
         remarks.append(f"{count_of(int(missing.sum()), 'fix')} without a height of the satellites")
@@ -264,19 +264,19 @@ def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 
 
 def _choose(
-    path: str, objects: Mapping[str, _RecordedObject], wanted: str | None, read: SampleTable
+    path: str, objects: Mapping[str, _RecordedObject], aircraft: str | None, read: SampleTable
 ) -> dict[str, _RecordedObject]:
     """Return the aircraft that move, or the one that is wanted, by their numbers."""
-    moving = {name: one for name, one in objects.items() if one.moves}
-    chosen = {name: one for name, one in moving.items() if one.may_fly}
-    if wanted is not None:
-        chosen = dict([each for each in moving.items() if wanted in (each[0], *each[1].names)][:1])
+    moving = {name: recorded for name, recorded in objects.items() if recorded.moves}
+    chosen = {name: recorded for name, recorded in moving.items() if recorded.may_fly}
+    if aircraft is not None:
+        chosen = dict([entry for entry in moving.items() if aircraft in (entry[0], *entry[1].names)][:1])
     if not chosen:
         read.refuse_first_fault()
-        known = enumerate_words([_name_of(*one) for one in moving.items()]) or "none that moves"
-        asked = "an aircraft" if wanted is None else f"`{wanted[:60]}`"
-        refuse(path, 0, f"holds no flight of {asked}; it has {known}")
-    typed = {name: one for name, one in chosen.items() if "Type" in one.properties}
+        moving_names = enumerate_words([_name_of(*entry) for entry in moving.items()]) or "none that moves"
+        asked = "an aircraft" if aircraft is None else f"`{aircraft[:60]}`"
+        refuse(path, 0, f"holds no flight of {asked}; it has {moving_names}")
+    typed = {name: recorded for name, recorded in chosen.items() if "Type" in recorded.properties}
     return typed or chosen
 
 

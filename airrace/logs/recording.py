@@ -1,4 +1,4 @@
-"""A log as recorded: its samples, how they are collected from a file that nobody vouches for, and which are fresh.
+"""A log as recorded: its samples, how they are collected from an untrusted file, and which are fresh.
 
 A recorder that writes rows faster than a sensor measures repeats the last measurement. Numbers that are written in
 steps of `q` are off by up to half of it, `q / sqrt(12)` by standard deviation, however many of them are averaged.
@@ -50,7 +50,7 @@ class Recording:
         columns: by the names of histories, SI and radians, each of shape (n,); NaN where a sample does not say.
         lines: of the file, shape (n,); they count from 1.
         begins: when the first sample was taken; None where the log knows no date.
-        remarks: what whoever uses the recording should know, as sentences.
+        remarks: for the user of the recording, as sentences.
         others: further aircraft or tracks of the same file, one of which may pass the course.
         unsaid: columns whose units the log does not say.
         mapped: columns whose scale or zero a mapping says.
@@ -134,7 +134,7 @@ class SampleTable:
     def leave_out(self, line: int, message: str, key: str = "", *, whole: bool = True) -> None:
         """Count something that cannot be read: a whole sample, or only its value of a column."""
         if key not in self.faults:
-            printable = "".join(one if one.isprintable() else "\ufffd" for one in message)
+            printable = "".join(letter if letter.isprintable() else "\ufffd" for letter in message)
             self.faults[key] = LogFault(key, line, printable, whole)
         self.faults[key].count += 1
 
@@ -218,14 +218,14 @@ def resolution(values: Array) -> float:
         values: shape (n,); NaN where nothing is known.
     """
     every = max(1, len(values) // VALUES_MAX)
-    found = np.unique(values[::every][np.isfinite(values[::every])])
-    if len(found) < 10:
+    distinct = np.unique(values[::every][np.isfinite(values[::every])])
+    if len(distinct) < 10:
         return 0.0
-    gaps = np.diff(found)
-    gaps = gaps[gaps > 4.0 * np.spacing(np.abs(found).max())]
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 4.0 * np.spacing(np.abs(distinct).max())]
     if not len(gaps):
         return 0.0
-    step, far = float(gaps.min()), found - found[0]
+    step, far = float(gaps.min()), distinct - distinct[0]
     for reach in (30.0, 1000.0, 3e4, 1e6):  # the step is known the better, the farther the values that it explains
         near = far[far < reach * step]
         counts = np.rint(near / step)

@@ -96,13 +96,13 @@ class Path:
         """
         k = np.clip(np.rint((times - self.time[0]) / STEP).astype(np.int64), 0, len(self.time) - 1)
         column = np.arange(len(times))
-        found = np.zeros((3, 3, len(times)))
+        deviation = np.zeros((3, 3, len(times)))
         for quantity in range(3):
             unit = np.zeros((3 * len(self.time), len(times)))
             unit[3 * k + quantity, column] = 1.0
             for axis, factor in enumerate(self.factors):
-                found[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
-        return found
+                deviation[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
+        return deviation
 
 
 def smooth(time: Array, places: Array, noise: float | None = None, least: Array | float = 0.0) -> Path:
@@ -114,10 +114,10 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
         noise: standard deviation of the positions, m; None to estimate it.
         least: the least that it may be, by axis, m: numbers that are written coarsely have the noise of their rounding.
     """
-    known: NDArray[np.bool_] = np.isfinite(places)
+    finite: NDArray[np.bool_] = np.isfinite(places)
     sigma = np.full(3, max(noise, NOISE_MIN)) if noise is not None else _estimate_noise(time, places)
     sigma = np.maximum(sigma, np.asarray(least, np.float64))
-    places = np.where(known, places, 0.0)
+    places = np.where(finite, places, 0.0)
     count = int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1
     nodes = time[0] - EDGE + STEP * np.arange(count)
     equations = _NormalEquations(nodes, time)
@@ -125,23 +125,23 @@ def smooth(time: Array, places: Array, noise: float | None = None, least: Array 
     states, off = np.zeros((3, count, 3)), np.zeros_like(places)
     for _ in range(ITERATIONS):
         for axis, density in enumerate(JERK_NOISE):
-            certainty = (near & known[axis]) / sigma[axis] ** 2
+            certainty = (near & finite[axis]) / sigma[axis] ** 2
             states[axis], _ = equations.solve(places[axis], certainty, weights / density)
         surprise = np.sum([equations.surprise(state) / q for state, q in zip(states, JERK_NOISE, strict=True)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
-        off = np.where(known, places - equations.positions(states), 0.0)
+        off = np.where(finite, places - equations.positions(states), 0.0)
         near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
         if near.mean() <= INLIER_SHARE:
             near = np.ones_like(near)
     factors = [
         equations.solve(
             places[axis],
-            (near & known[axis]) / sigma[axis] ** 2,
-            _cautious(weights, nodes, time[known[axis]]) / density,
+            (near & finite[axis]) / sigma[axis] ** 2,
+            _cautious(weights, nodes, time[finite[axis]]) / density,
         )[1]
         for axis, density in enumerate(JERK_NOISE)
     ]
-    scatter = np.sqrt(np.sum(off**2 * (near & known), axis=1) / np.maximum(np.sum(near & known, axis=1), 1))
+    scatter = np.sqrt(np.sum(off**2 * (near & finite), axis=1) / np.maximum(np.sum(near & finite, axis=1), 1))
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
     return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
 
@@ -167,14 +167,14 @@ def _estimate_noise(time: Array, places: Array) -> Array:
     """
     sigma: list[float] = []
     for place in places:
-        there = np.isfinite(place)
-        steps = np.diff(time[there])
+        finite = np.isfinite(place)
+        steps = np.diff(time[finite])
         even = np.abs(steps - np.median(steps)) < 0.05 * np.median(steps)
         rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:]) if len(steps) >= 9 else ()
         if len(rows) < 5:
             sigma.append(USUAL_NOISE)
         else:
-            sigma.append(float(np.median(np.abs(np.diff(place[there], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
+            sigma.append(float(np.median(np.abs(np.diff(place[finite], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
     level = 0.5 * (sigma[0] + sigma[1])
     return np.clip(np.array([level, level, sigma[2]]), NOISE_MIN, NOISE_MAX)
 

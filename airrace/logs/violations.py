@@ -161,18 +161,18 @@ def violations(
         deviations: how well the flight is known.
         penalties: of the season.
     """
-    found: list[Violation] = []
+    broken_rules: list[Violation] = []
     for crossing in flight.crossings:
-        known = deviations(crossing.time) if crossing.found else NOT_KNOWN
+        certainty = deviations(crossing.time) if crossing.found else NOT_KNOWN
         if not crossing.found and (missed := _missed(flight, crossing, deviations, penalties)):
-            found.append(missed)
+            broken_rules.append(missed)
             continue
-        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties)
+        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), certainty, penalties)
         for rule, value, limit, deviation, unit, penalty in broken:
             price = math.nan if penalty is None else penalty
-            found.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
-    found += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
-    return tuple(sorted(found, key=lambda one: not one.certain))
+            broken_rules.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
+    broken_rules += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
+    return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
 
 def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
@@ -184,12 +184,12 @@ def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
     """
     certain = [violation for violation in violations if violation.certain]
     possible = [violation for violation in violations if not violation.certain and math.isfinite(violation.value)]
-    near = sorted(possible, key=lambda one: -one.deviations)
-    listed, others = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
-    rules = Counter(one.rule for one in others).most_common()
+    near = sorted(possible, key=lambda violation: -violation.deviations)
+    listed, unlisted = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
+    rules = Counter(violation.rule for violation in unlisted).most_common()
     words = ", ".join(f"{count} {rule}" for rule, count in rules)
-    misses = "near miss is" if len(others) == 1 else "near misses are"
-    sentence = f"{len(others)} more {misses} within what the measurement may be wrong by: {words}" if others else ""
+    misses = "near miss is" if len(unlisted) == 1 else "near misses are"
+    sentence = f"{len(unlisted)} more {misses} within what the measurement may be wrong by: {words}" if unlisted else ""
     return [*certain, *listed], sentence
 
 
@@ -251,7 +251,7 @@ def _passing_violations(
 
     sine, path = values["climb_sine"], math.degrees(standard_deviations.path)
     if excess := beyond(sine, bounds.get("climb_sine", Interval())):
-        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
+        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, number)))) for number in (sine, sine - excess))
         yield "climb", climb, limit, path, "deg", penalties.climb
     allowed: list[tuple[str, float, float, float, float | None]] = []
     if tolerances is not None and element.prescribed_bank is not None:
@@ -298,11 +298,11 @@ def _missed(
         return None
     penalty = math.nan if penalties.missed is None else penalties.missed
     some = np.unique([*range(0, len(rows), max(1, len(rows) // MISSED_ROWS)), int(np.argmin(away))]).tolist()
-    found = [
+    misses = [
         Violation(crossing.name, "missed", when, float(away[row]), allowed, deviations(when).across, "m", penalty)
         for row, when in ((row, float(flight.time[rows[row]])) for row in some)
     ]
-    return min(found, key=lambda one: one.deviations)
+    return min(misses, key=lambda miss: miss.deviations)
 
 
 def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt) -> Iterator[Violation]:
@@ -321,8 +321,8 @@ def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt
     turns = np.flatnonzero(np.diff(np.concatenate(([False], n_z > limit, [False])).astype(int)))
     lasting = time[turns[1::2] - 1] - time[turns[::2]]
     if len(lasting) and lasting.max() >= penalties.load_factor_time:
-        known = math.nan if penalties.load_factor is None else penalties.load_factor
-        yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
+        penalty = math.nan if penalties.load_factor is None else penalties.load_factor
+        yield Violation("", "load-factor", when, most, limit, deviation, "g", penalty)
 
 
 def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
@@ -340,6 +340,6 @@ def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
             nearest = at_row(flight, distance, row)
             if nearest.margin < 0.0:
                 rule = distance.kind.replace(" ", "-")
-                known = deviations(nearest.time)
-                off = known.up if rule in ("floor", "ceiling") else known.across
+                certainty = deviations(nearest.time)
+                off = certainty.up if rule in ("floor", "ceiling") else certainty.across
                 yield Violation("", rule, nearest.time, nearest.distance, distance.required, off, "m", math.nan)

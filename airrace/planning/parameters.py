@@ -25,7 +25,7 @@ ONSET_MAX, TURN_TOLERANCE_MAX, SIDESLIP_MAX = 1000.0, 10.0, 45.0
 def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
     """Return all parameters of a race that may be relaxed, in the order in which they are stated.
 
-    Limits that nobody has set, and those that something stricter covers, are none.
+    Limits that are not set, and those that something stricter covers, are left out.
     """
     return [one for one in (*course_limits(race), *_aircraft(race)) if one.can_relax]
 

@@ -179,14 +179,14 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
     None where the flight knows neither load factor nor attitude; NaN of its histories are bridged by straight lines.
     """
-    known = _SmoothPath.from_flight(flight)
-    if known is None:
+    path = _SmoothPath.from_flight(flight)
+    if path is None:
         return ()
-    apexes = _apexes(known)
-    pulls = _pulls(known, apexes)
-    inside = {apex for apex, _ in apexes if any(pull.apex == float(known.height[apex]) for pull in pulls)}
-    lone = [Apex(known.time_of(row), float(known.height[row])) for row, _ in apexes if row not in inside]
-    actions = _in_order([*_rolls(known), *pulls, *lone])
+    apexes = _apexes(path)
+    pulls = _pulls(path, apexes)
+    inside = {apex for apex, _ in apexes if any(pull.apex == float(path.height[apex]) for pull in pulls)}
+    lone = [Apex(path.time_of(row), float(path.height[row])) for row, _ in apexes if row not in inside]
+    actions = _in_order([*_rolls(path), *pulls, *lone])
     cues: list[Cue] = []
     for leg in legs_of(flight):
         if leg.is_complete:
@@ -227,8 +227,8 @@ class _SmoothPath:
             return np.interp(times, flight.time[rows], values[rows]) if rows.sum() > 1 else None
 
         q = np.array([flight[name] for name in QUATERNION])
-        known = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
-        p = sample(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
+        measured = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
+        p = sample(flight["p_Kbar"] if measured else _roll_rate(flight.time, q))
         n_z, height = sample(flight.values("n_z")), sample(flight.values("height"))
         turned = [sample(np.unwrap(flight[name])) for name in ("chi", "mu")]
         chi, gamma, mu = turned[0], sample(flight["gamma"]), turned[1]
@@ -294,15 +294,15 @@ def turning_points(values: Array, change: float) -> list[tuple[int, int]]:
 
 def _rolls(path: _SmoothPath) -> list[RollAction]:
     """Return all rolls in order."""
-    found: list[RollAction] = []
+    rolls: list[RollAction] = []
     for first, last in _stretches_of_roll(path.p):
         fastest = float(np.abs(path.p[first : last + 1]).max())
         angle = STEP * float(path.p[first : last + 1].sum())
         if fastest >= ROLL_BEGINS and abs(angle) >= ROLL_ANGLE:
             begin, end = (math.remainder(float(path.mu[row]), 2.0 * math.pi) for row in (first, last))
             climb = float(path.gamma[(first + last) // 2])
-            found.append(RollAction(path.time_of(first), STEP * (last - first), begin, end, angle, climb))
-    return found
+            rolls.append(RollAction(path.time_of(first), STEP * (last - first), begin, end, angle, climb))
+    return rolls
 
 
 def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
@@ -311,16 +311,16 @@ def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
     """
     side = np.where(np.abs(p) > ROLL_ENDS, np.sign(p), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(side)) + 1).tolist(), len(p)]
-    found: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     for first, end in itertools.pairwise(edges):
         if not side[first]:
             continue
-        joins = found and side[first] == side[found[-1][1]]
-        if joins and STEP * (first - found[-1][1]) < ROLL_PAUSE:
-            found[-1] = (found[-1][0], end - 1)
+        joins = stretches and side[first] == side[stretches[-1][1]]
+        if joins and STEP * (first - stretches[-1][1]) < ROLL_PAUSE:
+            stretches[-1] = (stretches[-1][0], end - 1)
         else:
-            found.append((first, end - 1))
-    return found
+            stretches.append((first, end - 1))
+    return stretches
 
 
 def _apexes(path: _SmoothPath) -> list[tuple[int, bool]]:
@@ -331,7 +331,7 @@ def _apexes(path: _SmoothPath) -> list[tuple[int, bool]]:
 
 
 def _pulls(path: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
-    points, found = turning_points(path.n_z, LOAD_CHANGE), list[Pull]()
+    points, pulls = turning_points(path.n_z, LOAD_CHANGE), list[Pull]()
     rows = [0, *(row for row, _ in points), len(path.n_z) - 1]
     for number, (row, kind) in enumerate(points, start=1):
         peak, before, behind = float(path.n_z[row]), rows[number - 1], rows[number + 1]
@@ -350,8 +350,8 @@ def _pulls(path: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
         height, over = (math.nan, False) if apex is None else (float(path.height[apex[0]]), apex[1])
         duration = STEP * (last - first)
         if duration >= LOAD_DURATION:
-            found.append(Pull(path.time_of(first), duration, peak, turn, lateral, upward, height, over))
-    return found
+            pulls.append(Pull(path.time_of(first), duration, peak, turn, lateral, upward, height, over))
+    return pulls
 
 
 def _beyond(path: _SmoothPath, row: int, peak: float, kind: int, end: int) -> bool:
@@ -365,9 +365,13 @@ def _in_order(actions: Sequence[Action]) -> list[Action]:
     """Return actions by the time of their start; a roll before a pull that begins at once with it."""
     ordered = sorted(actions, key=lambda action: action.time)
     for number in range(1, len(ordered)):
-        before, one = ordered[number - 1], ordered[number]
-        if isinstance(one, RollAction) and not isinstance(before, RollAction) and one.time - before.time < TOGETHER:
-            ordered[number - 1 : number + 1] = one, before
+        before, action = ordered[number - 1], ordered[number]
+        if (
+            isinstance(action, RollAction)
+            and not isinstance(before, RollAction)
+            and action.time - before.time < TOGETHER
+        ):
+            ordered[number - 1 : number + 1] = action, before
     return ordered
 
 
@@ -390,6 +394,6 @@ def _cue(flight: Flight, leg: Leg, actions: tuple[Action, ...]) -> Cue:
     if not flight.has("x", "y", "z"):
         return Cue(leg, behind, math.nan, actions)
     distance = way(flight, leg)
-    here, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
-    nearer = here < 0.5 * whole
-    return Cue(leg, before if nearer else behind, here if nearer else here - whole, actions)
+    at, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
+    nearer = at < 0.5 * whole
+    return Cue(leg, before if nearer else behind, at if nearer else at - whole, actions)

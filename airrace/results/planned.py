@@ -71,9 +71,9 @@ def planned_flight(race: Race) -> Flight:
     starts = list(itertools.accumulate(seconds, initial=0.0))
     time = np.interp(np.arange(columns.shape[1], dtype=np.float64), nodes, starts)
     for values in columns[:2]:  # gaps between known places are bridged; NaN before the first and after the last stay
-        known = np.isfinite(values)
-        if known.any():
-            values[~known] = np.interp(time[~known], time[known], values[known], left=math.nan, right=math.nan)
+        finite = np.isfinite(values)
+        if finite.any():
+            values[~finite] = np.interp(time[~finite], time[finite], values[finite], left=math.nan, right=math.nan)
     histories = {
         name: History(_DECLARATIONS[name], values, Basis.DERIVED) for name, values in zip(_NAMES, columns, strict=True)
     }
@@ -125,7 +125,7 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
 
 
 def _counts(seconds: list[float], step: float) -> list[int]:
-    return [max(math.ceil(one / step), 2) for one in seconds]
+    return [max(math.ceil(duration / step), 2) for duration in seconds]
 
 
 # What the line comes near to.
@@ -137,8 +137,8 @@ def plan_clearances(planned: Flight) -> tuple[Clearance, ...]:
     The nearest pylon is that with the least margin; there is none, and no obstacle, for courses that are too long to be
     planned.
     """
-    known = () if len(planned.crossings) > PLANNED_MAX else pylons(planned)
-    return nearest_pylon(least_of_all(planned, (*known, *surroundings(planned))))
+    near_pylons = () if len(planned.crossings) > PLANNED_MAX else pylons(planned)
+    return nearest_pylon(least_of_all(planned, (*near_pylons, *surroundings(planned))))
 
 
 def remarks_on_line(planned: Flight) -> list[Remark]:
@@ -153,13 +153,13 @@ def remarks_on_line(planned: Flight) -> list[Remark]:
         for crowd in planned.course.crowd
         if crowd.slant
     ]
-    known = (*surroundings(planned), *zones)
+    measured = (*surroundings(planned), *zones)
     remarks: dict[object, Remark] = {}
     for leg in legs_of(planned):
-        ends = [(one.passage.element.name, one.passage.direction) for one in (leg.before, leg.after)]
-        found = {(one.kind, one.name): one for one in least(planned, leg, known)}
-        for (kind, name), nearest in found.items():
-            words = _describe(planned, leg, nearest, found.get(("crowd", name)))
+        ends = [(crossing.passage.element.name, crossing.passage.direction) for crossing in (leg.before, leg.after)]
+        nearest_by_name = {(clearance.kind, clearance.name): clearance for clearance in least(planned, leg, measured)}
+        for (kind, name), nearest in nearest_by_name.items():
+            words = _describe(planned, leg, nearest, nearest_by_name.get(("crowd", name)))
             if words:
                 line = "the planned line" if is_planned(planned, leg.rows) else "the straight line"
                 text = f"{line} from `{leg.before.name}` to `{leg.after.name}` {words}"
@@ -196,7 +196,7 @@ def _describe(planned: Flight, leg: Leg, nearest: Clearance, crowd: Clearance | 
 
 
 def _overflies(planned: Flight, leg: Leg, name: str) -> bool:
-    (crowd,) = (one for one in planned.course.crowd if one.name == name)
+    (crowd,) = (people for people in planned.course.crowd if people.name == name)
     return crowd_overflown(np.stack([planned["x"][leg.rows], planned["y"][leg.rows]], axis=1), crowd)
 
 

@@ -124,7 +124,7 @@ def record_failure(answer: CommandResult, error: BaseException) -> None:
     if debugging():
         traceback.print_exception(error)
     if interrupts.caused(error):
-        interrupts.hear()
+        interrupts.acknowledge()
         error = KeyboardInterrupt()
     code = of_error(error)
     match error:

@@ -250,7 +250,7 @@ def execute_for_command(
     except BaseException as error:
         if not interrupts.caused(error):
             raise
-        interrupts.hear()
+        interrupts.acknowledge()
         answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(plan, run, tuple(finished.values()))}")
     finally:
         results = tuple(finished.values())

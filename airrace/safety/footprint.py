@@ -131,7 +131,7 @@ class CrowdExposure:
 
 @dataclass(frozen=True)
 class Footprint:
-    """What falls where.
+    """The impact footprint of some flights.
 
     Attributes:
         race: course, aircraft and air.
@@ -286,7 +286,7 @@ def footprint_of(
     glide_ratio: float | None = None,
     settings: FootprintSettings | None = None,
 ) -> Footprint:
-    """Return what falls where from some flights of one race.
+    """Return the impact footprint of flights of one race.
 
     Args:
         race: course, aircraft and air; the ground is flat, at the height of the course's origin.
@@ -301,7 +301,7 @@ def footprint_of(
     # A judgement: above these bounds lie a parachute and every glider.
     for name, value, most, unit in (("drag area", drag_area, 1000.0, " m2"), ("glide ratio", glide_ratio, 70.0, "")):
         if value is not None and not 0.0 < value <= most:
-            raise UsageError(f"a {name} of {value:g}{unit} makes no sense: it must lie above 0 and not above {most:g}")
+            raise UsageError(f"a {name} of {value:g}{unit} is out of range: it must lie above 0 and not above {most:g}")
     settings, aircraft = settings or FootprintSettings(), race.aircraft
     states = _join(tracks)
     top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())

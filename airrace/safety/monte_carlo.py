@@ -229,26 +229,26 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         )
     if not 0.0 <= pilot.delay <= 1.0:
         raise UsageError(
-            f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3"
+            f"a delay of {pilot.delay:g} s is out of range: it must lie between 0 and 1 s; people have 0.1 to 0.3"
         )
     if abs(pilot.delay - pilot.waiting * pilot.sample) > 1e-9:
         below = math.floor(pilot.delay / pilot.sample)
         raise UsageError(
-            f"a delay of {pilot.delay:g} s makes no sense: the pilot decides every {pilot.sample:g} s, so it must be "
-            f"{below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
+            f"a delay of {pilot.delay:g} s cannot be simulated: the pilot decides every {pilot.sample:g} s, so it must "
+            f"be {below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
         )
     plant = Plant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
     off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    astray = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
-    if not len(astray) and alone.lost[0] < len(alone.clock):
+    beyond = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
+    if not len(beyond) and alone.lost[0] < len(alone.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
             f"{alone.sample * alone.lost[0]:.1f} s"
         )
-    if len(astray):
-        when = float(alone.clock[astray[0], 0])
+    if len(beyond):
+        when = float(alone.clock[beyond[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
             f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"
@@ -266,7 +266,7 @@ def fly_closed_loop(
     seed: int = 0,
     threads: int | None = None,
 ) -> SafetyResult:
-    """Fly a stage's optimum many times, and tell how far the flights stray and what they break.
+    """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
     Args:
         race: course, aircraft and air.
@@ -278,10 +278,10 @@ def fly_closed_loop(
         threads: None for one per processor.
 
     Raises:
-        UsageError: the stage is not six-dof or found no flight, or an argument says nothing sensible.
+        UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
     """
     if not 1 <= flights <= MOST_FLIGHTS:
-        raise UsageError(f"{flights} flights make no sense: it must be 1 to {MOST_FLIGHTS}")
+        raise UsageError(f"{flights} flights are out of range: it must be 1 to {MOST_FLIGHTS}")
     race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.from_optimum(race, result, loop)

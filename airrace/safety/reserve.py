@@ -148,12 +148,15 @@ def limits_of(
         margins: with which the stage was solved, by key.
     """
     judge, P = Judge.from_optimum(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
-    found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
-    near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * MARGIN_MAX * one.sigma)
-    known = {
+    limits = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
+    near = (limit for limit in limits if limit.sigma > 0.0 and limit.room < 3.0 * MARGIN_MAX * limit.sigma)
+    tolerated = {
         course_limit.key for course_limit in course_limits(race) if math.isfinite(course_limit.value)
     }  # a `point` has no tolerances
-    return [replace(one, key=one.key if one.key in known else "", present=margins.get(one.key, 0.0)) for one in near]
+    return [
+        replace(limit, key=limit.key if limit.key in tolerated else "", present=margins.get(limit.key, 0.0))
+        for limit in near
+    ]
 
 
 def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
@@ -182,7 +185,7 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
             kind = KINDS.get(name, "tolerance")
             allowed = LENGTH_ALLOWED if kind in LENGTHS else ANGLE_ALLOWED
             between = np.min(room[row, 0] + room[towards @ towards[row] < OPPOSITE, 0], initial=np.inf)
-            numbers = (float(one) for one in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
+            numbers = (float(value) for value in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
             yield Limit(keys[row], kind, waypoint.passage.name, *numbers)
 
 
@@ -190,8 +193,8 @@ def _directions(slopes: Array) -> Array:
     """Return the directions in which rooms grow, shape (k, 6): of the position, else of the attitude."""
     position, attitude = slopes[:, :3], slopes[:, 4:7]
     placed = np.linalg.norm(position, axis=1, keepdims=True) > 1e-6
-    found = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+    directions = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
+    return directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12)
 
 
 def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[str, float]], Array]:
@@ -201,7 +204,7 @@ def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[
     rows = {quantity.name: row for row, quantity in enumerate(passing.observation.quantities)}
     seen = at_points(passing.observation.values, states, np.array(passing.values))
     bounds = [(name, bound) for name, bound in passing.bounds.items() if name in rows]
-    both = [(name, sign, end) for name, one in bounds for sign, end in ((1.0, one.upper), (-1.0, one.lower))]
+    both = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
     stated = [(name, sign, end) for name, sign, end in both if math.isfinite(end)]
     rooms = [sign * (end - seen[rows[name]]) for name, sign, end in stated]
     return [(name, sign) for name, sign, _ in stated], np.array(rooms)
@@ -248,7 +251,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     keys = [
         *(("rules.floor_m", "floor"), ("rules.ceiling_m", "ceiling"), ("rules.floor_m", "ground")),
         *(("rules.n_z_max", LOAD), ("rules.n_z_min", LOAD), ("rules.C_L_max", STALL)),
-        *((f"crowd.{one.name}.distance_m", "crowd") for one in course.crowd),
+        *((f"crowd.{crowd.name}.distance_m", "crowd") for crowd in course.crowd),
         *((f"safety_lines.{safety_line.name}.margin_m", "safety line") for safety_line in course.safety_lines),
         *([("", "airspace")] if course.airspace else []),
     ]
@@ -257,15 +260,15 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         height, places = -x[STATE["z"]], np.stack([x[0], x[1]], axis=-1)
         _, half = wing_of(x, judge.semispan)
         n_z, alpha_A = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[rows]
-        found = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
-        found += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
+        distances = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
+        distances += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
             away = ground_distance(places, crowd)
-            found.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
-        found += [beside_line(places, safety_line) - safety_line.margin for safety_line in course.safety_lines]
+            distances.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
+        distances += [beside_line(places, safety_line) - safety_line.margin for safety_line in course.safety_lines]
         if course.airspace:
-            found.append(beside_border(places, course.airspace))
-        return np.stack(found)
+            distances.append(beside_border(places, course.airspace))
+        return np.stack(distances)
 
     lift = race.aircraft.lift  # what is stricter than the rules: the aircraft's load factor, an angle of attack
     reached = lift.C_L0 + lift.C_Lalpha * stall_angle
@@ -308,8 +311,8 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
         for limit in limits
         if limit.kind == STALL and limit.room < pilot.stall_margin + limit.present * limit.rate
     ]
-    wanted = (one.idle + share * (pilot.stall_margin + LIFT_ROOM * one.sigma) / one.rate for one in near)
-    return max(wanted, default=0.0) if share else 0.0
+    margins = (limit.idle + share * (pilot.stall_margin + LIFT_ROOM * limit.sigma) / limit.rate for limit in near)
+    return max(margins, default=0.0) if share else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,13 +341,13 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
     by_key: dict[str, list[Limit]] = {}
     for limit in limits:
         by_key.setdefault(limit.key, []).append(limit)
-    fixed = sum(float(one.risk(np.zeros(()))) for one in by_key.pop("", []))
+    fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
-    for row, (key, its) in enumerate(by_key.items()):
-        most = min(max(one.wanted for one in its), min(one.most for one in its))
+    for row, (key, of_key) in enumerate(by_key.items()):
+        most = min(max(limit.wanted for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
-        least = PRICE_MIN * max(one.rate / one.sigma for one in its)
-        risks[row] = sum(one.risk(tried[row]) for one in its)
+        least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
+        risks[row] = sum(limit.risk(tried[row]) for limit in of_key)
         costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 
     def chosen(weight: float) -> tuple[Array, float]:

@@ -19,7 +19,7 @@ from airrace.batch.planning import BatchPlan, JobResult
 from airrace.batch.record import Choice, read_record
 from airrace.batch.supervision import AttemptResult, Ended, Event, FailureKind, JobAttempt, Started, supervise
 from airrace.errors import StorageError
-from airrace.process import start_apart
+from airrace.process import spawn_detached
 from airrace.runs.command_result import ExitCode
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
@@ -86,7 +86,7 @@ def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> No
 
 
 def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None:
-    process = start_apart(JOB_COMMAND)
+    process = spawn_detached(JOB_COMMAND)
     assert process.stdin is not None
     plan = planned(write_course(tmp_path), folder=tmp_path)
     order = {"job": asdict(plan.steps[0].job), "checkpoint": str(tmp_path / "oval.h5")}

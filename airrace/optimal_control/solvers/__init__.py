@@ -18,7 +18,7 @@ _idle: list[subprocess.Popen[bytes]] = []
 def start() -> "subprocess.Popen[bytes]":
     """Start a solver process: requests go to its standard input, its replies come from its standard output."""
     command = process.python_command("airrace.process", "airrace.optimal_control.solvers.worker")
-    return process.start_apart(command)
+    return process.spawn_detached(command)
 
 
 def start_early(count: int = 1) -> None:

@@ -175,9 +175,9 @@ def _scales(quantities: Sequence[Quantity]) -> list[tuple[str, float, str]]:
 
 def main() -> None:
     """Serve requests until there is nobody left who could ask for anything."""
-    process.die_with_starter()
+    process.end_with_parent()
     process.keep_freed_memory()
-    asked, answers = process.take_streams()
+    asked, answers = process.claim_stdio()
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = progress = ProgressReader(replies)
