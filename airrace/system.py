@@ -21,7 +21,7 @@ _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type o
 
 def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:
     """Return one scalar symbol per quantity, by name and in order."""
-    return {one.name: ca.SX.sym(one.name) for one in declared}
+    return {quantity.name: ca.SX.sym(quantity.name) for quantity in declared}
 
 
 def column(entries: Iterable[Scalar]) -> ca.SX:
@@ -62,10 +62,10 @@ class System:
     projection: ca.Function | None = None
 
     def __post_init__(self) -> None:
-        states = {one.name for one in self.states}
-        for one in (*self.states, *self.controls):
-            if one.rate_of and one.rate_of not in states:
-                raise ValueError(f"{one.name} is declared to be the rate of {one.rate_of}, which is no state")
+        states = {state.name for state in self.states}
+        for quantity in (*self.states, *self.controls):
+            if quantity.rate_of and quantity.rate_of not in states:
+                raise ValueError(f"{quantity.name} is declared to be the rate of {quantity.rate_of}, which is no state")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,23 +91,23 @@ counts references to SX nodes without a lock."""
 
 
 @functools.lru_cache(maxsize=64)
-def side_by_side(one: Observation, other: Observation) -> Observation:
+def side_by_side(first: Observation, second: Observation) -> Observation:
     """Join two observations of the same states: the quantities and parameters of the first, then those of the second.
 
     Raises:
         ValueError: a quantity of the one has the name of a quantity of the other, so that a bound could mean either.
     """
-    if twice := {quantity.name for quantity in one.quantities} & {quantity.name for quantity in other.quantities}:
-        raise ValueError(f"{one.name} and {other.name} both observe {', '.join(sorted(twice))}")
+    if twice := {quantity.name for quantity in first.quantities} & {quantity.name for quantity in second.quantities}:
+        raise ValueError(f"{first.name} and {second.name} both observe {', '.join(sorted(twice))}")
     with SYMBOLS:
-        x = ca.SX.sym("x", one.values.size1_in(0))
-        b, c = ca.SX.sym("b", len(one.parameters)), ca.SX.sym("c", len(other.parameters))
-        joined = _vertcat(one.values(x, b), other.values(x, c))
+        x = ca.SX.sym("x", first.values.size1_in(0))
+        b, c = ca.SX.sym("b", len(first.parameters)), ca.SX.sym("c", len(second.parameters))
+        joined = _vertcat(first.values(x, b), second.values(x, c))
         values = ca.Function("side_by_side", [x, _vertcat(b, c)], [joined], {"cse": True})
     return Observation(
-        name=f"{one.name} and {other.name}",
-        quantities=(*one.quantities, *other.quantities),
-        parameters=(*one.parameters, *other.parameters),
+        name=f"{first.name} and {second.name}",
+        quantities=(*first.quantities, *second.quantities),
+        parameters=(*first.parameters, *second.parameters),
         values=values,
     )
 
@@ -196,16 +196,16 @@ def at_points(function: ca.Function, *arguments: Array) -> Array:
     """
     count = arguments[0].shape[1]
     buffer, evaluate = dense(function).map(count).buffer()
-    given = [_by_point(argument, count) for argument in arguments]
-    found = np.zeros((count, function.size1_out(0)))
-    for place, array in enumerate(given):
+    inputs = [_by_point(argument, count) for argument in arguments]
+    values = np.zeros((count, function.size1_out(0)))
+    for place, array in enumerate(inputs):
         if array.shape != (count, function.size1_in(place)):
             raise ValueError(f"argument {place} of {function.name()} has {array.shape[1]} rows at {len(array)} points")
         if array.size:  # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers
             buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
-    buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
+    buffer.set_res(0, values.data)  # pyright: ignore[reportCallIssue]
     evaluate()
-    return np.ascontiguousarray(found.T)
+    return np.ascontiguousarray(values.T)
 
 
 def dense(function: ca.Function) -> ca.Function:
@@ -243,19 +243,24 @@ def with_linear_controls(system: System, names: Collection[str] | None = None, *
     Raises:
         ValueError: a name is not that of a control.
     """
-    chosen = [one for one in system.controls if names is None or one.name in names]
-    if unknown := set(names or ()) - {one.name for one in chosen}:
+    chosen = [control for control in system.controls if names is None or control.name in names]
+    if unknown := set(names or ()) - {control.name for control in chosen}:
         raise ValueError(f"system {system.name!r} has no controls {', '.join(sorted(unknown))}")
-    held = [one for one in system.controls if one not in chosen]
+    held = [control for control in system.controls if control not in chosen]
     n_x, n_p = len(system.states), len(system.parameters)
     x, u, p = ca.SX.sym("x", n_x + len(chosen)), ca.SX.sym("u", len(system.controls)), ca.SX.sym("p", n_p)
     values, inputs, rates = x[n_x:], u[: len(held)], u[len(held) :]
-    place = {one.name: number for group in (chosen, held) for number, one in enumerate(group)}
-    control = _vertcat(*[(values if one in chosen else inputs)[place[one.name]] for one in system.controls])
+    place = {control.name: number for group in (chosen, held) for number, control in enumerate(group)}
+    control = _vertcat(*[(values if control in chosen else inputs)[place[control.name]] for control in system.controls])
     path, projection = system.path_values, system.projection
     rate_quantities = [
-        Quantity(f"{one.name}_dot", f"{one.unit}/s", one.scale / seconds, text=f"rate of {one.text or one.name}")
-        for one in chosen
+        Quantity(
+            f"{control.name}_dot",
+            f"{control.unit}/s",
+            control.scale / seconds,
+            text=f"rate of {control.text or control.name}",
+        )
+        for control in chosen
     ]
     return replace(
         system,

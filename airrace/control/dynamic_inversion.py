@@ -96,9 +96,9 @@ class Plant:
     def motion(self, x: Named, u: Named | None = None) -> tuple[Named, LoadFactors[Scalar]]:
         """Return rates, load factors and roll rate in the state `x` with the controls `u`, zero where not given."""
         system = self.system
-        controls = [(u or {}).get(one.name, 0.0) for one in system.controls]
+        controls = [(u or {}).get(control.name, 0.0) for control in system.controls]
         values = system.rates(column(x.values()), column(controls), self._numbers)
-        rates: Named = {one.name: values[row] for row, one in enumerate(system.states)}
+        rates: Named = {state.name: values[row] for row, state in enumerate(system.states)}
         state, change = (
             FlightPathState[Scalar](**{name: of[name] for name in FlightPathState.names()}) for of in (x, rates)
         )
@@ -115,8 +115,8 @@ class Plant:
         x, command = self.x, self.commands
         # At least 0.05 g per full travel, so that no error is divided by zero.
         effect = maximum(jacobian(self.load.n_x, x["delta_T"]), 0.05)
-        wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
-        rate = command.delta_T_dot + 4.0 * (wanted - x["delta_T"])  # 1/s
+        setting = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
+        rate = command.delta_T_dot + 4.0 * (setting - x["delta_T"])  # 1/s
         throttle = ca.SX.sym("delta_T_cmd")
         followed = self.motion(x, {"delta_T_cmd": throttle})[0]["delta_T"]
         slope = jacobian(followed, throttle)
@@ -135,7 +135,7 @@ class Plant:
         controls: Named = {}
         for name, value in wanted.items():
             state = quantity_named(self.system.states, name)
-            control = next(one for one in self.system.controls if one.rate_of == name)
+            control = next(control for control in self.system.controls if control.rate_of == name)
             inside = clip(value, state.lower, state.upper)
             controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
         return controls
@@ -143,7 +143,7 @@ class Plant:
     def controller(self, wanted: Named, settled: Named) -> InnerController:
         """Return the controller that drives the states in `wanted` to their values, and settles those in `settled`."""
         controls = self.following(wanted) | {"delta_T_cmd": self.throttle()}
-        u = column(controls.get(one.name, 0.0) for one in self.system.controls)
+        u = column(controls.get(control.name, 0.0) for control in self.system.controls)
         arguments = [column(self.x.values()), column(self.commands.join())]
         return InnerController(
             controls=ca.Function("controls", arguments, [u], {"cse": True}),
@@ -154,14 +154,14 @@ class Plant:
         system = self.system
         if system.path_values is None:
             return {}
-        nothing = column([0.0] * len(system.controls))
-        values = system.path_values(column(self.x.values()), nothing, self._numbers)
-        return {one.name: values[row] for row, one in enumerate(system.path)}
+        zeros = column([0.0] * len(system.controls))
+        values = system.path_values(column(self.x.values()), zeros, self._numbers)
+        return {quantity.name: values[row] for row, quantity in enumerate(system.path)}
 
 
 def quantity_named(quantities: Sequence[Quantity], name: str) -> Quantity:
     """Return the declaration of the quantity `name`."""
-    return next(one for one in quantities if one.name == name)
+    return next(quantity for quantity in quantities if quantity.name == name)
 
 
 def within_bounds(system: System, name: str, value: Scalar) -> Scalar:
@@ -237,18 +237,18 @@ def invert_body_motion(model: FlightModel, chain: InversionChain) -> InnerContro
     movers = column(x[name] for name in chain.movers)
     effect = jacobian(w_dot, movers)
     trim = movers - solve(effect, w_dot)
-    wanted = _wanted(plant, chain, movers, trim)
+    targets = _wanted(plant, chain, movers, trim)
     q_Kbar_dot = g0 / x["V_K"] * jacobian(plant.load.n_z, x["alpha_K"]) * plant.rates["alpha_K"]
-    w_dot_des = column([command.p_dot + K_P * wanted.roll, q_Kbar_dot + K_Q * wanted.pitch, K_R * wanted.yaw])
+    w_dot_des = column([command.p_dot + K_P * targets.roll, q_Kbar_dot + K_Q * targets.pitch, K_R * targets.yaw])
     moved = movers + solve(effect, w_dot_des - w_dot)
     rates = column(x[name] for name in chain.rates)
-    lacking = column([wanted.roll, -plant.rates["alpha_K"], plant.rates["beta_K"]])
+    lacking = column([targets.roll, -plant.rates["alpha_K"], plant.rates["beta_K"]])
     turning = rates + solve(jacobian(w, rates), lacking)
     return plant.controller(
         wanted={name: moved[row] for row, name in enumerate(chain.movers)},
         settled={
-            "alpha_K": wanted.alpha,
-            "beta_K": wanted.beta,
+            "alpha_K": targets.alpha,
+            "beta_K": targets.beta,
             **{name: turning[row] for row, name in enumerate(chain.rates)},
             **{name: within_bounds(plant.system, name, trim[row]) for row, name in enumerate(chain.movers)},
         },
@@ -262,13 +262,13 @@ def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -
     lift_slope = maximum(jacobian(plant.load.n_z, x["alpha_K"]), 2.0)
     side_slope = minimum(jacobian(plant.load.n_y, x["beta_K"]), -0.2)
     n_z, n_y, lift_slope, side_slope = (
-        with_values(one, movers, trim) for one in (plant.load.n_z, plant.load.n_y, lift_slope, side_slope)
+        with_values(quantity, movers, trim) for quantity in (plant.load.n_z, plant.load.n_y, lift_slope, side_slope)
     )
     higher = _within(plant, "alpha_A", (within_bounds(system, "n_z", command.n_z) - n_z) / lift_slope)
     further = _within(plant, "beta_A", (within_bounds(system, "n_y", command.n_y) - n_y) / side_slope)
     path = FlightPathState.names()
     along, path_rates = column(x[name] for name in path), column(plant.rates[name] for name in path)
-    n_z_dot, n_y_dot = (jacobian(one, along) @ path_rates for one in (plant.load.n_z, plant.load.n_y))
+    n_z_dot, n_y_dot = (jacobian(quantity, along) @ path_rates for quantity in (plant.load.n_z, plant.load.n_y))
     alpha_dot = K_ALPHA * higher + ((1.0 + K_ALPHA / FOLLOWER) * command.n_z_dot - n_z_dot) / lift_slope
     beta_dot = K_BETA * further - n_y_dot / side_slope
     return _Wanted(
@@ -300,7 +300,7 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
     n_z = _allowed(plant, "n_z", command.n_z, "C_L")
     n_y = _allowed(plant, "n_y", command.n_y, "beta_A")
     p = within_bounds(plant.system, "p_Kbar", command.p)
-    wanted: Named = {
+    targets: Named = {
         "n_z_cmd": _command_for(plant, "n_z_dot", _answer(plant, "n_z", "n_z_cmd", n_z, command.n_z_dot), "n_z_cmd"),
         "n_y_cmd": _command_for(plant, "n_y_dot", _answer(plant, "n_y", "n_y_cmd", n_y, 0.0), "n_y_cmd"),
         "p_cmd": _command_for(plant, "p_Kbar", command.p_dot + K_P * (p - x["p_Kbar"]), "p_cmd"),
@@ -315,7 +315,7 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
         "n_y_cmd": _command_for(plant, "n_y_dot", 0.0, "n_y_cmd"),
         "p_cmd": _command_for(plant, "p_Kbar", command.p_dot, "p_cmd"),
     }
-    return plant.controller(wanted, settled)
+    return plant.controller(targets, settled)
 
 
 def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
@@ -323,15 +323,15 @@ def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
     largest = quantity_named(plant.system.path, by).upper
     smallest = quantity_named(plant.system.path, by).lower
     slope = jacobian(plant.path[by], plant.x[name])
-    one, other = HEADROOM * largest / slope, HEADROOM * smallest / slope  # whichever way the slope goes
-    return within_bounds(plant.system, name, clip(value, minimum(one, other), maximum(one, other)))
+    first, second = HEADROOM * largest / slope, HEADROOM * smallest / slope  # whichever way the slope goes
+    return within_bounds(plant.system, name, clip(value, minimum(first, second), maximum(first, second)))
 
 
-def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
+def _answer(plant: Plant, name: str, by: str, target: Scalar, target_dot: Scalar) -> Scalar:
     """Return `n''_des` (g/s2) of the load factor `name`, which is commanded by the state `by`."""
-    rate = next(one.name for one in plant.system.states if one.rate_of == name)
+    rate = next(state.name for state in plant.system.states if state.rate_of == name)
     w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
-    return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
+    return 3.0 * w * (target_dot + w * (target - plant.x[name]) - plant.x[rate])
 
 
 def _command_for(plant: Plant, name: str, rate: Scalar, by: str) -> Scalar:

@@ -129,17 +129,19 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     system, p = model.system, model.parameter_values
     rates = at_points(system.rates, state, control, p)
     load = LoadFactors[Array].split(at_points(load_factors(system), state, control, p))
-    own = {one.name: row for one, row in zip((*system.states, *system.controls), [*state, *control], strict=True)}
-    rate_of = {one.name: row for one, row in zip(system.states, rates, strict=True)}
+    own = {
+        quantity.name: row for quantity, row in zip((*system.states, *system.controls), [*state, *control], strict=True)
+    }
+    rate_of = {state.name: row for state, row in zip(system.states, rates, strict=True)}
     R: list[list[Array]] = rotation([own[name] for name in QUATERNION])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)
     soft_n_z, soft_p = soften(s, load.n_z), soften(s, load.p_Kbar)
-    nothing = np.zeros(len(s))
-    counted = {name: own.get(name, nothing) for name in ("Phi", "gain", "Phi_reset", "gain_reset")}
+    zeros = np.zeros(len(s))
+    counters = {name: own.get(name, zeros) for name in ("Phi", "gain", "Phi_reset", "gain_reset")}
     histories = ReferencePoint[Array](
         **{name: own[name] for name in ("x", "y", "z", *QUATERNION, "delta_T")},
-        **counted,
+        **counters,
         v_N=rate_of["x"],
         v_E=rate_of["y"],
         v_D=rate_of["z"],
@@ -195,9 +197,9 @@ def from_optimum(model: FlightModel, problem: Problem, trajectory: Trajectory) -
     return from_histories(model, s, state, control, trajectory.time[trajectory.first_node])
 
 
-def sum_of_products(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
+def sum_of_products(left: Sequence[Scalar], right: Sequence[Scalar]) -> Scalar:
     """Return the scalar product of two vectors."""
-    return sum(a * b for a, b in zip(one, other, strict=True))
+    return sum(a * b for a, b in zip(left, right, strict=True))
 
 
 @dataclass(frozen=True)
@@ -244,74 +246,74 @@ class Errors(Vector[T]):
     roll: T = quantity("rad", text="roll angle to the reference's attitude")
 
 
-def path_rate(state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains) -> Scalar:
+def path_rate(state: FlightPathState[Scalar], point: ReferencePoint[Scalar], gains: PathGains) -> Scalar:
     """Return `s'` (1), the rate of the reference's clock at which the aircraft stays abreast of the reference."""
     v = [state.V_K * row[0] for row in rotation(state.q)]
-    V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
-    offset = _difference((state.x, state.y, state.z), here.position)
-    forward = sum_of_products(v, here.velocity) / V_ref
-    ahead = sum_of_products(offset, here.velocity) / V_ref
+    V_ref = sqrt(sum_of_products(point.velocity, point.velocity))
+    offset = _difference((state.x, state.y, state.z), point.position)
+    forward = sum_of_products(v, point.velocity) / V_ref
+    ahead = sum_of_products(offset, point.velocity) / V_ref
     return clip((forward + gains.k_t * ahead) / V_ref, *gains.along)
 
 
-def errors(state: FlightPathState[Scalar], here: ReferencePoint[Scalar]) -> Errors[Scalar]:
+def errors(state: FlightPathState[Scalar], point: ReferencePoint[Scalar]) -> Errors[Scalar]:
     """Return distance (m) and roll angle (rad) between aircraft and reference."""
-    offset = _difference((state.x, state.y, state.z), here.position)
-    return Errors(distance=sqrt(sum_of_products(offset, offset)), roll=_roll_error(state.q, here.q))
+    offset = _difference((state.x, state.y, state.z), point.position)
+    return Errors(distance=sqrt(sum_of_products(offset, offset)), roll=_roll_error(state.q, point.q))
 
 
 def path_following(
-    state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains
+    state: FlightPathState[Scalar], point: ReferencePoint[Scalar], gains: PathGains
 ) -> tuple[Commands[Scalar], Scalar]:
     """Return the commands that lead back to the reference, and the path rate `s'` (1).
 
     Args:
         state: of the aircraft.
-        here: where the reference is at the aircraft's value of its clock.
+        point: where the reference is at the aircraft's value of its clock.
         gains: see `PathGains`.
     """
-    rate = path_rate(state, here, gains)
-    wanted = _wanted_force(state, here, rate, gains)
+    rate = path_rate(state, point, gains)
+    force = _wanted_force(state, point, rate, gains)
     R = rotation(state.q)
-    f_y, f_z = (sum_of_products([row[axis] for row in R], wanted) for axis in (1, 2))
-    twist = _roll_error(state.q, here.q)
-    n_ref = here.n_z
+    f_y, f_z = (sum_of_products([row[axis] for row in R], force) for axis in (1, 2))
+    twist = _roll_error(state.q, point.q)
+    n_ref = point.n_z
     across = f_y * cos(twist) + f_z * sin(twist)
-    lean = clip(n_ref * (across - here.n_y) / (n_ref * n_ref + gains.eps**2), -gains.bank, gains.bank)
+    lean = clip(n_ref * (across - point.n_y) / (n_ref * n_ref + gains.eps**2), -gains.bank, gains.bank)
     e_mu = clip(twist + lean, -gains.bank_total, gains.bank_total)
-    V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
-    faster = sum_of_products(here.velocity, here.acceleration) / V_ref
-    sideways = gains.eps**2 * (f_y - here.n_y) / (f_y * f_y + f_z * f_z + gains.eps**2)
+    V_ref = sqrt(sum_of_products(point.velocity, point.velocity))
+    faster = sum_of_products(point.velocity, point.acceleration) / V_ref
+    sideways = gains.eps**2 * (f_y - point.n_y) / (f_y * f_y + f_z * f_z + gains.eps**2)
     commands = Commands(
         n_x=(rate * rate * faster + gains.K_V * (V_ref - state.V_K)) / g0 - R[2][0],
-        delta_T_dot=rate * here.delta_T_dot,
-        n_y=here.n_y + clip(sideways, -gains.n_y, gains.n_y),
-        n_z=here.soft_n_z - here.n_z - f_z,
-        n_z_dot=rate * here.soft_n_z_dot,
-        p=rate * here.soft_p + gains.K_mu * e_mu,
-        p_dot=rate * rate * here.soft_p_dot,
+        delta_T_dot=rate * point.delta_T_dot,
+        n_y=point.n_y + clip(sideways, -gains.n_y, gains.n_y),
+        n_z=point.soft_n_z - point.n_z - f_z,
+        n_z_dot=rate * point.soft_n_z_dot,
+        p=rate * point.soft_p + gains.K_mu * e_mu,
+        p_dot=rate * rate * point.soft_p_dot,
     )
     return commands, rate
 
 
 def _wanted_force(
-    state: FlightPathState[Scalar], here: ReferencePoint[Scalar], rate: Scalar, gains: PathGains
+    state: FlightPathState[Scalar], point: ReferencePoint[Scalar], rate: Scalar, gains: PathGains
 ) -> list[Scalar]:
     """Return the wanted specific force `f_O`, g; three components."""
-    beside = _across(_difference(here.position, (state.x, state.y, state.z)), here)
-    drifting = _across([-state.V_K * row[0] for row in rotation(state.q)], here)
-    wanted = [
+    beside = _across(_difference(point.position, (state.x, state.y, state.z)), point)
+    drifting = _across([-state.V_K * row[0] for row in rotation(state.q)], point)
+    force = [
         (rate * rate * a + gains.K_p * position + gains.K_v * velocity) / g0
-        for a, position, velocity in zip(here.acceleration, beside, drifting, strict=True)
+        for a, position, velocity in zip(point.acceleration, beside, drifting, strict=True)
     ]
-    return [wanted[0], wanted[1], wanted[2] - 1.0]
+    return [force[0], force[1], force[2] - 1.0]
 
 
-def _across(vector: Sequence[Scalar], here: ReferencePoint[Scalar]) -> list[Scalar]:
+def _across(vector: Sequence[Scalar], point: ReferencePoint[Scalar]) -> list[Scalar]:
     """Return the part of a vector in O that lies across the reference's path."""
-    v = here.velocity
+    v = point.velocity
     along = sum_of_products(vector, v) / sum_of_products(v, v)
-    return [one - along * other for one, other in zip(vector, v, strict=True)]
+    return [component - along * direction for component, direction in zip(vector, v, strict=True)]
 
 
 def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:
@@ -322,8 +324,8 @@ def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:
     return 2.0 * atan2(shorter * error[1], shorter * error[0])
 
 
-def _difference(one: Sequence[Scalar], other: Sequence[Scalar]) -> list[Scalar]:
-    return [a - b for a, b in zip(one, other, strict=True)]
+def _difference(left: Sequence[Scalar], right: Sequence[Scalar]) -> list[Scalar]:
+    return [a - b for a, b in zip(left, right, strict=True)]
 
 
 def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:

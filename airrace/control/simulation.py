@@ -145,45 +145,55 @@ def trim_along(
     Returns:
         Shapes (n_x, N + 1) and (n_u, N); controls are within their bounds.
     """
-    here = at(reference, nodes)
-    state = trimmed_states(model.system, inverse(model), here)
-    rates = {one.name: np.diff(row) / np.diff(nodes) for one, row in zip(model.system.states, state, strict=True)}
-    held = {"delta_T_cmd": here.delta_T, "Phi_reset": here.Phi_reset, "gain_reset": here.gain_reset}
+    reference_point = at(reference, nodes)
+    state = trimmed_states(model.system, inverse(model), reference_point)
+    rates = {
+        quantity.name: np.diff(row) / np.diff(nodes) for quantity, row in zip(model.system.states, state, strict=True)
+    }
+    held_controls = {
+        "delta_T_cmd": reference_point.delta_T,
+        "Phi_reset": reference_point.Phi_reset,
+        "gain_reset": reference_point.gain_reset,
+    }
 
-    def control(one: Quantity) -> Array:
-        values = rates[one.rate_of] if one.rate_of else 0.5 * (held[one.name][1:] + held[one.name][:-1])
-        return np.clip(values, one.lower, one.upper)
+    def control(quantity: Quantity) -> Array:
+        values = (
+            rates[quantity.rate_of]
+            if quantity.rate_of
+            else 0.5 * (held_controls[quantity.name][1:] + held_controls[quantity.name][:-1])
+        )
+        return np.clip(values, quantity.lower, quantity.upper)
 
-    return state, np.stack([control(one) for one in model.system.controls])
+    return state, np.stack([control(quantity) for quantity in model.system.controls])
 
 
 def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
     """Return the reference at values of its clock (s), linear between its samples."""
     histories = zip(ReferencePoint.names(), reference.histories.join(), strict=True)
-    here = {name: np.asarray(np.interp(nodes, reference.s, row), dtype=np.float64) for name, row in histories}
-    here |= zip(QUATERNION, normalise([here[name] for name in QUATERNION]), strict=True)
-    return ReferencePoint[Array](**here)
+    point = {name: np.asarray(np.interp(nodes, reference.s, row), dtype=np.float64) for name, row in histories}
+    point |= zip(QUATERNION, normalise([point[name] for name in QUATERNION]), strict=True)
+    return ReferencePoint[Array](**point)
 
 
-def trimmed_states(system: System, inner: InnerController, here: ReferencePoint[Array]) -> Array:
+def trimmed_states(system: System, inner: InnerController, point: ReferencePoint[Array]) -> Array:
     """Return the states in which a model at rest does what the reference does, shape (n_x, N + 1)."""
-    nothing = np.zeros(len(here.x))
-    V_K = np.linalg.norm(np.stack(here.velocity), axis=0)
-    known = dict(zip(ReferencePoint.names(), here.join(), strict=True)) | {"V_K": V_K}
+    zeros = np.zeros(len(point.x))
+    V_K = np.linalg.norm(np.stack(point.velocity), axis=0)
+    values = dict(zip(ReferencePoint.names(), point.join(), strict=True)) | {"V_K": V_K}
     shared = (*PoweredState.names(), *RollCounter.names())  # by all models
-    x = np.stack([known[one.name] if one.name in shared else nothing for one in system.states])
+    x = np.stack([values[state.name] if state.name in shared else zeros for state in system.states])
     commands = Commands[Array](
-        n_x=nothing,
-        delta_T_dot=nothing,
-        n_y=here.n_y,
-        n_z=here.soft_n_z,
-        n_z_dot=here.soft_n_z_dot,
-        p=here.soft_p,
-        p_dot=here.soft_p_dot,
+        n_x=zeros,
+        delta_T_dot=zeros,
+        n_y=point.n_y,
+        n_z=point.soft_n_z,
+        n_z_dot=point.soft_n_z_dot,
+        p=point.soft_p,
+        p_dot=point.soft_p_dot,
     )
-    wanted = np.stack(list(commands.join()))
+    targets = np.stack(list(commands.join()))
     for _ in range(30):  # steps of Newton's method
-        x = at_points(inner.settled, x, wanted)
+        x = at_points(inner.settled, x, targets)
     return x
 
 
@@ -211,7 +221,7 @@ def _simulate(simulator: TrackingSimulator, reference: Reference) -> _Simulated:
     before: list[Array] = []
     seen: list[Array] = []
     while not before or (before[-1][n_x, -1] < reference.duration and np.isfinite(now).all()):
-        states, outputs = (np.asarray(one) for one in advance(now))
+        states, outputs = (np.asarray(row) for row in advance(now))
         before.append(np.hstack([now[:, None], states[:, :-1]]))
         seen.append(outputs)
         now = states[:, -1]
@@ -228,11 +238,11 @@ def _simulate(simulator: TrackingSimulator, reference: Reference) -> _Simulated:
 def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step: float) -> ca.Function:
     """Return one step between two points of a reference, see `TrackingSimulator.advance`."""
     size, width = len(model.system.states) + 1, ReferencePoint.size()
-    now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
+    now, point, next_point = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
     slope: Any = _slope(model, inner, gains)  # Any: likewise
 
     def rates(y: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return slope(y, here + (y[-1] - now[-1]) / step * (ahead - here))
+        return slope(y, point + (y[-1] - now[-1]) / step * (next_point - point))
 
     k1, seen = rates(now)
     k2, _ = rates(now + 0.5 * step * k1)
@@ -241,7 +251,7 @@ def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step:
     end = now + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     if model.system.projection is not None:
         end = _vertcat(model.system.projection(end[:-1]), end[-1])
-    return ca.Function("advance", [now, here, ahead], [end, seen])  # the four slopes hardly share anything
+    return ca.Function("advance", [now, point, next_point], [end, seen])  # the four slopes hardly share anything
 
 
 def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.Function:
@@ -259,14 +269,14 @@ def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.F
     return ca.Function("slope", arguments, [rates, column([u, *off.join()])], {"cse": True})
 
 
-def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate: Any) -> ca.SX:
+def _winding(system: System, x: dict[str, Any], point: ReferencePoint[Any], rate: Any) -> ca.SX:
     """Return the controls that wind roll counters as the reference does and correct their errors; others are zero."""
     wound = {
-        f"{name}_reset": rate * getattr(here, f"{name}_reset") + COUNTER_RATE * (getattr(here, name) - x[name])
+        f"{name}_reset": rate * getattr(point, f"{name}_reset") + COUNTER_RATE * (getattr(point, name) - x[name])
         for name in ("Phi", "gain")
         if name in x
     }
-    return column(wound.get(one.name, 0.0) for one in system.controls)
+    return column(wound.get(control.name, 0.0) for control in system.controls)
 
 
 def _lookup(reference: Reference) -> ca.Function:
@@ -284,13 +294,13 @@ def _controls(system: System, samples: _Simulated, time: Array, state: Array) ->
 
     They are the mean rate of a state where the control is its rate, and the mean of the recorded control otherwise.
     """
-    rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
+    rows = {quantity.name: row for quantity, row in zip(system.states, state, strict=True)}
     controls: list[Array] = []
-    for one, recorded in zip(system.controls, samples.control, strict=True):
-        if one.rate_of:
-            moved = rows[one.rate_of]
+    for control, recorded in zip(system.controls, samples.control, strict=True):
+        if control.rate_of:
+            moved = rows[control.rate_of]
         else:
             sums = np.append(0.0, np.cumsum(0.5 * (recorded[1:] + recorded[:-1]) * np.diff(samples.time)))
             moved = np.where(np.isnan(time), np.nan, np.interp(time, samples.time, sums))
-        controls.append(np.clip(np.diff(moved) / np.diff(time), one.lower, one.upper))
+        controls.append(np.clip(np.diff(moved) / np.diff(time), control.lower, control.upper))
     return np.stack(controls)

@@ -240,8 +240,8 @@ def _ensure(value: float, allowed: Interval, text: str, question: str) -> None:
 def _geometry(work: Estimation) -> None:
     """Set mass and size, and what scales with them."""
     figures, old = work.figures, work.template.airframe
-    given = {"m": figures.mass, "b": figures.span, "S": figures.area}
-    work.change("airframe", GIVEN, **{name: value for name, value in given.items() if value is not None})
+    geometry = {"m": figures.mass, "b": figures.span, "S": figures.area}
+    work.change("airframe", GIVEN, **{name: value for name, value in geometry.items() if value is not None})
     m, b, S = (getattr(work.aircraft.airframe, name) for name in ("m", "b", "S"))
     A, A_old = b * b / S, old.b**2 / old.S
     text = f"a span of {b:g} m (--span) and an area of {S:g} m2 (--area) make an aspect ratio of"
@@ -340,7 +340,7 @@ def _rolling(work: Estimation) -> None:
     p, V = work.figures.roll_rate, work.figures.roll_speed
     by_ailerons = "in the template's ratio to full ailerons at V_A"
     if p is None:
-        work.scale("point_mass", _ratio(lambda one: performance(one).roll_rate, work), by_ailerons, "p")
+        work.scale("point_mass", _ratio(lambda candidate: performance(candidate).roll_rate, work), by_ailerons, "p")
     else:
         manual = work.by_the_manual
         fast, speed = V or performance(manual).V_A, f"{V:.1f} m/s" if V else "V_A"

@@ -118,14 +118,14 @@ def assemble(
     structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
     rates, path_values, projection = functions(structure)
     declared = structure.states, structure.controls, vectors[2].quantities()
-    if unknown := bounds.keys() - {one.name for quantities in declared for one in quantities}:
+    if unknown := bounds.keys() - {quantity.name for quantities in declared for quantity in quantities}:
         raise KeyError(", ".join(sorted(unknown)))
     states, controls, path = (
         tuple(
-            dataclasses.replace(one, lower=bounds[one.name].lower, upper=bounds[one.name].upper)
-            if one.name in bounds
-            else one
-            for one in quantities
+            dataclasses.replace(quantity, lower=bounds[quantity.name].lower, upper=bounds[quantity.name].upper)
+            if quantity.name in bounds
+            else quantity
+            for quantity in quantities
         )
         for quantities in declared
     )
@@ -182,7 +182,7 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     """
     x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
     state = _pick(of.vectors[0], x)
-    weather = Weather(_pick(AtmosphereParameters, p), of.wind, [p[one.name] for one in of.wind.parameters])
+    weather = Weather(_pick(AtmosphereParameters, p), of.wind, [p[parameter.name] for parameter in of.wind.parameters])
     control, aircraft = _pick(of.vectors[1], u), _pick(of.numbers, p)
     rates, path_values = of.equations(state, control, aircraft=aircraft, weather=weather)
     all_rates = list(rates.join())

@@ -79,14 +79,14 @@ def _lateral_faults(aircraft: Aircraft) -> Iterator[Fault]:
 
 
 def _correction_faults(aircraft: Aircraft) -> Iterator[Fault]:
-    given = aircraft.linear
-    if given is None or given.short_period is None:
+    modes = aircraft.linear
+    if modes is None or modes.short_period is None:
         return
     before, after = inner_loop_parameters(aircraft), linear_parameters(aircraft)
     if after.C_mq >= 0.0:
-        M = pitching(given.V, RHO_ISA, before)
-        lift = level_lags(before, given.V).damping_z + M.q + M.alphadot
-        least = lift / (2.0 * given.short_period.omega)
+        M = pitching(modes.V, RHO_ISA, before)
+        lift = level_lags(before, modes.V).damping_z + M.q + M.alphadot
+        least = lift / (2.0 * modes.short_period.omega)
         yield ("linear", "damping_z", f"the lift alone damps more than that; must be above {least:.3g}")
 
 
@@ -129,16 +129,16 @@ def _control_power(aircraft: Aircraft) -> Iterator[str]:
         if beyond := _beyond_travel(eta, surfaces.eta):
             yield f"short of elevator: {name} at {V:.0f} m/s takes {beyond}"
 
-    top, wanted = aircraft.envelope.V.upper, aircraft.point_mass.p
+    top, roll_rate = aircraft.envelope.V.upper, aircraft.point_mass.p
     p = aircraft.roll.C_lxi / aircraft.roll.C_lp * surfaces.xi.upper * 2.0 * top / airframe.b
-    if p < wanted:
+    if p < roll_rate:
         yield (
             f"short of ailerons: full deflection rolls at {math.degrees(p):.0f} deg/s at {top:g} m/s, the top of the "
-            f"envelope; the roll rate's limit of {math.degrees(wanted):.0f} deg/s is out of reach"
+            f"envelope; the roll rate's limit of {math.degrees(roll_rate):.0f} deg/s is out of reach"
         )
 
     beta = aircraft.drag.beta_A_max
-    xi, zeta = (one * beta for one in sideslip_trim(inner_loop_parameters(aircraft)))
+    xi, zeta = (angle * beta for angle in sideslip_trim(inner_loop_parameters(aircraft)))
     for name, deflection, travel in (("rudder", zeta, surfaces.zeta), ("ailerons", xi, surfaces.xi)):
         if beyond := _beyond_travel(deflection, travel):
             yield f"short of {name} in sideslip: holding {math.degrees(beta):.0f} deg of sideslip takes {beyond}"
@@ -189,5 +189,5 @@ def lateral_modes(aircraft: Aircraft, V: float) -> NDArray[np.complex128]:
         * np.array([numbers.C_Ybeta, numbers.C_Yp * numbers.b / (2.0 * V), numbers.C_Yr * numbers.b / (2.0 * V)])
     )
     columns = (motion.beta, motion.p, motion.r)
-    matrix = np.array([turn - [0.0, 0.0, 1.0], [one[0] for one in columns], [one[1] for one in columns]])
+    matrix = np.array([turn - [0.0, 0.0, 1.0], [column[0] for column in columns], [column[1] for column in columns]])
     return np.linalg.eigvals(matrix).astype(np.complex128)

@@ -160,8 +160,8 @@ def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
     x = ca.SX.sym("x", crossing.values.size1_in(0))
     b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
     seen = crossing.values(x, column(b.values()))
-    by_name = {one.name: seen[row] for row, one in enumerate(crossing.quantities)}
-    if twice := by_name.keys() & {one.name for one in sight.quantities}:
+    by_name = {quantity.name: seen[row] for row, quantity in enumerate(crossing.quantities)}
+    if twice := by_name.keys() & {quantity.name for quantity in sight.quantities}:
         raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
     values = column([*seen.elements(), *sight.values(by_name, {**b, **own})])
     return Observation(
@@ -220,7 +220,7 @@ def crossing_values(
         course_excess_right=course_sine - place.crossing_tan * course_cosine,
         course_excess_left=-course_sine - place.crossing_tan * course_cosine,
         speed=V_K,
-        attitude_norm=sum(one * one for one in q),
+        attitude_norm=sum(component * component for component in q),
     )
 
 
@@ -228,8 +228,8 @@ Place = tuple[Scalar, Scalar]
 """A position over ground, or a direction: north and east, m."""
 
 
-def _dot(one: Place, other: Place) -> Scalar:
-    return one[0] * other[0] + one[1] * other[1]
+def _dot(left: Place, right: Place) -> Scalar:
+    return left[0] * right[0] + left[1] * right[1]
 
 
 # A settled flight.
@@ -250,9 +250,9 @@ def settled_observation(model: FlightModel) -> Observation:
     n_y: Scalar = x.get("n_y")
     if n_y is None:
         assert system.path_values is not None  # models with angles have load factors among their path quantities
-        row = [one.name for one in system.path].index("n_y")
+        row = [quantity.name for quantity in system.path].index("n_y")
         n_y = system.path_values(*arguments).elements()[row]
-    declared = [_rate(one) for name in model.at_rest for one in system.states if one.name == name]
+    declared = [_rate(state) for name in model.at_rest for state in system.states if state.name == name]
     values = column([g0 * n_y, *(rates[name] for name in model.at_rest)])
     return _observation("settled", [SIDE_ACCELERATION, *declared], x, system.parameters, p, values)
 
@@ -346,7 +346,7 @@ def crowd_values(crowd: Crowd) -> tuple[float, ...]:
     corners = list(crowd.corners)
     if crowd.shape is CrowdShape.AREA and area(corners) < 0.0:
         corners.reverse()
-    places = (one for corner in corners for one in (corner.north, corner.east))
+    places = (coordinate for corner in corners for coordinate in (corner.north, corner.east))
     return (crowd.height, max(crowd.distance, 0.1), *places)  # widths are relative to it
 
 
@@ -375,10 +375,10 @@ def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], 
         return _length(place[0] - corners[0][0], place[1] - corners[0][1], keep)
     following = [*corners[1:], corners[0]] if shape is CrowdShape.AREA else corners[1:]
     sides = list(zip(corners, following, strict=False))
-    nearest, *others = [_edge_distance(place, a, b, keep) for a, b in sides]
-    for other in others:
+    nearest, *further = [_edge_distance(place, a, b, keep) for a, b in sides]
+    for distance in further:
         width = None if keep is None else 0.002 * keep  # the width of the smooth minimum relative to the distance
-        nearest = minimum(nearest, other) if width is None else -smooth_maximum(-nearest, -other, width)
+        nearest = minimum(nearest, distance) if width is None else -smooth_maximum(-nearest, -distance, width)
     return nearest if shape is CrowdShape.LINE else nearest * (1.0 - 2.0 * _winding(place, sides))
 
 

@@ -57,7 +57,7 @@ def crossing_observation_of_pilot(model: FlightModel) -> Observation:
     off, allowed = n_z * R[2][2] - level, tolerance * R[2][2]
     declared = [LOAD_FACTOR, ROLL_RATE, TURN_EXCESS, TURN_LACK, LATERAL_LOAD_FACTOR, SIDESLIP]
     values: list[Scalar] = [n_z, 2.0 * turned[1] / length, off - allowed, -off - allowed, n_y, beta_A]
-    if not any(one.rate_of == "n_z" for one in system.controls):  # its rate follows from the states
+    if not any(control.rate_of == "n_z" for control in system.controls):  # its rate follows from the states
         declared.append(ONSET)
         values.append(ca.jtimes(n_z, states, rates))
     parameters = [TOLERANCE, *system.parameters]

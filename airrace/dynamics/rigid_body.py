@@ -244,15 +244,15 @@ def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
 
     The corrections of the aircraft file are applied.
     """
-    numbers, given = inner_loop_parameters(aircraft), aircraft.linear
-    if given is None:
+    numbers, modes = inner_loop_parameters(aircraft), aircraft.linear
+    if modes is None:
         return numbers
-    if given.short_period is not None:
-        numbers = with_short_period(numbers, given.V, given.short_period)
-    if given.dutch_roll is not None:
-        numbers = with_dutch_roll(numbers, given.V, given.dutch_roll)
-    if given.tau_p is not None:
-        numbers = dataclasses.replace(numbers, C_lp=numbers.C_lp / (given.tau_p * level_lags(numbers, given.V).roll))
+    if modes.short_period is not None:
+        numbers = with_short_period(numbers, modes.V, modes.short_period)
+    if modes.dutch_roll is not None:
+        numbers = with_dutch_roll(numbers, modes.V, modes.dutch_roll)
+    if modes.tau_p is not None:
+        numbers = dataclasses.replace(numbers, C_lp=numbers.C_lp / (modes.tau_p * level_lags(numbers, modes.V).roll))
     return numbers
 
 
@@ -262,7 +262,7 @@ def level_lags(aircraft: InnerLoopParameters[float], V: float) -> Lags:
     return lags(V, RHO_ISA, drag_coefficient(C_L, 0.0, aircraft), aircraft)
 
 
-def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
+def with_short_period(aircraft: InnerLoopParameters[float], V: float, mode: Mode) -> InnerLoopParameters[float]:
     """Return the numbers of an aircraft that has the wanted short period at `V` (m/s).
 
     Both pitch dampings are multiplied by one factor, then `C_malpha` is set. The factor is not positive where the lift
@@ -270,8 +270,8 @@ def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mo
     """
     M = pitching(V, RHO_ISA, aircraft)
     lift = level_lags(aircraft, V).damping_z + M.q + M.alphadot  # -Z_alpha / V
-    factor = (lift - 2.0 * wanted.D * wanted.omega) / (M.q + M.alphadot)
-    alpha = -factor * M.q * lift - wanted.omega * wanted.omega
+    factor = (lift - 2.0 * mode.D * mode.omega) / (M.q + M.alphadot)
+    alpha = -factor * M.q * lift - mode.omega * mode.omega
     M_unit = 0.5 * RHO_ISA * V * V * aircraft.S * aircraft.cbar / aircraft.I_y
     return dataclasses.replace(
         aircraft,
@@ -281,13 +281,13 @@ def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mo
     )
 
 
-def with_dutch_roll(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
+def with_dutch_roll(aircraft: InnerLoopParameters[float], V: float, mode: Mode) -> InnerLoopParameters[float]:
     """Return the numbers of an aircraft that has the wanted Dutch roll at `V` (m/s).
 
     `C_nr` is set first, then `C_nbeta`.
     """
     side = 0.5 * RHO_ISA * V * aircraft.S * aircraft.C_Ybeta / aircraft.m  # Y_beta / V
-    N_r = -2.0 * wanted.D * wanted.omega - side
-    N_beta = wanted.omega * wanted.omega - N_r * side
+    N_r = -2.0 * mode.D * mode.omega - side
+    N_beta = mode.omega * mode.omega - N_r * side
     N_unit = 0.5 * RHO_ISA * V * V * aircraft.S * aircraft.b / aircraft.I_z
     return dataclasses.replace(aircraft, C_nr=N_r / (N_unit * aircraft.b / (2.0 * V)), C_nbeta=N_beta / N_unit)

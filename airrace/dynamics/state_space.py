@@ -100,19 +100,19 @@ def surrounding(
 
 
 def normal_load_factor(
-    state: LinearFlightState[Scalar], eta: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+    state: LinearFlightState[Scalar], eta: Scalar, around: Surrounding, aircraft: InnerLoopParameters[Scalar]
 ) -> tuple[Scalar, Scalar]:
     """Return `(n_z, C_L)` at the present angle of attack and pitch rate with the elevator at `eta` (rad)."""
-    q = state.q_K * aircraft.cbar / (2.0 * here.flow.V_A)
-    C_L = lift_coefficient(here.seen.alpha_A, q, eta, aircraft, stalling=False)
-    return here.load * C_L + here.pull * here.seen.alpha_A, C_L
+    q = state.q_K * aircraft.cbar / (2.0 * around.flow.V_A)
+    C_L = lift_coefficient(around.seen.alpha_A, q, eta, aircraft, stalling=False)
+    return around.load * C_L + around.pull * around.seen.alpha_A, C_L
 
 
 def sideways(
     state: LinearFlightState[Scalar],
     causes: tuple[Scalar, Scalar, Scalar],
     surfaces: tuple[Scalar, Scalar],
-    here: Surrounding,
+    around: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> Sideways:
     """Return the arguments of the lateral coefficients.
@@ -121,42 +121,42 @@ def sideways(
         state: its angle of attack turns the axes.
         causes: `(beta_A, p_s, r_s)`, rad and rad/s.
         surfaces: `(xi, zeta)`, rad.
-        here: what surrounds the aircraft.
+        around: what surrounds the aircraft.
         aircraft: its numbers.
     """
     beta_A, p_s, r_s = causes
-    dimensionless = aircraft.b / (2.0 * here.flow.V_A)
+    dimensionless = aircraft.b / (2.0 * around.flow.V_A)
     p, r = body_axes(state.alpha_K, p_s * dimensionless, r_s * dimensionless)
     return Sideways(beta_A, p, r, *surfaces)
 
 
-def lateral_load_factor(motion: Sideways, here: Surrounding, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
+def lateral_load_factor(motion: Sideways, around: Surrounding, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
     """Return `n_y` (g), which is linear in all arguments of the lateral coefficients."""
-    return here.load * side_force_coefficient(motion, aircraft) - here.pull * motion.beta_A
+    return around.load * side_force_coefficient(motion, aircraft) - around.pull * motion.beta_A
 
 
 def linear_flight(
     state: LinearFlightState[Scalar],
     surfaces: Deflected[Scalar],
     delta_T_cmd: Scalar,
-    here: Surrounding,
+    around: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> tuple[LinearFlightState[Scalar], BodyPath[Scalar]]:
     """Return the time derivatives of flight path, throttle and body motion, and the path quantities."""
-    alpha_A, beta_A = here.seen.alpha_A, here.seen.beta_A
-    motion = sideways(state, (beta_A, state.p_s, state.r_s), (surfaces.xi, surfaces.zeta), here, aircraft)
-    n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
-    n_y = lateral_load_factor(motion, here, aircraft)
-    q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
+    alpha_A, beta_A = around.seen.alpha_A, around.seen.beta_A
+    motion = sideways(state, (beta_A, state.p_s, state.r_s), (surfaces.xi, surfaces.zeta), around, aircraft)
+    n_z, C_L = normal_load_factor(state, surfaces.eta, around, aircraft)
+    n_y = lateral_load_factor(motion, around, aircraft)
+    q_Kbar, r_Kbar = turn_rates(state.V_K, around.R, n_y=n_y, n_z=n_z)
     alpha_dot = state.q_K - q_Kbar
-    M = pitching(here.flow.V_A, here.rho, aircraft)
-    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    M = pitching(around.flow.V_A, around.rho, aircraft)
+    moment = around.load * aircraft.m * g0 * aircraft.b  # qbar S b
     C_l, C_n = moment_coefficients(motion, C_L, aircraft)
     p_dot, r_dot = stability_axes(state.alpha_K, *roll_yaw_accelerations(moment * C_l, moment * C_n, aircraft))
     coefficients = LoadFactorPath[Scalar](C_L=C_L, beta_A=beta_A)
-    n_x = axial_load_factor(n_z, n_y, coefficients, state.delta_T, here.flow, here.rho, aircraft)
+    n_x = axial_load_factor(n_z, n_y, coefficients, state.delta_T, around.flow, around.rho, aircraft)
     rates = LinearFlightState[Scalar](
-        **vars(flight_path_rates(state, here.R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=state.p_s)),
+        **vars(flight_path_rates(state, around.R, n_x=n_x, n_y=n_y, n_z=n_z, p_Kbar=state.p_s)),
         delta_T=throttle_rate(state.delta_T, delta_T_cmd, aircraft),
         alpha_K=alpha_dot,
         beta_K=r_Kbar - state.r_s,
@@ -180,8 +180,8 @@ def state_space(
     weather: Weather,
 ) -> tuple[StateSpaceState[Scalar], BodyPath[Scalar]]:
     """Return the time derivatives of the state, and the path quantities, by the numbers of `linear_parameters`."""
-    here = surrounding(state, aircraft=aircraft, weather=weather)
-    flight, path = linear_flight(state, state, control.delta_T_cmd, here, aircraft)
+    around = surrounding(state, aircraft=aircraft, weather=weather)
+    flight, path = linear_flight(state, state, control.delta_T_cmd, around, aircraft)
     rates = StateSpaceState[Scalar](**vars(flight), eta=control.eta_dot, xi=control.xi_dot, zeta=control.zeta_dot)
     return rates, path
 

@@ -7,7 +7,6 @@ and stand in units that no header names. What follows from the samples around a 
 import contextlib
 import math
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 
 import numpy as np
@@ -24,33 +23,24 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of numbers that count time, s."""
 
 
-@dataclass(frozen=True)
-class ClockSettings:
-    """What is plausible of a clock.
-
-    Attributes:
-        since_1970, since_1970_most: s between which a number counts from 1970, not from the recorder's start.
-        moved: m, between two samples that tell the speed of the aircraft.
-        rows: that are looked at for the speed, about.
-        speeds: m/s, of aircraft in a race; they tell units that differ by a factor of 1000.
-        any_speeds: m/s, of whatever flies at all.
-        strays: samples whose times are wrong in a row, while those around them agree, at least this many are left out.
-        search: samples around a step back in which its end is looked for.
-        work: samples that are looked at for all steps back of a log.
-    """
-
-    since_1970: float = 1e8
-    since_1970_most: float = 1e11
-    moved: float = 50.0
-    rows: int = 200_000
-    speeds: tuple[float, float] = (15.0, 340.0)
-    any_speeds: tuple[float, float] = (2.0, 1000.0)
-    strays: int = 5
-    search: int = 2000
-    work: int = 2_000_000
-
-
-CLOCKS = ClockSettings()
+SINCE_1970_MIN = 1e8
+"""From this many seconds on a number counts from 1970, not from the recorder's start."""
+SINCE_1970_MAX = 1e11
+"""Up to this many, s."""
+MOVED_MIN = 50.0
+"""The distance between two samples that tell the speed of the aircraft, m."""
+ROWS_MAX = 200_000
+"""The number of rows that are looked at for the speed, about."""
+RACE_SPEEDS = (15.0, 340.0)
+"""The speeds of aircraft in a race, m/s; they tell units that differ by a factor of 1000."""
+FLIGHT_SPEEDS = (2.0, 1000.0)
+"""The speeds of whatever flies at all, m/s."""
+STRAYS_MAX = 5
+"""The number of samples in a row, with wrong times while those around them agree, that are left out at least."""
+STEP_BACK_SAMPLES = 2000
+"""The number of samples around a step back in which its end is looked for."""
+STEPS_BACK_WORK = 2_000_000
+"""The number of samples that are looked at for all steps back of a log."""
 
 
 def guess_notation(text: str) -> str:
@@ -79,10 +69,10 @@ def parse_time(notation: str, text: str, zone: tzinfo | None) -> float:
 
 
 def _clock_seconds(text: str) -> float:
-    if found := _CLOCK.fullmatch(text):
-        hours, minutes, seconds = int(found[1]), int(found[2]), float((found[3] or "0").replace(",", "."))
-        if found[4]:
-            hours = hours % 12 + 12 * (found[4] in "Pp")
+    if match := _CLOCK.fullmatch(text):
+        hours, minutes, seconds = int(match[1]), int(match[2]), float((match[3] or "0").replace(",", "."))
+        if match[4]:
+            hours = hours % 12 + 12 * (match[4] in "Pp")
         if hours <= 24 and minutes <= 59 and seconds < 61.0:
             return 3600.0 * hours + 60.0 * minutes + seconds
     raise ValueError(text)
@@ -141,37 +131,37 @@ def find_tick(path: str, time: Array, places: Array, unit: str, column: str) -> 
     speed = usual_speed(time, places)
     if math.isnan(speed):  # nothing moves, but numbers that count from 1970 tell their unit by their size
         large = float(np.median(np.abs(time)))
-        found = next((one for one, tick in TICKS.items() if large * tick < CLOCKS.since_1970_most), "s")
-        return TICKS[unit or found], ()
-    low, high = CLOCKS.any_speeds if unit else CLOCKS.speeds
-    fitting = [one for one, tick in TICKS.items() if CLOCKS.speeds[0] <= speed / tick <= CLOCKS.speeds[1]]
+        likely = next((name for name, tick in TICKS.items() if large * tick < SINCE_1970_MAX), "s")
+        return TICKS[unit or likely], ()
+    low, high = FLIGHT_SPEEDS if unit else RACE_SPEEDS
+    fitting = [name for name, tick in TICKS.items() if RACE_SPEEDS[0] <= speed / tick <= RACE_SPEEDS[1]]
     named = unit or "s"
     if low <= speed / TICKS[named] <= high or not fitting:
         return TICKS[named], ()
-    found = fitting[0]
+    likely = fitting[0]
     if unit:
         seconds = (time[-1] - time[0]) * TICKS[unit]
         spans = f"{seconds / DAY:.0f} days" if abs(seconds) > 2.0 * DAY else f"{seconds:.3g} s"
         refuse(
             path,
             0,
-            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {found}? "
-            f"Then say --column 'time={column} [{found}]'",
+            f"spans {spans} and moves at {speed / TICKS[unit]:.2g} m/s; are its times {likely}? "
+            f"Then say --column 'time={column} [{likely}]'",
             column,
         )
-    return TICKS[found], (f"times are taken as {found}: so the aircraft flies at {speed / TICKS[found]:.0f} m/s",)
+    return TICKS[likely], (f"times are taken as {likely}: so the aircraft flies at {speed / TICKS[likely]:.0f} m/s",)
 
 
 def usual_speed(time: Array, places: Array) -> float:
     """Return the median speed over so many samples that some hundred metres are covered; NaN where nothing moves."""
-    known = np.flatnonzero(np.isfinite(places).all(axis=0))
-    known = known[:: max(1, len(known) // CLOCKS.rows)]
-    time, places = time[known], places[:, known]
+    finite = np.flatnonzero(np.isfinite(places).all(axis=0))
+    finite = finite[:: max(1, len(finite) // ROWS_MAX)]
+    time, places = time[finite], places[:, finite]
     lag = 1
     while lag < len(time):
         way = np.linalg.norm(places[:, lag:] - places[:, :-lag], axis=0)
         took = time[lag:] - time[:-lag]
-        moving = (way > CLOCKS.moved) & (way < 100.0 * CLOCKS.moved) & (took > 0.0)
+        moving = (way > MOVED_MIN) & (way < 100.0 * MOVED_MIN) & (took > 0.0)
         if np.count_nonzero(moving) >= 5 * lag:  # one leap makes as many pairs as the lag has samples
             return float(np.median(way[moving] / took[moving]))
         lag *= 2
@@ -205,21 +195,21 @@ def true_times(path: str, time: Array, lines: NDArray[np.int64]) -> tuple[NDArra
         if not keep[before] or time[before] <= time[row]:
             continue
         late = early = 0  # samples that are late behind their neighbours, and early before them
-        while late < CLOCKS.search and row + late < len(time) and time[row + late] < time[before]:
+        while late < STEP_BACK_SAMPLES and row + late < len(time) and time[row + late] < time[before]:
             late += 1
         returns = row + late < len(time)
         held = before
-        while early < CLOCKS.search and held >= cuts[-1] and (not keep[held] or time[held] > time[row]):
+        while early < STEP_BACK_SAMPLES and held >= cuts[-1] and (not keep[held] or time[held] > time[row]):
             early += int(keep[held])
             held -= 1
         work += late + before - held
-        if work > CLOCKS.work:
+        if work > STEPS_BACK_WORK:
             refuse(path, int(lines[row]), "time runs backwards again and again; a log must be in the order of its time")
         off = float(time[before] - time[row])
-        if not returns and late > CLOCKS.strays:
-            late = CLOCKS.search
+        if not returns and late > STRAYS_MAX:
+            late = STEP_BACK_SAMPLES
         fewer = min(early, late)
-        if (fewer > CLOCKS.strays and fewer * usual > 0.5 * off) or fewer >= CLOCKS.search:
+        if (fewer > STRAYS_MAX and fewer * usual > 0.5 * off) or fewer >= STEP_BACK_SAMPLES:
             cuts.append(row)
         elif late <= early:
             keep[row : row + late] = False

@@ -5,29 +5,39 @@ what comes before is a preamble. A row of units above or below them is understoo
 """
 
 import csv
+import dataclasses
 import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import tzinfo
 
 import numpy as np
 
 from airrace.environment import g0
-from airrace.logs.clocks import CLOCKS, TICKS, find_tick, guess_notation, instant, names_zone, parse_time, unwrap_days
+from airrace.logs.clocks import (
+    SINCE_1970_MIN,
+    TICKS,
+    find_tick,
+    guess_notation,
+    instant,
+    names_zone,
+    parse_time,
+    unwrap_days,
+)
 from airrace.logs.dialects import Dialect, dialect_of, plain_header
-from airrace.logs.recording import EARTH_RADIUS, LIMITS, Recording, SampleTable, enumerate_words, refuse
-from airrace.quantities import KNOT
+from airrace.logs.recording import EARTH_RADIUS, IDLE_MAX, Recording, SampleTable, enumerate_words, refuse
+from airrace.quantities import DEGREE, FOOT, KNOT
 from airrace.trajectory import Array
 
-_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+_ANGLE = {"deg": DEGREE, "rad": 1.0}
 _PLACE = {**_ANGLE, "arcmin": math.pi / 10800.0, "arcmin west": -math.pi / 10800.0, "1e-7 deg": 1e-7 * math.pi / 180.0}
-_LENGTH = {"m": 1.0, "ft": 0.3048, "km": 1000.0, "mm": 1e-3}
+_LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0, "mm": 1e-3}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
 _TIMES: dict[str, float] = {"auto": 1.0, **TICKS, **dict.fromkeys(("iso", "clock", "hhmmss", "unix", "unix ms"), 1.0)}
 """How a time may be written: a number of any clock or since 1970, ISO 8601, `hh:mm:ss.s`."""
-_NUMBERS = {"unix": "s", "unix ms": "ms", **{one: one for one in TICKS}}
+_NUMBERS = {"unix": "s", "unix ms": "ms", **{tick: tick for tick in TICKS}}
 
 
 @dataclass(frozen=True)
@@ -94,24 +104,14 @@ _SUFFIXED = re.compile(
 _DELIMITERS = (",", ";", "\t", "|")
 
 
-@dataclass(frozen=True)
-class CsvLimits:
-    """Where headers are looked for.
-
-    Attributes:
-        preamble: lines that may come before the headers.
-        header_letters: letters of the longest line of headers.
-        turn: a full turn, deg, beyond which the numbers of a place are no degrees.
-        rows_below: rows of units, sources and the like that may stand between the headers and the first sample.
-    """
-
-    preamble: int = 200
-    header_letters: int = 20_000
-    turn: float = 360.0
-    rows_below: int = 3
-
-
-CSV = CsvLimits()
+PREAMBLE_LINES = 200
+"""The number of lines that may come before the headers."""
+HEADER_LETTERS = 20_000
+"""The letters of the longest line of headers."""
+FULL_TURN = 360.0
+"""A full turn, deg, beyond which the numbers of a place are no degrees."""
+ROWS_BELOW = 3
+"""The number of rows of units, sources and the like that may stand between the headers and the first sample."""
 _ESSENTIAL = ("time", "latitude", "longitude", "north", "east", "altitude", "height")
 
 
@@ -130,9 +130,9 @@ class ColumnLayout:
         accuracy: of the positions, see `Recording`; it counts for logs of every format.
     """
 
-    columns: Mapping[str, str] = field(default_factory=dict[str, str])
-    scales: Mapping[str, float] = field(default_factory=dict[str, float])
-    offsets: Mapping[str, float] = field(default_factory=dict[str, float])
+    columns: Mapping[str, str] = dataclasses.field(default_factory=dict[str, str])
+    scales: Mapping[str, float] = dataclasses.field(default_factory=dict[str, float])
+    offsets: Mapping[str, float] = dataclasses.field(default_factory=dict[str, float])
     zone: tzinfo | None = None
     delimiter: str = ""
     decimal_comma: bool = False
@@ -159,7 +159,7 @@ class CsvColumn:
     def factor(self, numbers: Array) -> float:
         """Return the factor to SI; an angle of a place that no degrees can be is taken in ten millionths of them."""
         unit = self.unit
-        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > CSV.turn:
+        if not unit and self.field.units is _PLACE and np.nanmedian(np.abs(numbers)) > FULL_TURN:
             unit = "1e-7 deg"
         return self.field.units[unit or next(iter(self.field.units))]
 
@@ -167,24 +167,24 @@ class CsvColumn:
 def parse_unit(field: Field, text: str) -> str | None:
     """Return the unit of a field that a text means; None if it has no such unit."""
     plain = " ".join(text.lower().split())
-    for one in (plain, plain.replace("_", "/")):
-        one = _UNITS.get(one, one)
-        if one in field.units:
-            return one
+    for spelling in (plain, plain.replace("_", "/")):
+        unit = _UNITS.get(spelling, spelling)
+        if unit in field.units:
+            return unit
     return None
 
 
 def split_unit(text: str) -> tuple[str, str]:
     """Split `HEADER [UNIT]`; the unit is empty where there is none."""
-    found = _BRACKETED.match(text)
-    return (found["header"].strip(), found["unit"].strip()) if found else (text.strip(), "")
+    match = _BRACKETED.match(text)
+    return (match["header"].strip(), match["unit"].strip()) if match else (text.strip(), "")
 
 
 def is_foreign_unit(field: Field, text: str) -> bool:
     """Return whether a text in brackets is a unit, but none of a field."""
     plain = " ".join(text.lower().split())
-    known = any(parse_unit(one, plain) is not None for one in FIELDS.values())
-    return parse_unit(field, plain) is None and (known or plain in _FOREIGN)
+    named = any(parse_unit(other, plain) is not None for other in FIELDS.values())
+    return parse_unit(field, plain) is None and (named or plain in _FOREIGN)
 
 
 def recognise(header: str) -> tuple[Field, str] | None:
@@ -199,10 +199,10 @@ def recognise(header: str) -> tuple[Field, str] | None:
         readings.append((suffixed["header"], suffixed["unit"]))
     for base, unit in readings:
         plain = " ".join(base.lower().replace("_", " ").split())
-        for one in FIELDS.values():
-            known = parse_unit(one, unit) if unit else ""
-            if known is not None and plain in one.aliases and base != "Phi":  # in our tables an angle that adds up
-                return one, known
+        for field in FIELDS.values():
+            named = parse_unit(field, unit) if unit else ""
+            if named is not None and plain in field.aliases and base != "Phi":  # in our tables an angle that adds up
+                return field, named
     return None
 
 
@@ -223,12 +223,12 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     """
     numbered = enumerate(lines, 1)
     delimiter, columns, instance, rest = _find_headers(path, numbered, layout)
-    timed = next(one for one in columns if one.field.name == "time")
-    others = [one for one in columns if one is not timed]
-    samples, zoned = SampleTable(path, 1 + len(others)), True
+    timed = next(column for column in columns if column.field.name == "time")
+    measured = [column for column in columns if column is not timed]
+    samples, zoned = SampleTable(path, 1 + len(measured)), True
     said = timed.unit if timed.unit in ("iso", "clock", "hhmmss") else "number" if timed.unit in _NUMBERS else ""
     notation = said
-    indices, commas = [one.index for one in (timed, *others)], layout.decimal_comma
+    indices, commas = [column.index for column in (timed, *measured)], layout.decimal_comma
     garbled = 0  # times that are there and cannot be read
     receiver = ""  # the first of several
     for at, line in _rows(samples, itertools.chain(rest, numbered)):
@@ -241,7 +241,9 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
                 samples.leave_out(at, f"is of another receiver than {receiver}", "receiver")
                 continue
         when, *cells = [row[index].strip() if index < len(row) else "" for index in indices]
-        if commas or (delimiter != "," and not any("." in cell for cell in cells) and any("," in one for one in cells)):
+        if commas or (
+            delimiter != "," and not any("." in cell for cell in cells) and any("," in cell for cell in cells)
+        ):
             when, *cells = [cell.replace(",", ".") for cell in (when, *cells)]
         if not notation and when:
             notation = guess_notation(when)
@@ -255,7 +257,8 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         if not samples.lines and notation == "iso":
             zoned = names_zone(when)
         values = [
-            samples.number(at, cell, one.header) if cell else math.nan for one, cell in zip(others, cells, strict=True)
+            samples.number(at, cell, column.header) if cell else math.nan
+            for column, cell in zip(measured, cells, strict=True)
         ]
         samples.append(at, seconds, *values)
     if len(samples.lines) < 2 or len(samples.lines) <= garbled:
@@ -263,12 +266,12 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
     numbers, (time, *values) = samples.arrays(
         "holds no samples; expected one row for every instant, below a row of headers"
     )
-    for one in others:
-        if one.field.name in _ESSENTIAL and 2 * _unread(samples, one.header) >= len(time):
-            samples.refuse_first_fault(one.header)
+    for column in measured:
+        if column.field.name in _ESSENTIAL and 2 * _unread(samples, column.header) >= len(time):
+            samples.refuse_first_fault(column.header)
     histories = {
-        one.field.history: layout.corrected(one.field.name, cells) * one.factor(cells)
-        for one, cells in zip(others, values, strict=True)
+        column.field.history: layout.corrected(column.field.name, cells) * column.factor(cells)
+        for column, cells in zip(measured, values, strict=True)
     }
     remarks = [*samples.remarks]
     if notation == "number":
@@ -279,10 +282,10 @@ def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording
         remarks += more
     if not zoned and layout.zone is None:
         remarks.append("times name no zone and are taken as UTC")
-    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > CLOCKS.since_1970)
+    dated = notation == "iso" or (notation == "number" and float(np.median(time)) > SINCE_1970_MIN)
     time = unwrap_days(time) if notation in ("clock", "hhmmss") else time
-    guessed = tuple(one.field.history for one in others if not one.unit)
-    mapped = tuple(FIELDS[one].history for one in {**layout.scales, **layout.offsets})
+    guessed = tuple(column.field.history for column in measured if not column.unit)
+    mapped = tuple(FIELDS[name].history for name in {**layout.scales, **layout.offsets})
     begins = instant(float(time[0])) if dated else None
     return Recording(path, "csv", time - time[0], histories, numbers, begins, tuple(remarks), (), guessed, mapped)
 
@@ -304,8 +307,8 @@ def _rows(samples: SampleTable, numbered: Iterable[tuple[int, str]]) -> Iterator
     for at, line in numbered:
         if line.strip() and not line.startswith("#"):
             yield at, line
-        if at - len(samples.lines) > LIMITS.idle:
-            refuse(samples.path, at, f"has more than {LIMITS.idle} lines without a sample; cut the log to the flight")
+        if at - len(samples.lines) > IDLE_MAX:
+            refuse(samples.path, at, f"has more than {IDLE_MAX} lines without a sample; cut the log to the flight")
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -329,48 +332,50 @@ def _find_headers(
     """
     best = (-1, 0, list[str]())
     above: tuple[str, list[str]] = ("", [])
-    for at, line in itertools.islice(numbered, CSV.preamble):
+    for at, line in itertools.islice(numbered, PREAMBLE_LINES):
         plain = line.strip().lstrip("\ufeff#%").strip()
-        if not plain or len(plain) > CSV.header_letters:
+        if not plain or len(plain) > HEADER_LETTERS:
             continue
         delimiter, headers = _split_headers(plain, layout)
         columns = _match(headers, layout)
         lacking = _lacking(columns, layout)
         if not lacking[0]:
             units, rest = above[1] if above[0].startswith("#") else [], list[tuple[int, str]]()
-            for number in range(CSV.rows_below):
+            for number in range(ROWS_BELOW):
                 rest = list(itertools.islice(numbered, 1))
                 below = rest[0][1] if rest else ""
                 cells = _cells(below, delimiter)
-                if len(cells) > max(one.index for one in columns) and any(
-                    _is_number(cells, one.index) for one in columns
+                if len(cells) > max(column.index for column in columns) and any(
+                    _is_number(cells, column.index) for column in columns
                 ):
                     break
                 units = cells if below.strip() and not number else units  # else sources, or headers once more
                 rest = []
-            dialect, plain = dialect_of(headers), [plain_header(one) for one in headers]
+            dialect, plain = dialect_of(headers), [plain_header(header) for header in headers]
             instance = plain.index(dialect.instance) if dialect and dialect.instance in plain else -1
-            return delimiter, [_with_unit(one, units) for one in columns], instance, rest
+            return delimiter, [_with_unit(column, units) for column in columns], instance, rest
         if not line.startswith("#") and len(columns) > best[0]:
             best = len(columns), at, headers
         above = line, headers
     _, at, headers = best
     if not headers:
         refuse(path, 0, "has no column of time: it holds no row of headers")
-    there = {one.field.name for one in _match(headers, layout)}
+    present = {column.field.name for column in _match(headers, layout)}
     words = enumerate_words(headers)
-    if missing := next((name for name in layout.columns if name not in there), None):
+    if missing := next((name for name in layout.columns if name not in present), None):
         refuse(path, at, f"has no column `{layout.columns[missing][:60]}` for {missing}; its columns are {words}")
     lacks, advice = _lacking(_match(headers, layout), layout)
     return refuse(path, at, f"has no {lacks} columns are {words}; name it with --column {advice} or in a mapping")
 
 
 def _split_headers(line: str, layout: ColumnLayout) -> tuple[str, list[str]]:
-    likely = sorted((one for one in _DELIMITERS if one in line), key=line.count, reverse=True) or [" "]
+    likely = sorted((delimiter for delimiter in _DELIMITERS if delimiter in line), key=line.count, reverse=True) or [
+        " "
+    ]
     if layout.delimiter:
         likely = [layout.delimiter]
-    readings = [(one, [cell.strip() for cell in _cells(line, one)]) for one in likely]
-    return next((one for one in readings if dialect_of(one[1]) is not None), readings[0])
+    readings = [(mark, [cell.strip() for cell in _cells(line, mark)]) for mark in likely]
+    return next((reading for reading in readings if dialect_of(reading[1]) is not None), readings[0])
 
 
 def _is_number(cells: Sequence[str], index: int) -> bool:
@@ -391,49 +396,49 @@ def _with_unit(column: CsvColumn, units: Sequence[str]) -> CsvColumn:
 
 def _match(headers: Sequence[str], layout: ColumnLayout) -> list[CsvColumn]:
     """Return the columns that the mapping names, or that are recognised where there is none."""
-    found: dict[str, CsvColumn] = {}
+    columns: dict[str, CsvColumn] = {}
     if "time" not in layout.columns and (dialect := dialect_of(headers)) is not None:
-        found = {one.field.name: one for one in _columns_of(dialect, headers)}
+        columns = {column.field.name: column for column in _columns_of(dialect, headers)}
     elif not layout.columns:
         for index, header in enumerate(headers):
-            if (own := recognise(header)) is not None:
-                found.setdefault(own[0].name, CsvColumn(index, header, *own))
-    plain = [" ".join(one.split()) for one in headers]
-    bases = [split_unit(one)[0] for one in plain]
+            if (recognised := recognise(header)) is not None:
+                columns.setdefault(recognised[0].name, CsvColumn(index, header, *recognised))
+    plain = [" ".join(header.split()) for header in headers]
+    bases = [split_unit(header)[0] for header in plain]
     for name, text in layout.columns.items():
-        known, (base, unit) = FIELDS[name], split_unit(text)
+        field, (base, unit) = FIELDS[name], split_unit(text)
         whole = " ".join(text.split())
         header = whole if whole in plain else base
         if header not in plain:
             if base not in bases:
                 continue
             header = plain[bases.index(base)]
-        said = "" if header == whole and base != whole and parse_unit(known, unit) is None else unit
-        own = recognise(header)
-        if not said and own is not None and own[0] is known:
-            said = own[1]
-        found[name] = CsvColumn(plain.index(header), header, known, parse_unit(known, said) or "")
-    return list(found.values())
+        stated = "" if header == whole and base != whole and parse_unit(field, unit) is None else unit
+        recognised = recognise(header)
+        if not stated and recognised is not None and recognised[0] is field:
+            stated = recognised[1]
+        columns[name] = CsvColumn(plain.index(header), header, field, parse_unit(field, stated) or "")
+    return list(columns.values())
 
 
 def _columns_of(dialect: Dialect, headers: Sequence[str]) -> list[CsvColumn]:
     """Return the columns of a dialect that are there; a unit in a header counts more than that of the dialect."""
-    plain, found = [plain_header(one) for one in headers], list[CsvColumn]()
+    plain, columns = [plain_header(header) for header in headers], list[CsvColumn]()
     for name, candidates in dialect.columns.items():
-        if there := next(((header, unit) for header, unit in candidates if header in plain), None):
-            index, known = plain.index(there[0]), FIELDS[name]
-            said = parse_unit(known, split_unit(headers[index])[1])
-            found.append(CsvColumn(index, headers[index], known, said or "", there[1]))
-    return found
+        if present := next(((header, unit) for header, unit in candidates if header in plain), None):
+            index, field = plain.index(present[0]), FIELDS[name]
+            stated = parse_unit(field, split_unit(headers[index])[1])
+            columns.append(CsvColumn(index, headers[index], field, stated or "", present[1]))
+    return columns
 
 
 def _lacking(columns: Sequence[CsvColumn], layout: ColumnLayout) -> tuple[str, str]:
     """Return what columns lack for a log, and how one would name it; both empty where nothing is lacking."""
-    found = {one.field.name for one in columns}
-    if "time" not in found:
+    names = {column.field.name for column in columns}
+    if "time" not in names:
         return "column of time; its", "'time=TIME'"
-    if not ({"latitude", "longitude"} <= found or {"north", "east"} <= found):
+    if not ({"latitude", "longitude"} <= names or {"north", "east"} <= names):
         return "position: expected latitude and longitude, or north and east; its", "'latitude=LAT'"
-    if "altitude" not in found and "height" not in found:
+    if "altitude" not in names and "height" not in names:
         return "height; its", "'altitude=ALT [m]'"
-    return ("columns", "'time=TIME'") if layout.columns.keys() - found else ("", "")
+    return ("columns", "'time=TIME'") if layout.columns.keys() - names else ("", "")

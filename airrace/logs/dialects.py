@@ -1,6 +1,6 @@
 """Recorders and programs whose columns are known: what their headers are called, and the units that they do not say.
 
-A dialect is a mapping that comes along. It is recognised by headers that stand together in no other; which of its
+A dialect is a mapping that is shipped. It is recognised by headers that stand together in no other; which of its
 columns are there depends on the version and on what was recorded. Magnetic headings are left out: no course is
 magnetic.
 """
@@ -38,8 +38,8 @@ def plain_header(header: str) -> str:
 
 def dialect_of(headers: Sequence[str]) -> Dialect | None:
     """Return the dialect that headers are of; None where they are of no known one."""
-    there = {plain_header(one) for one in headers}
-    return next((one for one in DIALECTS if one.headers <= there), None)
+    there = {plain_header(header) for header in headers}
+    return next((dialect for dialect in DIALECTS if dialect.headers <= there), None)
 
 
 _ATTITUDE = {"roll": [("roll", "deg")], "pitch": [("pitch", "deg")]}

@@ -1,7 +1,6 @@
 """The histories of a recorded flight: what was measured, and what follows from the smoothed path."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,25 +16,14 @@ from airrace.results.derivation import complete_histories, wind_along
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, Basis, Histories, History
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class HistorySettings:
-    """What is known between and beyond samples.
-
-    Attributes:
-        slowest: the speed below which a path has no direction, m/s.
-        hole: between two samples of a history, s, beyond which nothing is known between them.
-        steep: the climb angle beyond which a roll alone tells no bank, rad.
-        alpha_max: the largest angle of attack that is plausible, rad.
-    """
-
-    slowest: float = 1.0
-    hole: float = 0.5
-    steep: float = np.radians(60.0)
-    alpha_max: float = 0.35
-
-
-HISTORIES = HistorySettings()
+SPEED_MIN = 1.0
+"""The speed below which a path has no direction, m/s."""
+HOLE = 0.5
+"""The time between two samples of a history beyond which nothing is known between them, s."""
+STEEP = np.radians(60.0)
+"""The climb angle beyond which a roll alone tells no bank, rad."""
+ALPHA_MAX = 0.35
+"""The largest angle of attack that is plausible, rad."""
 DECLARATIONS = {
     **GLOSSARY,
     "x": Quantity("x", "m", text="north of the track's origin"),
@@ -68,15 +56,15 @@ def log_histories(race: Race, recording: Recording, path: Path, time: Array) -> 
     measured: dict[str, Array] = {}
     for name in MEASURED:
         values = _interpolate(recording, name, time)
-        known = np.isfinite(values)
-        if name == "phi" and known.any():
+        finite = np.isfinite(values)
+        if name == "phi" and finite.any():
             derived |= _recorded_attitude(race, derived, velocity, recording, time)
-        if known.all() or (known.mean() > 0.5 and name in fillings):
-            measured[name] = np.where(known, values, fillings.get(name, values))
+        if finite.all() or (finite.mean() > 0.5 and name in fillings):
+            measured[name] = np.where(finite, values, fillings.get(name, values))
     bases = {**dict.fromkeys(derived, Basis.DERIVED), **dict.fromkeys(measured, Basis.MEASURED)}
     values = {**derived, **measured}
-    given = {name: History(DECLARATIONS[name], values[name], basis) for name, basis in bases.items()}
-    return complete_histories(race, given)
+    recorded_histories = {name: History(DECLARATIONS[name], values[name], basis) for name, basis in bases.items()}
+    return complete_histories(race, recorded_histories)
 
 
 def path_histories(race: Race, position: Array, velocity: Array, acceleration: Array) -> dict[str, Array]:
@@ -94,7 +82,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
         race: course, aircraft and air.
         position, velocity, acceleration: north, east and up, m, m/s and m/s^2, each of shape (3, n).
     """
-    speed = np.maximum(np.linalg.norm(velocity, axis=0), HISTORIES.slowest)
+    speed = np.maximum(np.linalg.norm(velocity, axis=0), SPEED_MIN)
     e = velocity / speed
     force = acceleration + np.array([[0.0], [0.0], [g0]])
     along = np.sum(force * e, axis=0)
@@ -106,7 +94,7 @@ def path_histories(race: Race, position: Array, velocity: Array, acceleration: A
     V_A = np.linalg.norm(_DOWN * velocity - wind_along(race.air, north, east, -up), axis=0)
     rho = np.asarray(density(-up, atmosphere_parameters(race.air)), np.float64).reshape(up.shape)
     body = race.aircraft.airframe
-    C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, HISTORIES.slowest) ** 2 * body.S)
+    C_L = n_z * body.m * g0 / (0.5 * rho * np.maximum(V_A, SPEED_MIN) ** 2 * body.S)
     values = {"x": north, "y": east, "height": up, "z": -up, "V_K": speed, "n_z": n_z, "n_x": along / g0}
     values |= zip(QUATERNION, attitude.quaternions(R), strict=True)
     return values | {"V_A": V_A, "C_L": C_L, "beta_A": np.zeros_like(C_L)}
@@ -127,29 +115,27 @@ def _recorded_attitude(
     axes = attitude.path_axes([derived[name] for name in QUATERNION])
     _, gamma, mu = attitude.euler_angles(axes)
     full, roll = np.isfinite(psi + theta + phi), np.isfinite(phi)
-    alpha = np.clip(
-        attitude.angle_of_attack(derived["C_L"], race.aircraft.lift), -HISTORIES.alpha_max, HISTORIES.alpha_max
-    )
+    alpha = np.clip(attitude.angle_of_attack(derived["C_L"], race.aircraft.lift), -ALPHA_MAX, ALPHA_MAX)
     a, b = np.cos(gamma) * np.cos(phi), np.sin(phi) * np.cos(alpha) * np.cos(gamma)
     c = np.sin(phi) * np.sin(alpha) * np.sin(gamma)
     turned = np.arctan2(b, a) - np.arcsin(np.clip(c / np.maximum(np.hypot(a, b), 1e-9), -1.0, 1.0)) - mu
-    turned = np.where(roll & ~full & (np.abs(gamma) < HISTORIES.steep), turned, 0.0)
+    turned = np.where(roll & ~full & (np.abs(gamma) < STEEP), turned, 0.0)
     x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
     y, z = np.cos(turned) * y + np.sin(turned) * z, np.cos(turned) * z - np.sin(turned) * y
-    R_OB = _euler_axes(*(np.where(full, one, 0.0) for one in (psi, theta, phi)))
+    R_OB = _euler_axes(*(np.where(full, angle, 0.0) for angle in (psi, theta, phi)))
     wing = R_OB[:, 1] - np.sum(R_OB[:, 1] * x, axis=0) * x
     wing = wing / np.maximum(np.linalg.norm(wing, axis=0), 1e-9)
     y = np.where(full, wing, y)
     z = np.where(full, np.cross(x, wing, axis=0), z)
     q = attitude.quaternions(np.stack([x, y, z], axis=1))
-    found: dict[str, Array] = {}
-    found.update(zip(QUATERNION, q, strict=True))
+    attitudes: dict[str, Array] = {}
+    attitudes.update(zip(QUATERNION, q, strict=True))
     if full.all():
-        found.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
-        found["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))
+        attitudes.update(zip(BODY_ATTITUDE, attitude.quaternions(R_OB), strict=True))
+        attitudes["beta_K"] = np.arcsin(np.clip(np.sum(R_OB[:, 1] * x, axis=0), -1.0, 1.0))
     if roll.all():
-        found["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
-    return found
+        attitudes["p_Kbar"] = _roll_rate(attitude.path_axes(q), time)
+    return attitudes
 
 
 def _interpolate(recording: Recording, name: str, time: Array) -> Array:
@@ -157,13 +143,13 @@ def _interpolate(recording: Recording, name: str, time: Array) -> Array:
     if np.isfinite(recording.columns.get(name, np.empty(0))).sum() < 2:
         return np.full_like(time, np.nan)
     at, values = samples_of(recording, name)
-    found = np.interp(time, at, values)
+    interpolated = np.interp(time, at, values)
     behind = np.searchsorted(at, time, side="right")
     inside = (behind > 0) & (behind < len(at))
     gap = np.where(inside, at[np.clip(behind, 0, len(at) - 1)] - at[np.clip(behind - 1, 0, len(at) - 1)], np.inf)
     edge = np.minimum(np.abs(time - at[0]), np.abs(time - at[-1]))
-    found = np.where((gap <= HISTORIES.hole) | (edge <= 0.1), found, np.nan)
-    return np.remainder(found + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else found
+    interpolated = np.where((gap <= HOLE) | (edge <= 0.1), interpolated, np.nan)
+    return np.remainder(interpolated + np.pi, 2.0 * np.pi) - np.pi if name in ("phi", "psi") else interpolated
 
 
 def between_samples(recording: Recording, name: str, times: Array) -> Array:
@@ -189,9 +175,9 @@ def between_samples(recording: Recording, name: str, times: Array) -> Array:
 
 def samples_of(recording: Recording, name: str) -> tuple[Array, Array]:
     """Return times and values of a recorded history where it is known, angles without jumps, each of shape (m,)."""
-    known = np.isfinite(recording.columns[name])
-    values = recording.columns[name][known]
-    return recording.time[known], np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
+    finite = np.isfinite(recording.columns[name])
+    values = recording.columns[name][finite]
+    return recording.time[finite], np.unwrap(values) if DECLARATIONS[name].unit == "rad" else values
 
 
 def _roll_rate(R: Array, time: Array) -> Array:
@@ -206,7 +192,7 @@ def _roll_rate(R: Array, time: Array) -> Array:
 
 def _euler_axes(psi: Array, theta: Array, phi: Array) -> Array:
     """Return `R_OB` of heading, pitch and roll, rad, shape (3, 3, n)."""
-    (cz, sz), (cy, sy), (cx, sx) = ((np.cos(one), np.sin(one)) for one in (psi, theta, phi))
+    (cz, sz), (cy, sy), (cx, sx) = ((np.cos(angle), np.sin(angle)) for angle in (psi, theta, phi))
     rows = (
         (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),
         (sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx),

@@ -36,7 +36,7 @@ from airrace.logs.deviations import is_measured
 from airrace.logs.histories import samples_of
 from airrace.logs.log_flight import LogFlight
 from airrace.logs.recording import rounding
-from airrace.logs.smoothing import SMOOTHING, Path
+from airrace.logs.smoothing import STEP, Path
 from airrace.trajectory import Array
 
 FACTORS = 3
@@ -44,43 +44,35 @@ FACTORS = 3
 STATES = 12
 
 
-@dataclass(frozen=True)
-class FitSettings:
-    """The settings of a fit.
-
-    Attributes:
-        lag: s, in which the rate of the lift changes: half of the 0.2 to 0.4 s that a roll of 80 degrees takes.
-        density: of the noise of that rate before the path is known, m^2/s^7.
-        around: s, within which it is equally strong; `least`: of its mean, everywhere.
-        step: deviations of position, velocity and lift (m, m/s, m/s^2) from the equations after a step of the path, so
-            that the matrices are regular.
-        across: of the components of `u` and `j` along the path, which have no effect, m/s^2 and m/s^3.
-        rounding: of the size of the lift at zero, m/s^2.
-        unknown: the deviation of the lift over mass in gaps, at most, m/s^2.
-        wind: deviation of the wind from the course's before anything is measured, m/s.
-        factor: likewise of the logarithms of the factors.
-        iterations: twice as many move factors by a quarter of their deviations; who measures the bias takes as many.
-        visible: the greatest deviation with which a factor counts as seen in the data.
-        samples: of the path, at least; `rate`: per second, at least: 5 Hz is measured.
-    """
-
-    lag: float = 0.15
-    density: float = 2e4
-    around: float = 0.3
-    least: float = 0.02
-    step: tuple[float, float, float] = (0.003, 0.003, 0.3)
-    across: float = 1.0
-    rounding: float = 0.5
-    unknown: float = 50.0
-    wind: float = 5.0
-    factor: float = 1.0
-    iterations: int = 6
-    visible: float = 0.3
-    samples: int = 50
-    rate: float = 4.0
-
-
-FIT = FitSettings()
+LIFT_LAG = 0.15
+"""The time in which the rate of the lift changes, s: half of the 0.2 to 0.4 s that a roll of 80 degrees takes."""
+RATE_NOISE = 2e4
+"""The density of the noise of that rate before the path is known, m^2/s^7."""
+NOISE_WINDOW = 0.3
+"""The time within which it is equally strong, s."""
+NOISE_LEAST = 0.02
+"""The share of its mean that it has everywhere, at least."""
+STEP_DEVIATIONS = (0.003, 0.003, 0.3)
+"""The deviations of position, velocity and lift from the equations after a step of the path, m, m/s, m/s^2, so that the
+matrices are regular."""
+ALONG_PATH_DEVIATION = 1.0
+"""The deviation of the components of `u` and `j` along the path, which have no effect, m/s^2 and m/s^3."""
+LIFT_ROUNDING = 0.5
+"""The rounding of the size of the lift at zero, m/s^2."""
+GAP_DEVIATION = 50.0
+"""The deviation of the lift over mass in gaps, at most, m/s^2."""
+WIND_DEVIATION = 5.0
+"""The deviation of the wind from the course's before anything is measured, m/s."""
+FACTOR_DEVIATION = 1.0
+"""Likewise of the logarithms of the factors."""
+ITERATIONS = 6
+"""The number of iterations; twice as many move factors by a quarter of their deviations."""
+VISIBLE_DEVIATION = 0.3
+"""The greatest deviation with which a factor counts as seen in the data."""
+SAMPLES_MIN = 50
+"""The least number of samples of the path."""
+RATE_MIN = 4.0
+"""The least number of samples per second: 5 Hz is measured."""
 
 
 @dataclass
@@ -126,20 +118,22 @@ def recorded_path(path: Path, time: Array, places: Array, begin: float, end: flo
     down, good = np.array([[1.0], [1.0], [-1.0]]), ~path.outliers & np.isfinite(places).all(axis=0)
     good &= (time >= begin) & (time <= end)
     first, last = time[good][[0, -1]].tolist()  # where no place is near nobody knows the lift
-    inside = (path.time > first - SMOOTHING.step) & (path.time < last + SMOOTHING.step)
+    inside = (path.time > first - STEP) & (path.time < last + STEP)
     nodes = path.time[inside]
-    position, velocity, force = ((down * one[:, inside]).T for one in (path.position, path.velocity, path.acceleration))
+    position, velocity, force = (
+        (down * values[:, inside]).T for values in (path.position, path.velocity, path.acceleration)
+    )
     force = force - np.array([0.0, 0.0, g0])
     e = velocity / np.linalg.norm(velocity, axis=1)[:, None]
     u = force - e * np.sum(force * e, axis=1)[:, None]
-    node = np.clip(((time[good] - nodes[0]) / SMOOTHING.step).astype(np.int64), 0, len(nodes) - 2)
+    node = np.clip(((time[good] - nodes[0]) / STEP).astype(np.int64), 0, len(nodes) - 2)
     return RecordedPath(
         np.hstack([position, velocity, u, np.zeros_like(u)]),
         (down * places[:, good]).T,
         path.noise,
         node,
         time[good] - nodes[node],
-        np.full(len(nodes) - 1, FIT.density),
+        np.full(len(nodes) - 1, RATE_NOISE),
         np.zeros(len(nodes) - 1),
         np.zeros(int(good.sum())),
     )
@@ -183,20 +177,20 @@ def estimate_factors(aircraft: Aircraft, air: Air, paths: Sequence[RecordedPath]
     """
     step, hidden = _step_function(aircraft, air), np.zeros(FACTORS, np.bool_)
     values, covariance = _solve(step, paths, hidden)
-    hidden = np.sqrt(np.diag(covariance))[:FACTORS] > FIT.visible
+    hidden = np.sqrt(np.diag(covariance))[:FACTORS] > VISIBLE_DEVIATION
     if hidden.any() and not hidden.all():
         values, covariance = _solve(step, paths, hidden)
-    colour = max(one.colour for one in paths)
+    colour = max(path.colour for path in paths)
     factors = np.where(hidden, 0.0, values[:FACTORS])
     return Estimate(factors, ~hidden, values[FACTORS:].reshape(-1, 2), colour**2 * covariance)
 
 
 def _solve(step: ca.Function, paths: Sequence[RecordedPath], hidden: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return factors and winds with their covariance."""
-    prior = np.array([FIT.factor**-2] * FACTORS + [FIT.wind**-2] * (2 * len(paths)))
+    prior = np.array([FACTOR_DEVIATION**-2] * FACTORS + [WIND_DEVIATION**-2] * (2 * len(paths)))
     prior[:FACTORS][hidden] = 1e12  # as good as certain
     values, information = np.zeros(len(prior)), np.diag(prior)
-    for _ in range(FIT.iterations):
+    for _ in range(ITERATIONS):
         information, score = np.diag(prior), -prior * values
         moves: list[tuple[Array, Array, NDArray[np.int64]]] = []
         for number, path in enumerate(paths):
@@ -218,14 +212,15 @@ def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Ar
     The normal equations are block-tridiagonal: `D` on the diagonal, `-W A` beside it. The variances of the states come
     out on the way back, and from them the strength of the noise for the next time.
     """
-    n, p, h = len(path.states), len(values), SMOOTHING.step
+    n, p, h = len(path.states), len(values), STEP
     after, acceleration, by_state, by_value = (
-        np.asarray(one.full(), np.float64) for one in step.map(n - 1)(path.states[:-1].T, values, path.variance)
+        np.asarray(derivative.full(), np.float64)
+        for derivative in step.map(n - 1)(path.states[:-1].T, values, path.variance)
     )
-    A, B = (one.reshape(STATES, n - 1, -1).transpose(1, 0, 2) for one in (by_state, by_value))
+    A, B = (derivative.reshape(STATES, n - 1, -1).transpose(1, 0, 2) for derivative in (by_state, by_value))
     defect = path.states[1:] - after.T
     W = np.empty((n - 1, STATES))
-    for block, deviation in enumerate(FIT.step):
+    for block, deviation in enumerate(STEP_DEVIATIONS):
         W[:, 3 * block : 3 * block + 3] = deviation**-2
     W[:, 9:] = 1.0 / (h * path.noises[:, None])
     beside = A.transpose(0, 2, 1) * W[:, None, :]  # of k with k + 1, its sign turned
@@ -237,8 +232,8 @@ def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Ar
     right[:-1] -= beside @ causes
     e = path.states[:, 3:6] / np.linalg.norm(path.states[:, 3:6], axis=1)[:, None]
     for part in (slice(6, 9), slice(9, 12)):
-        D[:, part, part] += e[:, :, None] * e[:, None, :] / FIT.across**2
-        right[:, part, 0] -= e * np.sum(e * path.states[:, part], axis=1)[:, None] / FIT.across**2
+        D[:, part, part] += e[:, :, None] * e[:, None, :] / ALONG_PATH_DEVIATION**2
+        right[:, part, 0] -= e * np.sum(e * path.states[:, part], axis=1)[:, None] / ALONG_PATH_DEVIATION**2
     t, node = path.late[:, None], path.node
     curve = 0.5 * t * t * acceleration.T[node]
     off = path.places - path.states[node, :3] - t * path.states[node, 3:6] - curve
@@ -261,7 +256,7 @@ def _eliminate(path: RecordedPath, step: ca.Function, values: Array) -> tuple[Ar
         X[k] = inverses[k] @ X[k] + gain @ X[k + 1]
         cross = A[k] @ gain @ later
         covariance[k] += gain @ later @ gain.T
-        path.variance[k] = min(_across(covariance[k, 6:9, 6:9], e[k]), FIT.unknown**2)
+        path.variance[k] = min(_across(covariance[k, 6:9, 6:9], e[k]), GAP_DEVIATION**2)
         jumps[k] = _across((later + A[k] @ covariance[k] @ A[k].T - cross - cross.T)[9:, 9:], e[k])
     path.noises = _noises(np.sum(defect[:, 9:] ** 2, axis=1) + jumps)
     score = np.einsum("kip,ki->p", B, W * defect) - np.einsum("kip,ki->p", border, X[:, :, 0])
@@ -275,10 +270,10 @@ def _across(covariance: Array, e: Array) -> float:
 
 def _noises(squares: Array) -> Array:
     """Return the density of the noise around every step from the expected squares of its jumps, m^2/s^6."""
-    half = int(FIT.around / SMOOTHING.step)
+    half = int(NOISE_WINDOW / STEP)
     near = np.hanning(2 * half + 3)[1:-1]
     local = np.convolve(squares, near, "same") / np.convolve(np.ones(len(squares)), near, "same")
-    return (local + FIT.least * local.mean()) / (2.0 * SMOOTHING.step)
+    return (local + NOISE_LEAST * local.mean()) / (2.0 * STEP)
 
 
 def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
@@ -294,8 +289,8 @@ def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
         V = ca.norm_2(v)
         e = v / V
         lift = u - e * ca.dot(e, u)
-        n_z = ca.sqrt(ca.sumsqr(lift) + variance + FIT.rounding**2) / g0
-        z = -lift / ca.sqrt(ca.sumsqr(lift) + FIT.rounding**2)
+        n_z = ca.sqrt(ca.sumsqr(lift) + variance + LIFT_ROUNDING**2) / g0
+        z = -lift / ca.sqrt(ca.sumsqr(lift) + LIFT_ROUNDING**2)
         W_N, W_E, W_D = field.velocity(r[0], r[1], r[2], field.values(air))
         V_A = cast(ca.SX, v - ca.vertcat(W_N + values[3], W_E + values[4], W_D))
         flow = Airflow(ca.norm_2(V_A), ca.dot(V_A, e), ca.dot(V_A, ca.cross(z, e)), ca.dot(V_A, z))
@@ -310,10 +305,10 @@ def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
         bend = lift + g0 * (down - e * e[2])
         turn = bend / V
         return ca.vertcat(
-            v, bend + e * (g0 * (n_x + e[2])), j - e * ca.dot(u, turn), -j / FIT.lag - e * ca.dot(j, turn)
+            v, bend + e * (g0 * (n_x + e[2])), j - e * ca.dot(u, turn), -j / LIFT_LAG - e * ca.dot(j, turn)
         )
 
-    h, first = SMOOTHING.step, rates(s)
+    h, first = STEP, rates(s)
     second = rates(s + 0.5 * h * first)
     third = rates(s + 0.5 * h * second)
     after = s + h / 6.0 * (first + 2.0 * second + 2.0 * third + rates(s + h * third))
@@ -321,33 +316,24 @@ def _step_function(aircraft: Aircraft, air: Air) -> ca.Function:
     return ca.Function("step", [s, values, variance], outputs, {"cse": True})
 
 
-@dataclass(frozen=True)
-class RollSettings:
-    """The settings of the measurement of a roll rate; measured with 0 to 2 degrees of noise at 10 to 50 Hz.
-
-    Attributes:
-        held: the time of which the mean rate counts, s.
-        share: of the greatest mean rate over half of that time that it must have. Rolls of Rovinj 2014, which reach the
-            aircraft's rate, have 0.94 to 1, those of Chiba 2015, which end at 0.7 of it, at most 0.92.
-        step: between two samples of the roll, at most, s.
-        excess: of the greatest of many means over the true rate, in deviations of one.
-        airspeed: relative deviation of the airspeed: 2 kt of unknown wind.
-        steep: climb or dive beyond which a roll alone may jump, rad.
-        visible: the greatest deviation with which the rate counts as seen.
-        factor: the greatest size of its logarithm; beyond it the record is doubted, not the aircraft.
-    """
-
-    held: float = 0.4
-    share: float = 0.93
-    step: float = 0.11
-    excess: float = 0.85
-    airspeed: float = 0.01
-    steep: float = math.radians(50.0)
-    visible: float = 0.1
-    factor: float = 0.7
-
-
-ROLL = RollSettings()
+# How a roll rate is measured; tried with 0 to 2 degrees of noise at 10 to 50 Hz.
+ROLL_WINDOW = 0.4
+"""The time of which the mean rate counts, s."""
+STEADY_SHARE = 0.93
+"""The share of the greatest mean rate over half of that time that it must have. Rolls of Rovinj 2014, which reach the
+aircraft's rate, have 0.94 to 1, those of Chiba 2015, which end at 0.7 of it, at most 0.92."""
+ROLL_STEP_MAX = 0.11
+"""The longest time between two samples of the roll, s."""
+GREATEST_EXCESS = 0.85
+"""The excess of the greatest of many means over the true rate, in deviations of one."""
+AIRSPEED_DEVIATION = 0.01
+"""The relative deviation of the airspeed: 2 kt of unknown wind."""
+STEEP_ROLL = math.radians(50.0)
+"""The climb or dive beyond which a roll alone may jump, rad."""
+VISIBLE_RATE_DEVIATION = 0.1
+"""The greatest deviation with which the rate counts as seen."""
+RATE_FACTOR_MAX = 0.7
+"""The greatest size of its logarithm; beyond it the record is doubted, not the aircraft."""
 
 
 @dataclass(frozen=True)
@@ -370,8 +356,8 @@ class RollRate:
 
 def measure_roll_rate(aircraft: Aircraft, logs: Sequence[LogFlight]) -> RollRate | None:
     """Return the roll rate of the quickest roll of all logs; None where none of them shows one that is held."""
-    seen = [one for one in (_log_roll_rate(aircraft, log) for log in logs) if one is not None]
-    return max(seen, key=lambda one: one.factor, default=None)
+    seen = [roll_rate for roll_rate in (_log_roll_rate(aircraft, log) for log in logs) if roll_rate is not None]
+    return max(seen, key=lambda roll_rate: roll_rate.factor, default=None)
 
 
 def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
@@ -379,19 +365,19 @@ def _log_roll_rate(aircraft: Aircraft, log: LogFlight) -> RollRate | None:
     if not (is_measured(flight, "phi") and "p_Kbar" in flight.histories):
         return None
     time, roll = samples_of(log.recording, "phi")  # fresh ones
-    if np.median(np.diff(time)) > ROLL.step:
+    if np.median(np.diff(time)) > ROLL_STEP_MAX:
         return None
     limits = np.minimum(aircraft.point_mass.p, roll_rate(aircraft, 1.0) * flight["V_A"])
-    shares = np.where(np.abs(flight["gamma"]) < ROLL.steep, flight["p_Kbar"] / limits, 0.0)
-    count = round(ROLL.held / float(np.median(np.diff(flight.time))))
+    shares = np.where(np.abs(flight["gamma"]) < STEEP_ROLL, flight["p_Kbar"] / limits, 0.0)
+    count = round(ROLL_WINDOW / float(np.median(np.diff(flight.time))))
     means, shorter = _means(shares, count), _means(shares, count // 2)
     white = float(np.median(np.abs(np.diff(roll, 3)))) / 0.6745 / math.sqrt(20.0)  # its third differences
-    deviation = max(white, rounding(roll)) * math.sqrt(2.0) / ROLL.held / aircraft.point_mass.p
-    rate = float(means.max()) - ROLL.excess * deviation
-    if rate <= 0.0 or means.max() < ROLL.share * shorter.max():
+    deviation = max(white, rounding(roll)) * math.sqrt(2.0) / ROLL_WINDOW / aircraft.point_mass.p
+    rate = float(means.max()) - GREATEST_EXCESS * deviation
+    if rate <= 0.0 or means.max() < STEADY_SHARE * shorter.max():
         return None
-    found = RollRate(math.log(rate), math.hypot(deviation / rate, ROLL.airspeed))
-    return found if found.deviation < ROLL.visible and abs(found.factor) < ROLL.factor else None
+    found = RollRate(math.log(rate), math.hypot(deviation / rate, AIRSPEED_DEVIATION))
+    return found if found.deviation < VISIBLE_RATE_DEVIATION and abs(found.factor) < RATE_FACTOR_MAX else None
 
 
 def _means(values: Array, count: int) -> Array:

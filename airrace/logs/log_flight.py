@@ -12,38 +12,27 @@ from airrace.logs.histories import log_histories
 from airrace.logs.passings import CourseRun, find_runs, in_frame, in_order, stands
 from airrace.logs.plausibility import height_bias, in_feet_if_so, plausible, roll_offsets
 from airrace.logs.recording import Recording, count_of, refuse
-from airrace.logs.smoothing import SMOOTHING, Path, smooth
+from airrace.logs.smoothing import DURATION_MAX, EDGE, Path, smooth
 from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.race import Race
 from airrace.results import Flight, Source, TimedCrossing
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class ImportSettings:
-    """The settings of an import.
-
-    Attributes:
-        sampling: between two samples of the flight, s, as of an optimum's.
-        coarse: between the samples among which a run is looked for, s.
-        margin: what is smoothed before the first passing and behind the last one, s.
-        gap: beyond which samples have a gap between them, s, if they are `gap_factor` times farther apart than usual.
-        gap_factor: see above.
-        runs_max: the greatest number of runs whose start is in the remarks.
-        gaps_max: the greatest number of gaps with a remark of their own.
-    """
-
-    sampling: float = 0.02
-    coarse: float = 0.2
-    margin: float = 5.0
-    gap: float = 0.25
-    gap_factor: float = 2.5
-    runs_max: int = 12
-    gaps_max: int = 5
-
-
-IMPORT = ImportSettings()
+SAMPLING = 0.02
+"""The time between two samples of the flight, s, as of an optimum's."""
+COARSE_SAMPLING = 0.2
+"""That between the samples among which a run is looked for, s."""
+SMOOTHED_MARGIN = 5.0
+"""The time that is smoothed before the first passing and behind the last one, s."""
+GAP = 0.25
+"""The time beyond which samples have a gap between them, s, if they are also farther apart than usual."""
+GAP_FACTOR = 2.5
+"""By this factor."""
+RUNS_MAX = 12
+"""The greatest number of runs whose start is in the remarks."""
+GAPS_MAX = 5
+"""The greatest number of gaps with a remark of their own."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +45,7 @@ class LogFlight:
         known: how well every passing is known, by the names of the passages.
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
-        remarks: what whoever looks at it should know, as sentences.
+        remarks: for the reader, as sentences.
         noise: standard deviation of the positions that was given, m; None where it was estimated.
     """
 
@@ -92,11 +81,11 @@ def flight_from_log(
         InputError: the recording does not pass the course, or has no such run.
     """
     framed, chosen, remarks = _choose_flight(recording, race, run)
-    if (duration := chosen.end - chosen.begin) > SMOOTHING.duration_max:
-        most = f"at most {SMOOTHING.duration_max:g} s are read"
+    if (duration := chosen.end - chosen.begin) > DURATION_MAX:
+        most = f"at most {DURATION_MAX:g} s are read"
         refuse(framed.path, 0, f"a run of {duration:.0f} s is too long; {most}")
     framed = in_feet_if_so(framed, race, chosen)
-    within = (framed.time >= chosen.begin - IMPORT.margin) & (framed.time <= chosen.end + IMPORT.margin)
+    within = (framed.time >= chosen.begin - SMOOTHED_MARGIN) & (framed.time <= chosen.end + SMOOTHED_MARGIN)
     return flight_of_part(framed.select(within, *remarks), race, label=label, penalties=penalties, noise=noise)
 
 
@@ -113,7 +102,7 @@ def flight_of_part(
     if np.isfinite(places[2]).sum() < 2:
         refuse(part.path, 0, "tells no heights on the course")
     path = smooth(placed.time, places, noise, least)
-    fine = path.time[0] + IMPORT.sampling * np.arange(int((path.time[-1] - path.time[0]) / IMPORT.sampling) + 1)
+    fine = path.time[0] + SAMPLING * np.arange(int((path.time[-1] - path.time[0]) / SAMPLING) + 1)
     (x, y, _), _, _ = path.at(fine)
     again = find_runs(race, fine, x, y)
     if not again:
@@ -121,46 +110,50 @@ def flight_of_part(
     final = max(again, key=lambda one: len(one.made))
     part = plausible(part, path, race)
     flight = _flight(race, part, path, final, label)
-    axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
+    axes = {
+        p.name: passing.axis
+        for p, passing in zip(race.course.passages, final.passings, strict=True)
+        if passing is not None
+    }
     bias, biases = height_bias(flight, axes)
     (late, tilt), offsets = roll_offsets(race, part, path, final) if is_measured(flight, "phi") else ((0.0, 0.0), ())
     deviations = deviations_of(part, path, least, flight, final.begin, axes, bias=bias, late=late, tilt=tilt)
-    known = {one.name: deviations(one.time) for one in flight.crossings if one.found}
+    known = {crossing.name: deviations(crossing.time) for crossing in flight.crossings if crossing.found}
     remarks = (*part.remarks, *biases, *offsets, *_remarks(placed, path, flight, known))
     broken = violations(flight, axes, deviations, penalties)
     return LogFlight(flight, broken, known, part, final.begin, remarks, noise)
 
 
 def _choose_flight(
-    recording: Recording, race: Race, wanted: int | None
+    recording: Recording, race: Race, number: int | None
 ) -> tuple[Recording, CourseRun, tuple[str, ...]]:
     """Return the aircraft or track that passes the course best, in the track's frame, its run, and remarks.
 
     Raises:
         InputError: none of them passes the course; the error is that of the first one.
     """
-    found: list[tuple[Recording, CourseRun, tuple[str, ...]]] = []
+    candidates: list[tuple[Recording, CourseRun, tuple[str, ...]]] = []
     first: InputError | None = None
-    for one in (recording, *recording.others):
+    for candidate in (recording, *recording.others):
         try:
-            framed = in_frame(in_order(one), race)
-            found.append((framed, *_choose_run(framed, race, wanted)))
+            framed = in_frame(in_order(candidate), race)
+            candidates.append((framed, *_choose_run(framed, race, number)))
         except InputError as error:
             first = first or error
-    if not found:
+    if not candidates:
         assert first is not None  # there is one recording at least
         raise first
-    framed, chosen, remarks = max(found, key=lambda one: len(one[1].made))
+    framed, chosen, remarks = max(candidates, key=lambda candidate: len(candidate[1].made))
     if recording.others:
         remarks = (f"{framed.label} is taken, which passes the course", *remarks)
     return framed, chosen, remarks
 
 
-def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[CourseRun, tuple[str, ...]]:
+def _choose_run(framed: Recording, race: Race, number: int | None) -> tuple[CourseRun, tuple[str, ...]]:
     """Return the run that is imported, as found on a coarse path, and a sentence where there are several."""
-    found = find_runs(race, *_coarse_path(framed))
-    if not found:
-        count = sum(stands(one) for one in race.course.passages)
+    runs = find_runs(race, *_coarse_path(framed))
+    if not runs:
+        count = sum(stands(passage) for passage in race.course.passages)
         if count == 0:
             refuse(framed.path, 0, f"looks like others: {race.course.name} has no gate and no pylon that stands")
         refuse(
@@ -169,23 +162,23 @@ def _choose_run(framed: Recording, race: Race, wanted: int | None) -> tuple[Cour
             f"passes less than half of the {count} gates and pylons of {race.course.name} in their order; "
             "is it another course, or another origin?",
         )
-    if wanted is not None and not 1 <= wanted <= len(found):
-        refuse(framed.path, 0, f"has {len(found)} runs through the course; there is no run {wanted}")
-    best = max(found, key=lambda one: (len(one.made), -sum(passing.aside**2 for passing in one.made)))
-    index = found.index(best) if wanted is None else wanted - 1
-    if len(found) == 1:
-        return found[0], ()
-    begins, own = ", ".join(f"{one.begin:.1f}" for one in found[: IMPORT.runs_max]), ""
-    if len(found) > IMPORT.runs_max:
-        begins, own = f"{begins}, ...", f", which begins at {found[index].begin:.1f} s"
-    remark = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
-    return found[index], (f"{remark}{own}",)
+    if number is not None and not 1 <= number <= len(runs):
+        refuse(framed.path, 0, f"has {len(runs)} runs through the course; there is no run {number}")
+    best = max(runs, key=lambda run: (len(run.made), -sum(passing.aside**2 for passing in run.made)))
+    index = runs.index(best) if number is None else number - 1
+    if len(runs) == 1:
+        return runs[0], ()
+    begins, own = ", ".join(f"{run.begin:.1f}" for run in runs[:RUNS_MAX]), ""
+    if len(runs) > RUNS_MAX:
+        begins, own = f"{begins}, ...", f", which begins at {runs[index].begin:.1f} s"
+    remark = f"the log holds {len(runs)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
+    return runs[index], (f"{remark}{own}",)
 
 
 def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
     """Return time, north and east on a coarse path, which goes straight on where the log ends."""
     placed = framed.select(np.isfinite(framed.columns["x"]) & np.isfinite(framed.columns["y"]))
-    step, edge = IMPORT.coarse, SMOOTHING.edge
+    step, edge = COARSE_SAMPLING, EDGE
     rows = np.flatnonzero(np.diff(np.floor(placed.time / step), prepend=-np.inf) > 0.0)
     rows = np.unique([*rows.tolist(), len(placed.time) - 1])
     inside = placed.time[rows]
@@ -204,8 +197,8 @@ def _coarse_path(framed: Recording) -> tuple[Array, Array, Array]:
 
 def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str) -> Flight:
     """Return the flight from the first passing to the last one; its time axis holds all passings."""
-    own = np.array([one.time for one in run.made])
-    between = np.arange(run.begin, run.end, IMPORT.sampling)
+    own = np.array([passing.time for passing in run.made])
+    between = np.arange(run.begin, run.end, SAMPLING)
     time = np.unique(np.concatenate([between[np.min(np.abs(between[:, None] - own), axis=1) > 1e-6], own]))
     histories = log_histories(race, part, path, time)
     flight = Flight(race, Source(label, remark="flown"), time - run.begin, histories, ())
@@ -214,7 +207,7 @@ def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str)
     for passage, when in zip(race.course.passages, times, strict=True):
         if math.isfinite(when):
             row = int(np.searchsorted(flight.time, when - 1e-9))
-            values = {name: float(one.values[row]) for name, one in histories.items()}
+            values = {name: float(history.values[row]) for name, history in histories.items()}
             passings.append(TimedCrossing(passage, float(flight.time[row]), values))
         else:
             passings.append(TimedCrossing(passage, math.nan, {}))
@@ -227,7 +220,7 @@ def _passing_times(passages: Sequence[Passage], run: CourseRun, flight: Flight) 
     What stands nowhere (a height, an attitude) is passed between its neighbours, where its conditions are violated
     least; the highest such place if several meet them.
     """
-    times = [math.nan if one is None else one.time - run.begin for one in run.passings]
+    times = [math.nan if passing is None else passing.time - run.begin for passing in run.passings]
     for index, passage in enumerate(passages):
         if stands(passage):
             continue
@@ -261,19 +254,19 @@ def _remarks(part: Recording, path: Path, flight: Flight, known: Mapping[str, St
     if count := int(path.outliers.sum()):
         first = int(part.lines[path.outliers][0])
         remarks.append(f"{count_of(count, 'outlier')} left out, the first one in line {first}")
-    gaps = np.flatnonzero((steps > IMPORT.gap) & (steps > IMPORT.gap_factor * usual))
-    for row in gaps[: IMPORT.gaps_max].tolist():
+    gaps = np.flatnonzero((steps > GAP) & (steps > GAP_FACTOR * usual))
+    for row in gaps[:GAPS_MAX].tolist():
         remarks.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")
-    if len(gaps) > IMPORT.gaps_max:
-        remarks.append(f"and {len(gaps) - IMPORT.gaps_max} more gaps")
-    missing = [one.name for one in flight.crossings if not one.found]
+    if len(gaps) > GAPS_MAX:
+        remarks.append(f"and {len(gaps) - GAPS_MAX} more gaps")
+    missing = [crossing.name for crossing in flight.crossings if not crossing.found]
     if missing:
         remarks.append(f"not passed: {', '.join(missing)}")
     estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not is_measured(flight, name)]
     if estimated:
         remarks.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
-    times = [one.time for one in known.values()]
+    times = [deviation.time for deviation in known.values()]
     if times:
-        usual, worst = (1e3 * float(one) for one in (np.median(times), max(times)))
+        usual, worst = (1e3 * float(seconds) for seconds in (np.median(times), max(times)))
         remarks.append(f"times of passings are known to {usual:.2g} ms, the worst one to {worst:.2g} ms")
     return remarks

@@ -18,47 +18,37 @@ from airrace.race import Race
 from airrace.track.course import Passage, metres
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class PassingSettings:
-    """The settings of the search for passings.
-
-    Attributes:
-        far: from all that the course names, beyond which a sample has nothing to do with its race, m.
-        fastest: the speed of sound, m/s: a sample that could only be reached and left faster is an outlier.
-        scatter: between two samples, which their noise may explain and no speed has to, m. White noise of 2 m puts two
-            of a million samples so far apart; what is nearer is left to the smoother, which knows the noise.
-        no_height: from zero that the heights around it must be for a height of zero to be none, m.
-        nearest_in_time: below which two samples are one, s.
-        aside: from the centre of an element, beyond which, or beyond its reach, nothing is a passing, m.
-        silence: between two samples, beyond which nobody knows what was passed between them, s.
-        scale: from the centre, at which a passing costs 1, m.
-        slanted: cost of a passing by its slant, beyond `straight`: of several axes it is along the one that it follows.
-        straight: slant up to which a passing is as good as another, that of 60 degrees.
-        skipped: cost of an element that is not passed at all.
-        unreached: cost of one that comes before the first passing or behind the last one: a log that begins late or
-            ends early has a part of a run, and no passing in its middle is the start or the finish.
-        worst: cost of the worst passing.
-        pace: cost of a second, so that a run is not mixed with another one.
-    """
-
-    far: float = 10_000.0
-    fastest: float = 340.0
-    scatter: float = 20.0
-    no_height: float = 10.0
-    nearest_in_time: float = 1e-4
-    aside: float = 60.0
-    silence: float = 10.0
-    scale: float = 10.0
-    slanted: float = 20.0
-    straight: float = 0.5
-    skipped: float = 40.0
-    unreached: float = 39.5
-    worst: float = 36.0
-    pace: float = 0.05
-
-
-PASSINGS = PassingSettings()
+FAR = 10_000.0
+"""The distance from all that the course names beyond which a sample has nothing to do with its race, m."""
+SPEED_OF_SOUND = 340.0
+"""The speed of sound, m/s: a sample that could only be reached and left faster is an outlier."""
+SCATTER = 20.0
+"""The distance between two samples that their noise may explain and no speed has to, m. White noise of 2 m puts two of
+a million samples so far apart; what is nearer is left to the smoother, which knows the noise."""
+NO_HEIGHT = 10.0
+"""How far from zero the heights around a height of zero must be for it to be none, m."""
+SAME_TIME = 1e-4
+"""The time below which two samples are one, s."""
+ASIDE = 60.0
+"""The distance from the centre of an element beyond which, or beyond its reach, nothing is a passing, m."""
+SILENCE = 10.0
+"""The time between two samples beyond which nobody knows what was passed between them, s."""
+COST_DISTANCE = 10.0
+"""The distance from the centre at which a passing costs 1, m."""
+SLANT_COST = 20.0
+"""The cost of a passing by its slant, beyond that which is as good as none: of several axes it is along the one that it
+follows."""
+FREE_SLANT = 0.5
+"""The slant up to which a passing is as good as another, that of 60 degrees."""
+SKIPPED_COST = 40.0
+"""The cost of an element that is not passed at all."""
+UNREACHED_COST = 39.5
+"""The cost of one that comes before the first passing or behind the last one: a log that begins late or ends early has
+a part of a run, and no passing in its middle is the start or the finish."""
+COST_MAX = 36.0
+"""The cost of the worst passing."""
+SECOND_COST = 0.05
+"""The cost of a second, so that a run is not mixed with another one."""
 PLACES = ("latitude", "longitude", "x", "y")
 HEIGHTS = ("height", "altitude")
 MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
@@ -79,21 +69,21 @@ def in_order(recording: Recording) -> Recording:
     time, remarks = spread_repeated(recording.time)
     recording = replace(recording, time=time).select(np.ones(len(time), bool), *remarks)
     columns = recording.columns
-    known = _place(recording)
+    placed = _place(recording)
     recorded = [np.isfinite(columns[name]) for name in MEASURED if name in columns]
-    tells: NDArray[np.bool_] = np.logical_or.reduce([known, *recorded])
+    tells: NDArray[np.bool_] = np.logical_or.reduce([placed, *recorded])
     remarks = ()
     if silent := int((~tells).sum()):
         remarks += (f"{count_of(silent, 'sample')} without a position and left out",)
-    time, apart, last = recording.time[known], np.ones(int(known.sum()), bool), 0.0
-    for row in (np.flatnonzero(np.diff(time) < PASSINGS.nearest_in_time) + 1).tolist():
+    time, apart, last = recording.time[placed], np.ones(int(placed.sum()), bool), 0.0
+    for row in (np.flatnonzero(np.diff(time) < SAME_TIME) + 1).tolist():
         if apart[row - 1]:
             last = float(time[row - 1])
-        apart[row] = time[row] - last >= PASSINGS.nearest_in_time
+        apart[row] = time[row] - last >= SAME_TIME
     if repeated := int((~apart).sum()):
-        nearest = f"{1e3 * PASSINGS.nearest_in_time:g} ms"
+        nearest = f"{1e3 * SAME_TIME:g} ms"
         remarks += (f"{count_of(repeated, 'sample')} left out for coming less than {nearest} behind another",)
-    tells[np.flatnonzero(known)] = apart
+    tells[np.flatnonzero(placed)] = apart
     fresh = _with_fresh_columns(recording.select(tells, *remarks))
     heights = [np.isfinite(fresh.columns[name][_place(fresh)]) for name in HEIGHTS if name in columns]
     if _place(fresh).sum() < 2:
@@ -106,18 +96,20 @@ def in_order(recording: Recording) -> Recording:
 def _place(recording: Recording) -> NDArray[np.bool_]:
     """Return which samples tell where they are over ground."""
     columns = recording.columns
-    return np.asarray(np.logical_and.reduce([np.isfinite(columns[one]) for one in PLACES if one in columns]), np.bool_)
+    return np.asarray(
+        np.logical_and.reduce([np.isfinite(columns[place]) for place in PLACES if place in columns]), np.bool_
+    )
 
 
 def _with_fresh_columns(recording: Recording) -> Recording:
     """Return the recording with NaN in the place of what is repeated, and of heights that are none."""
     columns, remarks = dict(recording.columns), list[str]()
     places = [name for name in PLACES if name in columns]
-    known = np.flatnonzero(_place(recording))
+    finite = np.flatnonzero(_place(recording))
     stale = np.zeros(len(recording.time), bool)
-    stale[known] = held(np.stack([columns[name][known] for name in places]), recording.time[known])
+    stale[finite] = held(np.stack([columns[name][finite] for name in places]), recording.time[finite])
     if stale.any():
-        rows = len(known) / max(len(known) - int(stale.sum()), 1)
+        rows = len(finite) / max(len(finite) - int(stale.sum()), 1)
         remarks.append(f"positions are held over {rows:.3g} rows in the mean: only fresh ones count")
         for name in places:
             columns[name] = np.where(stale, np.nan, columns[name])
@@ -125,9 +117,9 @@ def _with_fresh_columns(recording: Recording) -> Recording:
         if name not in columns:
             continue
         values = columns[name]
-        known = np.flatnonzero(np.isfinite(values))
+        finite = np.flatnonzero(np.isfinite(values))
         repeated = np.zeros(len(values), bool)
-        repeated[known] = held(values[None, known], recording.time[known])
+        repeated[finite] = held(values[None, finite], recording.time[finite])
         if name in HEIGHTS:
             repeated |= stale & (np.diff(values, prepend=np.nan) == 0.0)
             missing = _missing_heights(values)
@@ -144,10 +136,10 @@ def _with_fresh_columns(recording: Recording) -> Recording:
 def _missing_heights(values: Array) -> NDArray[np.bool_]:
     """Return which heights are zero although those around them are far from it."""
     zero, place = values == 0.0, np.arange(len(values))
-    others = np.isfinite(values) & ~zero
-    if not zero.any() or others.sum() < 2:
+    recorded = np.isfinite(values) & ~zero
+    if not zero.any() or recorded.sum() < 2:
         return np.zeros(len(values), bool)
-    return zero & (np.abs(np.interp(place, place[others], values[others])) > PASSINGS.no_height)
+    return zero & (np.abs(np.interp(place, place[recorded], values[recorded])) > NO_HEIGHT)
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:
@@ -177,15 +169,15 @@ def in_frame(recording: Recording, race: Race) -> Recording:
         height = np.where(np.isfinite(height), height, columns["altitude"] - course.origin.elevation)
     columns["height"] = height
     placed = np.isfinite(columns["x"]) & np.isfinite(columns["y"])
-    places = [one.element.place for one in course.passages if one.element.place is not None]
-    near = placed & ~(np.abs(height) > PASSINGS.far)
+    places = [passage.element.place for passage in course.passages if passage.element.place is not None]
+    near = placed & ~(np.abs(height) > FAR)
     for name, values in zip(("x", "y"), np.array(places or [(0.0, 0.0)]).T, strict=True):
-        near &= (columns[name] > values.min() - PASSINGS.far) & (columns[name] < values.max() + PASSINGS.far)
+        near &= (columns[name] > values.min() - FAR) & (columns[name] < values.max() + FAR)
     if near.sum() < 2:
         refuse(
             recording.path,
             0,
-            f"is nowhere within {PASSINGS.far / 1000.0:g} km of the course {course.name}; is it another course, or are "
+            f"is nowhere within {FAR / 1000.0:g} km of the course {course.name}; is it another course, or are "
             "latitude and longitude mixed up?",
         )
     leaps = np.zeros(len(placed), bool)
@@ -204,7 +196,7 @@ def _leaps(time: Array, places: Array) -> NDArray[np.bool_]:
     if len(time) > 2:
         fast, around = (
             np.linalg.norm(np.nan_to_num(places[:, k:] - places[:, :-k]), axis=0)
-            > PASSINGS.fastest * (time[k:] - time[:-k]) + PASSINGS.scatter
+            > SPEED_OF_SOUND * (time[k:] - time[:-k]) + SCATTER
             for k in (1, 2)
         )
         leap[1:-1] = fast[1:] & fast[:-1] & ~around
@@ -233,17 +225,17 @@ class CourseRun:
     @property
     def made(self) -> list[LineCrossing]:
         """The passings that were made."""
-        return [one for one in self.passings if one is not None]
+        return [passing for passing in self.passings if passing is not None]
 
     @property
     def begin(self) -> float:
         """The time of its first passing, s."""
-        return min(one.time for one in self.made)
+        return min(passing.time for passing in self.made)
 
     @property
     def end(self) -> float:
         """The time of its last passing, s."""
-        return max(one.time for one in self.made)
+        return max(passing.time for passing in self.made)
 
 
 def stands(passage: Passage) -> bool:
@@ -261,9 +253,12 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
     place = passage.element.place
     if place is None or not passage.element.stands:
         return []
-    axes = {round(one.axis, 9): one.axis for one in passage.element.crossings(passage.direction, 0.0, rolling=False)}
+    axes = {
+        round(crossing.axis, 9): crossing.axis
+        for crossing in passage.element.crossings(passage.direction, 0.0, rolling=False)
+    }
     reach = float(getattr(passage.element, "reach", 0.0))
-    found: list[LineCrossing] = []
+    crossings: list[LineCrossing] = []
     for axis in axes.values():
         along = math.cos(axis) * (x - place[0]) + math.sin(axis) * (y - place[1])
         right = -math.sin(axis) * (x - place[0]) + math.cos(axis) * (y - place[1])
@@ -271,12 +266,12 @@ def line_crossings(passage: Passage, time: Array, x: Array, y: Array) -> list[Li
         share = along[rows] / (along[rows] - along[rows + 1])
         aside = right[rows] + share * (right[rows + 1] - right[rows])
         when = time[rows] + share * (time[rows + 1] - time[rows])
-        near = (np.abs(aside) <= PASSINGS.aside + reach) & (time[rows + 1] - time[rows] <= PASSINGS.silence)
+        near = (np.abs(aside) <= ASIDE + reach) & (time[rows + 1] - time[rows] <= SILENCE)
         forwards, sideways = along[rows + 1] - along[rows], right[rows + 1] - right[rows]
         slant = 1.0 - forwards / np.hypot(forwards, sideways)
-        columns = (one[near].tolist() for one in (when, aside, slant))
-        found += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
-    return sorted(found, key=lambda one: one.time)
+        columns = (values[near].tolist() for values in (when, aside, slant))
+        crossings += [LineCrossing(t, axis, a, s) for t, a, s in zip(*columns, strict=True)]
+    return sorted(crossings, key=lambda crossing: crossing.time)
 
 
 def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
@@ -287,45 +282,45 @@ def find_runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
         time, x, y: the path, s and m, shape (n,).
     """
     passages = race.course.passages
-    known = [line_crossings(one, time, x, y) for one in passages]
-    needed = sum(stands(one) for one in passages)
-    found: list[CourseRun] = []
+    crossings = [line_crossings(passage, time, x, y) for passage in passages]
+    needed = sum(stands(passage) for passage in passages)
+    runs: list[CourseRun] = []
     while True:
-        best = _best_run(passages, known)
+        best = _best_run(passages, crossings)
         if len(best.made) < max(0.5 * needed, 1):
-            return sorted(found, key=lambda one: one.begin)
-        found.append(best)
-        known = [[one for one in row if not best.begin <= one.time <= best.end] for row in known]
+            return sorted(runs, key=lambda run: run.begin)
+        runs.append(best)
+        crossings = [[crossing for crossing in row if not best.begin <= crossing.time <= best.end] for row in crossings]
 
 
-def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing]]) -> CourseRun:
+def _best_run(passages: Sequence[Passage], crossings: Sequence[Sequence[LineCrossing]]) -> CourseRun:
     """Return the run of the least cost, by dynamic programming from the last passage back to the first.
 
     At all times at which anything is passed it is known what the rest of the course costs from there; `later` is that
     cost behind each of the times, for the passages that are still to come.
     """
-    times = np.unique([one.time for row in known for one in row])
+    times = np.unique([crossing.time for row in crossings for crossing in row])
     if not len(times):
         return CourseRun(())
     later = np.zeros(len(times) + 1)  # at the end of the path, too
     choices: list[Array] = []
     remaining, starts = 0, list[tuple[float, int]]()  # the cost of what comes behind a passage, and where it begins
-    for passage, row in zip(reversed(passages), reversed(known), strict=True):
+    for passage, row in zip(reversed(passages), reversed(crossings), strict=True):
         choice = np.full(len(times) + 1, -1)
         if stands(passage):
             later, choice = _with_passage(times, later, row)
             remaining += 1
-            ended = later >= PASSINGS.unreached * remaining  # nothing more is passed
-            later[ended], choice[ended] = PASSINGS.unreached * remaining, -2
+            ended = later >= UNREACHED_COST * remaining  # nothing more is passed
+            later[ended], choice[ended] = UNREACHED_COST * remaining, -2
         choices.append(choice)
         place = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
         starts.append((float(later[place]), place))
-    standing = np.cumsum([stands(one) for one in passages]) - [stands(one) for one in passages]
-    costs = [cost + PASSINGS.unreached * int(n) for (cost, _), n in zip(reversed(starts), standing, strict=True)]
+    standing = np.cumsum([stands(passage) for passage in passages]) - [stands(passage) for passage in passages]
+    costs = [cost + UNREACHED_COST * int(n) for (cost, _), n in zip(reversed(starts), standing, strict=True)]
     begin = int(np.argmin(costs))
     place = starts[::-1][begin][1]
     passings: list[LineCrossing | None] = [None] * begin
-    for choice, row in list(zip(reversed(choices), known, strict=True))[begin:]:
+    for choice, row in list(zip(reversed(choices), crossings, strict=True))[begin:]:
         number = int(choice[place])
         if number == -2:
             break
@@ -337,19 +332,19 @@ def _best_run(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing
 
 def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tuple[Array, Array]:
     """Return the cost of the rest from every time on with one more passage, and which of its crossings comes next."""
-    when = np.array([one.time for one in row], np.float64)
-    off = np.array([one.aside for one in row], np.float64) / PASSINGS.scale
+    when = np.array([crossing.time for crossing in row], np.float64)
+    off = np.array([crossing.aside for crossing in row], np.float64) / COST_DISTANCE
     at = np.searchsorted(times, when)
-    slant = PASSINGS.slanted * np.maximum(np.array([one.slant for one in row], np.float64) - PASSINGS.straight, 0.0)
-    mine = np.minimum(off * off + slant, PASSINGS.worst) + later[at + 1] + PASSINGS.pace * when
+    slant = SLANT_COST * np.maximum(np.array([crossing.slant for crossing in row], np.float64) - FREE_SLANT, 0.0)
+    costs = np.minimum(off * off + slant, COST_MAX) + later[at + 1] + SECOND_COST * when
     cost, index = np.full(len(times), np.inf), np.full(len(times), -1)
-    worst_first = np.argsort(mine, kind="stable")[::-1]  # of several at one time the last that is written stays
-    cost[at[worst_first]], index[at[worst_first]] = mine[worst_first], worst_first
+    worst_first = np.argsort(costs, kind="stable")[::-1]  # of several at one time the last that is written stays
+    cost[at[worst_first]], index[at[worst_first]] = costs[worst_first], worst_first
     least = np.append(np.minimum.accumulate(cost[::-1])[::-1], np.inf)  # from every time on
     places = np.where(cost < least[1:], np.arange(len(times)), len(times))
     chosen = np.append(index, -1)[np.minimum.accumulate(places[::-1])[::-1]]
-    best, choice = later + PASSINGS.skipped, np.full(len(times) + 1, -1)
-    passed = least[:-1] - PASSINGS.pace * times
+    best, choice = later + SKIPPED_COST, np.full(len(times) + 1, -1)
+    passed = least[:-1] - SECOND_COST * times
     taken = passed < best[:-1]
     best[:-1][taken], choice[:-1][taken] = passed[taken], chosen[taken]
     return best, choice

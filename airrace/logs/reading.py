@@ -23,7 +23,7 @@ import numpy as np
 from airrace.logs.clocks import instant, iso_seconds
 from airrace.logs.csv_log import ColumnLayout, read_csv
 from airrace.logs.recorders import FIX, read_acmi, read_fit, read_igc
-from airrace.logs.recording import LIMITS, Recording, SampleTable, refuse
+from airrace.logs.recording import DEPTH_MAX, GPX_SIZE_MAX, LINE_MAX, SIZE_MAX, Recording, SampleTable, refuse
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 logger = logging.getLogger(__name__)
@@ -64,13 +64,13 @@ def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | 
     Raises:
         InputError: there is no such file, it is too large, or it is damaged; it names the line.
     """
-    known = layout or ColumnLayout()
-    found = _read(path, known, aircraft)
-    others = tuple(replace(one, accuracy=known.accuracy) for one in found.others)
-    return replace(found, accuracy=known.accuracy, others=others)
+    columns = layout or ColumnLayout()
+    recording = _read(path, columns, aircraft)
+    others = tuple(replace(track, accuracy=columns.accuracy) for track in recording.others)
+    return replace(recording, accuracy=columns.accuracy, others=others)
 
 
-def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
+def _read(path: Path, layout: ColumnLayout, aircraft: str | None) -> Recording:
     name = name_of(path)
     try:
         with _open(path) as file:
@@ -82,10 +82,10 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
             encoding = _encoding(first)
             plain = first.decode(encoding, "replace").lstrip("\ufeff \t\r\n")
             if plain.startswith("<"):
-                content = file.read(LIMITS.gpx_size + 1)
-                if len(content) > LIMITS.gpx_size:
-                    refuse(name, 0, f"is larger than {LIMITS.gpx_size // 1024**2} MiB; cut the log to the flight")
-                return read_gpx(name, content.lstrip(), known.zone)
+                content = file.read(GPX_SIZE_MAX + 1)
+                if len(content) > GPX_SIZE_MAX:
+                    refuse(name, 0, f"is larger than {GPX_SIZE_MAX // 1024**2} MiB; cut the log to the flight")
+                return read_gpx(name, content.lstrip(), layout.zone)
             if plain.startswith("FileType=text/acmi"):
                 return read_acmi(name, _lines(name, file, encoding), aircraft)
             if path.suffix.lower() == ".igc" or any(FIX.match(line) for line in plain.splitlines()[:-1]):
@@ -94,7 +94,7 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
                 return read_fit(name, file)
             if "\0" in plain[:512]:
                 refuse(name, 0, "is no log: expected CSV, GPX, IGC or ACMI")
-            return read_csv(name, _lines(name, file, encoding), known)
+            return read_csv(name, _lines(name, file, encoding), layout)
     except FileNotFoundError:
         refuse(name, 0, "no such file")
     except OSError as error:
@@ -102,17 +102,17 @@ def _read(path: Path, known: ColumnLayout, aircraft: str | None) -> Recording:
 
 
 def _open(path: Path) -> BinaryIO:
-    large = f"is larger than {LIMITS.size // 1024**3} GiB; cut the log to the flight"
+    large = f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight"
     if path == STANDARD:
-        content = read_bytes(path, LIMITS.size + 1)
-        if len(content) > LIMITS.size:
+        content = read_bytes(path, SIZE_MAX + 1)
+        if len(content) > SIZE_MAX:
             refuse(name_of(path), 0, large)
         return io.BytesIO(content)
     # A named pipe without a writer would block a plain open.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     status = os.fstat(descriptor)
     regular = stat.S_ISREG(status.st_mode)
-    if not regular or status.st_size > LIMITS.size:
+    if not regular or status.st_size > SIZE_MAX:
         os.close(descriptor)
         refuse(str(path), 0, large if regular else "is not a file")
     return open(descriptor, "rb")
@@ -137,12 +137,12 @@ def _lines(path: str, file: IO[bytes], encoding: str) -> Iterator[str]:
     number, size = 0, 0
     text = io.TextIOWrapper(cast(BinaryIO, file), encoding, errors="replace", newline=None)
     try:
-        while line := text.readline(LIMITS.line):
+        while line := text.readline(LINE_MAX):
             number, size = number + 1, size + len(line)
-            if len(line) >= LIMITS.line:
+            if len(line) >= LINE_MAX:
                 refuse(path, number, "has a line without end; is this a text file?")
-            if size > LIMITS.size:
-                refuse(path, number, f"is larger than {LIMITS.size // 1024**3} GiB unpacked; cut the log to the flight")
+            if size > SIZE_MAX:
+                refuse(path, number, f"is larger than {SIZE_MAX // 1024**3} GiB unpacked; cut the log to the flight")
             yield line
     finally:
         with contextlib.suppress(ValueError):  # it may be closed already
@@ -160,7 +160,7 @@ def archive_entry(path: str, archive: zipfile.ZipFile, suffixes: tuple[str, ...]
     Raises:
         InputError: there is none, or it is packed by a method that may need any amount of memory.
     """
-    entry = next((one for one in archive.infolist() if one.filename.lower().endswith(suffixes)), None)
+    entry = next((file for file in archive.infolist() if file.filename.lower().endswith(suffixes)), None)
     if entry is None:
         refuse(path, 0, f"is an archive without {what}")
     if entry.compress_type not in _METHODS:
@@ -227,8 +227,8 @@ def _parse(
     def begin(name: str, attributes: Mapping[str, str]) -> None:
         nonlocal depth, inside
         tag, depth = name.rpartition(" ")[2], depth + 1
-        if depth > LIMITS.depth:
-            refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {LIMITS.depth} deep")
+        if depth > DEPTH_MAX:
+            refuse(path, parser.CurrentLineNumber, f"holds elements within elements, more than {DEPTH_MAX} deep")
         if inside or not only or tag == only:
             inside += 1
             builder.start(tag, dict(attributes))
@@ -298,7 +298,7 @@ def read_gpx(path: str, content: bytes, zone: tzinfo | None) -> Recording:
         if len(read.lines) < 2:
             refuse(path, error.lineno, broken)
         read.leave_out(error.lineno, broken, "rest")
-    recorded = [one for one in tracks if len(one.lines) > 1]
+    recorded = [track for track in tracks if len(track.lines) > 1]
     if not recorded:
         read.refuse_first_fault()
         refuse(path, 0, "holds no recorded track (`trkpt` with `time`)")

@@ -16,7 +16,17 @@ import numpy as np
 
 from airrace.errors import InputError
 from airrace.logs.clocks import instant, unwrap_days
-from airrace.logs.recording import LIMITS, Recording, SampleTable, count_of, enumerate_words, refuse
+from airrace.logs.recording import (
+    IDLE_MAX,
+    LINE_MAX,
+    OBJECTS_MAX,
+    TEXT_MAX,
+    Recording,
+    SampleTable,
+    count_of,
+    enumerate_words,
+    refuse,
+)
 from airrace.resources import extra
 from airrace.trajectory import Array
 
@@ -58,14 +68,14 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
                 samples.append(number, *values)
         elif line.startswith("I"):
             additions = {code: (int(first) - 1, int(last)) for first, last, code in _ADDITION.findall(line[3:])}
-        elif date is None and (found := _DATE.match(line)):
-            day, month, year = (int(one) for one in found.groups())
+        elif date is None and (recording := _DATE.match(line)):
+            day, month, year = (int(group) for group in recording.groups())
             try:
                 date = datetime(2000 + year if year < 80 else 1900 + year, month, day, tzinfo=UTC).timestamp()
             except ValueError:
                 samples.leave_out(number, f"{day:02}{month:02}{year:02} is no date (day, month, year)", "HFDTE")
-        if number - len(samples.lines) > LIMITS.idle:
-            refuse(path, number, f"has more than {LIMITS.idle} lines without a fix; cut the log to the flight")
+        if number - len(samples.lines) > IDLE_MAX:
+            refuse(path, number, f"has more than {IDLE_MAX} lines without a fix; cut the log to the flight")
     numbers, (clock, latitude, longitude, gnss, baro, valid) = samples.arrays("holds no fixes (B records)")
     remarks = list(samples.remarks)
     if not np.any(gnss):
@@ -78,12 +88,12 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
     time = unwrap_days(clock)
     begins = None if date is None else instant(date + float(clock[0]) % 86400.0)
     columns = {"latitude": latitude, "longitude": longitude, "altitude": altitude}
-    found = Recording(path, "igc", time - time[0], columns, numbers, begins, barometric=barometric)
+    recording = Recording(path, "igc", time - time[0], columns, numbers, begins, barometric=barometric)
     flat = valid < 0.5
     if 0 < flat.sum() <= 0.5 * len(flat):
         remarks.append(f"{count_of(int(flat.sum()), 'fix')} left out as not valid (`V`)")
-        found = found.select(~flat)
-    return found.select(np.ones(len(found.time), bool), *remarks)
+        recording = recording.select(~flat)
+    return recording.select(np.ones(len(recording.time), bool), *remarks)
 
 
 def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, int]]) -> tuple[float, ...] | None:
@@ -98,7 +108,7 @@ def _fix_values(fix: re.Match[str], line: str, additions: dict[str, tuple[int, i
     angles = int(south) + (int(north) + lad) / 60000.0, int(east) + (int(rest) + lod) / 60000.0
     if angles[0] > 90.0 or angles[1] > 180.0 or int(hours) > 24 or int(minutes) > 59 or int(seconds) > 60:
         return None
-    latitude, longitude = (math.radians(one) for one in angles)
+    latitude, longitude = (math.radians(angle) for angle in angles)
     signs = 1.0 if ns == "N" else -1.0, 1.0 if ew == "E" else -1.0
     time = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + fraction
     return time, signs[0] * latitude, signs[1] * longitude, float(gnss), float(baro), float(validity == "A")
@@ -109,10 +119,10 @@ def _with_missing(gnss: Array, baro: Array, remarks: list[str]) -> Array:
     zero, place = gnss == 0.0, np.arange(len(gnss))
     if not zero.any():
         return gnss
-    others = ~zero
-    expected = np.interp(place, place[others], gnss[others])
+    recorded = ~zero
+    expected = np.interp(place, place[recorded], gnss[recorded])
     if np.any(baro):
-        expected = baro + np.median((gnss - baro)[others])
+        expected = baro + np.median((gnss - baro)[recorded])
     missing = zero & (np.abs(expected) > _MISSING)
     if missing.any():
         remarks.append(f"{count_of(int(missing.sum()), 'fix')} without a height of the satellites")
@@ -155,7 +165,7 @@ class _RecordedObject:
             elif key in _PROPERTIES:
                 self.now[_COLUMNS.index(_PROPERTIES[key])] = faults.number(line, value, key)
             elif key in (*_NAMES, "Type"):
-                self.properties[key] = value[: LIMITS.text]
+                self.properties[key] = value[:TEXT_MAX]
 
     @property
     def names(self) -> list[str]:
@@ -189,8 +199,8 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
     read = SampleTable(path, 0)  # of all objects
     time = 0.0
     for number, line in _logical_lines(lines):
-        if number - len(read.lines) > LIMITS.idle:
-            refuse(path, number, f"has more than {LIMITS.idle} lines without a place; cut the log to the flight")
+        if number - len(read.lines) > IDLE_MAX:
+            refuse(path, number, f"has more than {IDLE_MAX} lines without a place; cut the log to the flight")
         if number == 1 and line != "FileType=text/acmi/tacview":
             refuse(path, 1, "is no ACMI recording: expected `FileType=text/acmi/tacview` in the first line")
         if number == 2 and not line.startswith("FileVersion=2."):
@@ -202,14 +212,14 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
             time = time if math.isnan(seconds) else seconds
             continue
         name, *parts = line.replace("\\,", "\0").split(",")  # commas behind a backslash belong to a value
-        name = name.strip().lower()[: LIMITS.text]
-        properties = {key: value for key, _, value in (one.replace("\0", ",").partition("=") for one in parts)}
+        name = name.strip().lower()[:TEXT_MAX]
+        properties = {key: value for key, _, value in (part.replace("\0", ",").partition("=") for part in parts)}
         if name == "0":
-            common |= {key: properties[key][: LIMITS.text] for key in _COMMON if key in properties}
+            common |= {key: properties[key][:TEXT_MAX] for key in _COMMON if key in properties}
             continue
         if name not in objects:
-            if len(objects) >= LIMITS.objects:
-                refuse(path, number, f"holds more than {LIMITS.objects} objects; cut the log to the flight")
+            if len(objects) >= OBJECTS_MAX:
+                refuse(path, number, f"holds more than {OBJECTS_MAX} objects; cut the log to the flight")
             objects[name] = _RecordedObject()
         one = objects[name]
         one.update(read, number, properties)
@@ -244,7 +254,7 @@ def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
         interrupted = False
         continues = (len(line) - len(line.rstrip("\\"))) % 2 == 1
         begun, length = (begun if parts else number), length + len(line)
-        if continues and length < LIMITS.line:
+        if continues and length < LINE_MAX:
             parts.append(line[:-1])
             continue
         yield begun, "\n".join([*parts, line])
@@ -254,43 +264,47 @@ def _logical_lines(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 
 
 def _choose(
-    path: str, objects: Mapping[str, _RecordedObject], wanted: str | None, read: SampleTable
+    path: str, objects: Mapping[str, _RecordedObject], aircraft: str | None, read: SampleTable
 ) -> dict[str, _RecordedObject]:
     """Return the aircraft that move, or the one that is wanted, by their numbers."""
-    moving = {name: one for name, one in objects.items() if one.moves}
-    chosen = {name: one for name, one in moving.items() if one.may_fly}
-    if wanted is not None:
-        chosen = dict([each for each in moving.items() if wanted in (each[0], *each[1].names)][:1])
+    moving = {name: recorded for name, recorded in objects.items() if recorded.moves}
+    chosen = {name: recorded for name, recorded in moving.items() if recorded.may_fly}
+    if aircraft is not None:
+        chosen = dict([entry for entry in moving.items() if aircraft in (entry[0], *entry[1].names)][:1])
     if not chosen:
         read.refuse_first_fault()
-        known = enumerate_words([_name_of(*one) for one in moving.items()]) or "none that moves"
-        asked = "an aircraft" if wanted is None else f"`{wanted[:60]}`"
-        refuse(path, 0, f"holds no flight of {asked}; it has {known}")
-    typed = {name: one for name, one in chosen.items() if "Type" in one.properties}
+        moving_names = enumerate_words([_name_of(*entry) for entry in moving.items()]) or "none that moves"
+        asked = "an aircraft" if aircraft is None else f"`{aircraft[:60]}`"
+        refuse(path, 0, f"holds no flight of {asked}; it has {moving_names}")
+    typed = {name: recorded for name, recorded in chosen.items() if "Type" in recorded.properties}
     return typed or chosen
 
 
-def _name_of(name: str, one: _RecordedObject) -> str:
-    return [name, *one.names][-1]
+def _name_of(name: str, recorded_object: _RecordedObject) -> str:
+    return [name, *recorded_object.names][-1]
 
 
-def _recording(path: str, one: _RecordedObject, common: Mapping[str, str], remarks: tuple[str, ...]) -> Recording:
-    assert one.samples is not None  # what moves has samples
-    lines, (times, *values) = one.samples.arrays("")
+def _recording(
+    path: str, recorded_object: _RecordedObject, common: Mapping[str, str], remarks: tuple[str, ...]
+) -> Recording:
+    assert recorded_object.samples is not None  # what moves has samples
+    lines, (times, *values) = recorded_object.samples.arrays("")
     columns = dict(zip(_COLUMNS, values, strict=True))
     for name in _PLACE:
         columns[name] = columns[name] if name == "altitude" else np.radians(columns[name])
     for name, key in (("longitude", "ReferenceLongitude"), ("latitude", "ReferenceLatitude")):
         if key in common:
-            columns[name] = columns[name] + math.radians(one.samples.number(0, common[key], key))
+            columns[name] = columns[name] + math.radians(recorded_object.samples.number(0, common[key], key))
     columns = {name: values for name, values in columns.items() if np.isfinite(values).any()}
     if missing := [name for name in ("longitude", "latitude", "altitude") if name not in columns]:
-        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', one)}`")
+        refuse(path, 0, f"tells no {missing[0]} of `{_name_of('', recorded_object)}`")
     try:
         begins = instant(datetime.fromisoformat(common["ReferenceTime"]).timestamp() + times[0])
     except (KeyError, ValueError, OverflowError, OSError):
         begins = None
-    return Recording(path, "acmi", times - times[0], columns, lines, begins, remarks, label=_name_of("", one))
+    return Recording(
+        path, "acmi", times - times[0], columns, lines, begins, remarks, label=_name_of("", recorded_object)
+    )
 
 
 # FIT
@@ -321,9 +335,9 @@ def read_fit(path: str, file: IO[bytes]) -> Recording:
                 if not isinstance(frame, fitdecode.FitDataMessage) or frame.name != "record":
                     continue
                 number += 1
-                if number - len(samples.lines) > LIMITS.idle:
-                    refuse(path, number, f"has more than {LIMITS.idle} records without a place")
-                _append(samples, number, {one.name: one.value for one in frame.fields})
+                if number - len(samples.lines) > IDLE_MAX:
+                    refuse(path, number, f"has more than {IDLE_MAX} records without a place")
+                _append(samples, number, {field.name: field.value for field in frame.fields})
     except InputError:
         raise
     except Exception as error:  # of damaged bytes fitdecode raises whatever becomes of them

@@ -1,4 +1,4 @@
-"""A log as recorded: its samples, how they are collected from a file that nobody vouches for, and which are fresh.
+"""A log as recorded: its samples, how they are collected from an untrusted file, and which are fresh.
 
 A recorder that writes rows faster than a sensor measures repeats the last measurement. Numbers that are written in
 steps of `q` are off by up to half of it, `q / sqrt(12)` by standard deviation, however many of them are averaged.
@@ -17,33 +17,22 @@ from numpy.typing import NDArray
 from airrace.errors import Finding, InputError
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class LogLimits:
-    """The largest logs that are read.
-
-    Attributes:
-        size: bytes of a file, unpacked.
-        gpx_size: bytes of a GPX file, which is held in memory.
-        line: bytes of a line.
-        samples: their number; 83 hours at 20 Hz.
-        idle: lines that hold no sample.
-        objects: of an ACMI recording.
-        text: letters of what an ACMI recording tells of an object.
-        depth: of elements within elements of an XML document.
-    """
-
-    size: int = 1024**3
-    gpx_size: int = 256 * 1024**2
-    line: int = 1_000_000
-    samples: int = 6_000_000
-    idle: int = 1_000_000
-    objects: int = 10_000
-    text: int = 200
-    depth: int = 200
-
-
-LIMITS = LogLimits()
+SIZE_MAX = 1024**3
+"""The largest file, unpacked, bytes."""
+GPX_SIZE_MAX = 256 * 1024**2
+"""The largest GPX file, which is held in memory, bytes."""
+LINE_MAX = 1_000_000
+"""The longest line, bytes."""
+SAMPLES_MAX = 6_000_000
+"""The greatest number of samples: 83 hours at 20 Hz."""
+IDLE_MAX = 1_000_000
+"""The greatest number of lines that hold no sample."""
+OBJECTS_MAX = 10_000
+"""The greatest number of objects of an ACMI recording."""
+TEXT_MAX = 200
+"""The letters of what an ACMI recording tells of an object, at most."""
+DEPTH_MAX = 200
+"""The depth of elements within elements of an XML document, at most."""
 EARTH_RADIUS = 6.371e6
 """Near enough for speeds and deviations, m."""
 LARGEST = 1e18
@@ -61,7 +50,7 @@ class Recording:
         columns: by the names of histories, SI and radians, each of shape (n,); NaN where a sample does not say.
         lines: of the file, shape (n,); they count from 1.
         begins: when the first sample was taken; None where the log knows no date.
-        remarks: what whoever uses the recording should know, as sentences.
+        remarks: for the user of the recording, as sentences.
         others: further aircraft or tracks of the same file, one of which may pass the course.
         unsaid: columns whose units the log does not say.
         mapped: columns whose scale or zero a mapping says.
@@ -136,8 +125,8 @@ class SampleTable:
 
     def append(self, line: int, *values: float) -> None:
         """Add a sample; refuse it where there are too many."""
-        if len(self.lines) >= LIMITS.samples:
-            refuse(self.path, line, f"holds more than {LIMITS.samples} {self._what}s; cut the log to the flight")
+        if len(self.lines) >= SAMPLES_MAX:
+            refuse(self.path, line, f"holds more than {SAMPLES_MAX} {self._what}s; cut the log to the flight")
         self.lines.append(line)
         for column, value in zip(self.columns, values, strict=True):
             column.append(value)
@@ -145,7 +134,7 @@ class SampleTable:
     def leave_out(self, line: int, message: str, key: str = "", *, whole: bool = True) -> None:
         """Count something that cannot be read: a whole sample, or only its value of a column."""
         if key not in self.faults:
-            printable = "".join(one if one.isprintable() else "\ufffd" for one in message)
+            printable = "".join(letter if letter.isprintable() else "\ufffd" for letter in message)
             self.faults[key] = LogFault(key, line, printable, whole)
         self.faults[key].count += 1
 
@@ -170,19 +159,19 @@ class SampleTable:
         if len(self.lines) < 2:
             self.refuse_first_fault()
             refuse(self.path, 0, missing)
-        return np.frombuffer(self.lines, np.int64), [np.frombuffer(one, np.float64) for one in self.columns]
+        return np.frombuffer(self.lines, np.int64), [np.frombuffer(column, np.float64) for column in self.columns]
 
     def refuse_first_fault(self, *keys: str) -> None:
         """Refuse the log for the first thing that could not be read, if there is any; of some columns where named."""
-        faults = [one for one in self.faults.values() if not keys or one.key in keys]
+        faults = [fault for fault in self.faults.values() if not keys or fault.key in keys]
         if faults:
-            first = min(faults, key=lambda one: one.line)
+            first = min(faults, key=lambda fault: fault.line)
             refuse(self.path, first.line, first.message, first.key)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on what was left out."""
-        return tuple(one.sentence(self._what) for one in self.faults.values())
+        return tuple(fault.sentence(self._what) for fault in self.faults.values())
 
 
 @dataclass
@@ -210,24 +199,14 @@ class LogFault:
         return f"{counted} left out, the first one in line {self.line}: {self.message.partition(';')[0]}"
 
 
-@dataclass(frozen=True)
-class FreshnessSettings:
-    """When numbers of a log are repeated ones.
-
-    Attributes:
-        values_max: values that are looked at.
-        repeated: share of measurements that fill more than one row, from which on repeated numbers are no chance.
-        gap: times the usual step between rows, beyond which rows are missing.
-        leap: steps by which a held number leaps when it changes; one that is written coarsely moves by one or two.
-    """
-
-    values_max: int = 200_000
-    repeated: float = 0.05
-    gap: float = 1.5
-    leap: float = 3.0
-
-
-FRESHNESS = FreshnessSettings()
+VALUES_MAX = 200_000
+"""The number of values that are looked at for repeated ones."""
+REPEATED_SHARE = 0.05
+"""The share of measurements that fill more than one row from which on repeated numbers are no chance."""
+GAP_FACTOR = 1.5
+"""The multiple of the usual step between rows beyond which rows are missing."""
+LEAP = 3.0
+"""The steps by which a held number leaps when it changes; one that is written coarsely moves by one or two."""
 
 
 def resolution(values: Array) -> float:
@@ -238,15 +217,15 @@ def resolution(values: Array) -> float:
     Args:
         values: shape (n,); NaN where nothing is known.
     """
-    every = max(1, len(values) // FRESHNESS.values_max)
-    found = np.unique(values[::every][np.isfinite(values[::every])])
-    if len(found) < 10:
+    every = max(1, len(values) // VALUES_MAX)
+    distinct = np.unique(values[::every][np.isfinite(values[::every])])
+    if len(distinct) < 10:
         return 0.0
-    gaps = np.diff(found)
-    gaps = gaps[gaps > 4.0 * np.spacing(np.abs(found).max())]
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 4.0 * np.spacing(np.abs(distinct).max())]
     if not len(gaps):
         return 0.0
-    step, far = float(gaps.min()), found - found[0]
+    step, far = float(gaps.min()), distinct - distinct[0]
     for reach in (30.0, 1000.0, 3e4, 1e6):  # the step is known the better, the farther the values that it explains
         near = far[far < reach * step]
         counts = np.rint(near / step)
@@ -271,17 +250,17 @@ def held(values: Array, time: Array) -> NDArray[np.bool_]:
     count = int(values.shape[1])
     starts = np.flatnonzero(np.any(np.diff(values, axis=1, prepend=np.inf) != 0.0, axis=0))
     runs = np.diff(starts, append=count)
-    if len(runs) < 10 or np.mean(runs > 1) < FRESHNESS.repeated:
+    if len(runs) < 10 or np.mean(runs > 1) < REPEATED_SHARE:
         return np.zeros(count, bool)
     leaps = np.abs(np.diff(values[:, starts], axis=1))
-    steps = np.array([resolution(one) for one in values])
+    steps = np.array([resolution(value) for value in values])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.nanmax(np.where(leaps > 0.0, leaps / steps[:, None], 0.0), axis=0)
-    if np.median(relative) < FRESHNESS.leap:
+    if np.median(relative) < LEAP:
         return np.zeros(count, bool)
     usual = int(np.percentile(runs, 99.0, method="lower"))
     place = np.arange(count) - np.repeat(starts, runs)
     took = np.diff(time, prepend=time[0])
-    resumed = (took[starts] > FRESHNESS.gap * np.median(took)) & (runs != usual)
+    resumed = (took[starts] > GAP_FACTOR * np.median(took)) & (runs != usual)
     place[np.repeat(resumed, runs)] = 1  # behind a gap nobody knows how old the first one is
     return np.asarray(place % usual != 0, np.bool_)

@@ -19,43 +19,33 @@ from numpy.typing import NDArray
 
 from airrace.trajectory import Array
 
-
-@dataclass(frozen=True)
-class SmoothingSettings:
-    """The settings of the smoother.
-
-    Attributes:
-        step: between two nodes of the path, s. Half of it gains less than a tenth of a degree of bank.
-        density: of the jerk's noise, north, east and up, m^2/s^5. On Rovinj 2014, sampled at 5 and at 20 Hz with 1.5 m
-            of noise, a third or three times of it makes neither bank nor load factor better by more than a tenth.
-        freedom: degrees of freedom of the distribution of the jerk.
-        iterations: of the weights; later ones move the path by centimetres.
-        outlying: standard deviations from the path beyond which a position is an outlier and left out.
-        mostly: share of positions that are no outliers, at least; with fewer the noise was misjudged, and all count.
-        noise_min, noise_max: bounds of the noise that is estimated from the positions themselves, m.
-        usual_noise: what is taken where there are too few positions for an estimate, m.
-        missing: times the usual step between samples, beyond which some are missing.
-        hard: percentile of the weights that stands for hard turns.
-        edge: for which the path goes on before the first position and behind the last one, s: it may begin at a gate.
-        duration_max: of the longest path that is smoothed, s.
-    """
-
-    step: float = 0.05
-    density: tuple[float, float, float] = (1000.0, 1000.0, 300.0)
-    freedom: float = 1.0
-    iterations: int = 20
-    outlying: float = 5.0
-    mostly: float = 0.5
-    noise_min: float = 0.02
-    noise_max: float = 30.0
-    usual_noise: float = 1.5
-    missing: float = 1.5
-    hard: float = 5.0
-    edge: float = 0.5
-    duration_max: float = 1200.0
-
-
-SMOOTHING = SmoothingSettings()
+STEP = 0.05
+"""The time between two nodes of the path, s. Half of it gains less than a tenth of a degree of bank."""
+JERK_NOISE = (1000.0, 1000.0, 300.0)
+"""The density of the jerk's noise, north, east and up, m^2/s^5. On Rovinj 2014, sampled at 5 and at 20 Hz with 1.5 m of
+noise, a third or three times of it makes neither bank nor load factor better by more than a tenth."""
+FREEDOM = 1.0
+"""The degrees of freedom of the distribution of the jerk."""
+ITERATIONS = 20
+"""The number of iterations of the weights; later ones move the path by centimetres."""
+OUTLYING = 5.0
+"""The standard deviations from the path beyond which a position is an outlier and left out."""
+INLIER_SHARE = 0.5
+"""The share of positions that are no outliers, at least; with fewer the noise was misjudged, and all count."""
+NOISE_MIN = 0.02
+"""The least noise that is estimated from the positions themselves, m."""
+NOISE_MAX = 30.0
+"""The largest, m."""
+USUAL_NOISE = 1.5
+"""The noise that is taken where there are too few positions for an estimate, m."""
+MISSING_FACTOR = 1.5
+"""The multiple of the usual step between samples beyond which some are missing."""
+HARD_TURNS = 5.0
+"""The percentile of the weights that stands for hard turns."""
+EDGE = 0.5
+"""The time for which the path goes on before the first position and behind the last one, s: it may begin at a gate."""
+DURATION_MAX = 1200.0
+"""The longest path that is smoothed, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +76,7 @@ class Path:
         Positions and velocities are those of cubics through the nodes, with the slopes there.
         """
         k = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(self.time) - 2)
-        h = SMOOTHING.step
+        h = STEP
         u = (times - self.time[k]) / h
         u2, u3 = u * u, u * u * u
         position, velocity = (
@@ -104,57 +94,54 @@ class Path:
         By the equations alone, as if the weights of the jerk were known; m, m/s, m/s^2, shape (3, 3, m), by quantity
         and axis.
         """
-        k = np.clip(np.rint((times - self.time[0]) / SMOOTHING.step).astype(np.int64), 0, len(self.time) - 1)
+        k = np.clip(np.rint((times - self.time[0]) / STEP).astype(np.int64), 0, len(self.time) - 1)
         column = np.arange(len(times))
-        found = np.zeros((3, 3, len(times)))
+        deviation = np.zeros((3, 3, len(times)))
         for quantity in range(3):
             unit = np.zeros((3 * len(self.time), len(times)))
             unit[3 * k + quantity, column] = 1.0
             for axis, factor in enumerate(self.factors):
-                found[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
-        return found
+                deviation[quantity, axis] = np.sqrt(_solve(factor, unit)[3 * k + quantity, column])
+        return deviation
 
 
 def smooth(time: Array, places: Array, noise: float | None = None, least: Array | float = 0.0) -> Path:
     """Return the path of positions.
 
     Args:
-        time: s, rising, shape (m,), no longer than `SMOOTHING.duration_max`.
+        time: s, rising, shape (m,), no longer than `DURATION_MAX`.
         places: north, east and up, m, shape (3, m); NaN where an axis is not known.
         noise: standard deviation of the positions, m; None to estimate it.
         least: the least that it may be, by axis, m: numbers that are written coarsely have the noise of their rounding.
     """
-    settings = SMOOTHING
-    known: NDArray[np.bool_] = np.isfinite(places)
-    sigma = np.full(3, max(noise, settings.noise_min)) if noise is not None else _estimate_noise(time, places)
+    finite: NDArray[np.bool_] = np.isfinite(places)
+    sigma = np.full(3, max(noise, NOISE_MIN)) if noise is not None else _estimate_noise(time, places)
     sigma = np.maximum(sigma, np.asarray(least, np.float64))
-    places = np.where(known, places, 0.0)
-    count = int(np.ceil((time[-1] - time[0] + 2.0 * settings.edge) / settings.step)) + 1
-    nodes = time[0] - settings.edge + settings.step * np.arange(count)
+    places = np.where(finite, places, 0.0)
+    count = int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1
+    nodes = time[0] - EDGE + STEP * np.arange(count)
     equations = _NormalEquations(nodes, time)
     weights, near = np.ones(count - 1), np.ones(len(time), np.bool_)
     states, off = np.zeros((3, count, 3)), np.zeros_like(places)
-    for _ in range(settings.iterations):
-        for axis, density in enumerate(settings.density):
-            certainty = (near & known[axis]) / sigma[axis] ** 2
+    for _ in range(ITERATIONS):
+        for axis, density in enumerate(JERK_NOISE):
+            certainty = (near & finite[axis]) / sigma[axis] ** 2
             states[axis], _ = equations.solve(places[axis], certainty, weights / density)
-        surprise = np.sum(
-            [equations.surprise(one) / q for one, q in zip(states, settings.density, strict=True)], axis=0
-        )
-        weights = (settings.freedom + 9.0) / (settings.freedom + surprise)  # of the nine numbers of a step
-        off = np.where(known, places - equations.positions(states), 0.0)
-        near = np.logical_and.reduce(np.abs(off) < settings.outlying * sigma[:, None], axis=0)
-        if near.mean() <= settings.mostly:
+        surprise = np.sum([equations.surprise(state) / q for state, q in zip(states, JERK_NOISE, strict=True)], axis=0)
+        weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
+        off = np.where(finite, places - equations.positions(states), 0.0)
+        near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
+        if near.mean() <= INLIER_SHARE:
             near = np.ones_like(near)
     factors = [
         equations.solve(
             places[axis],
-            (near & known[axis]) / sigma[axis] ** 2,
-            _cautious(weights, nodes, time[known[axis]]) / density,
+            (near & finite[axis]) / sigma[axis] ** 2,
+            _cautious(weights, nodes, time[finite[axis]]) / density,
         )[1]
-        for axis, density in enumerate(settings.density)
+        for axis, density in enumerate(JERK_NOISE)
     ]
-    scatter = np.sqrt(np.sum(off**2 * (near & known), axis=1) / np.maximum(np.sum(near & known, axis=1), 1))
+    scatter = np.sqrt(np.sum(off**2 * (near & finite), axis=1) / np.maximum(np.sum(near & finite, axis=1), 1))
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
     return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
 
@@ -166,10 +153,10 @@ def _cautious(weights: Array, nodes: Array, time: Array) -> Array:
     """
     steps = np.diff(time, prepend=nodes[0], append=nodes[-1])
     behind = np.searchsorted(time, 0.5 * (nodes[1:] + nodes[:-1]))
-    missing = steps[behind] > SMOOTHING.missing * np.median(steps)
+    missing = steps[behind] > MISSING_FACTOR * np.median(steps)
     if missing.all() or not missing.any():
         return weights
-    hard = float(np.percentile(weights[~missing], SMOOTHING.hard))
+    hard = float(np.percentile(weights[~missing], HARD_TURNS))
     return np.where(missing, np.minimum(weights, hard), weights)
 
 
@@ -179,24 +166,24 @@ def _estimate_noise(time: Array, places: Array) -> Array:
     For white noise their standard deviation is `sqrt(70) sigma`.
     """
     sigma: list[float] = []
-    for one in places:
-        there = np.isfinite(one)
-        steps = np.diff(time[there])
+    for place in places:
+        finite = np.isfinite(place)
+        steps = np.diff(time[finite])
         even = np.abs(steps - np.median(steps)) < 0.05 * np.median(steps)
         rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:]) if len(steps) >= 9 else ()
         if len(rows) < 5:
-            sigma.append(SMOOTHING.usual_noise)
+            sigma.append(USUAL_NOISE)
         else:
-            sigma.append(float(np.median(np.abs(np.diff(one[there], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
+            sigma.append(float(np.median(np.abs(np.diff(place[finite], 4)[rows])) / (0.6745 * np.sqrt(70.0))))
     level = 0.5 * (sigma[0] + sigma[1])
-    return np.clip(np.array([level, level, sigma[2]]), SMOOTHING.noise_min, SMOOTHING.noise_max)
+    return np.clip(np.array([level, level, sigma[2]]), NOISE_MIN, NOISE_MAX)
 
 
 class _NormalEquations:
     """The normal equations of one axis: states (position, velocity, acceleration) at the nodes."""
 
     def __init__(self, nodes: Array, time: Array) -> None:
-        h = SMOOTHING.step
+        h = STEP
         self._step = np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
         covariance = np.array(
             [[h**5 / 20.0, h**4 / 8.0, h**3 / 6.0], [h**4 / 8.0, h**3 / 3.0, h**2 / 2.0], [h**3 / 6.0, h**2 / 2.0, h]]

@@ -161,18 +161,18 @@ def violations(
         deviations: how well the flight is known.
         penalties: of the season.
     """
-    found: list[Violation] = []
+    broken_rules: list[Violation] = []
     for crossing in flight.crossings:
-        known = deviations(crossing.time) if crossing.found else NOT_KNOWN
+        certainty = deviations(crossing.time) if crossing.found else NOT_KNOWN
         if not crossing.found and (missed := _missed(flight, crossing, deviations, penalties)):
-            found.append(missed)
+            broken_rules.append(missed)
             continue
-        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties)
+        broken = _passing_violations(flight.race, crossing, axes.get(crossing.name, 0.0), certainty, penalties)
         for rule, value, limit, deviation, unit, penalty in broken:
             price = math.nan if penalty is None else penalty
-            found.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
-    found += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
-    return tuple(sorted(found, key=lambda one: not one.certain))
+            broken_rules.append(Violation(crossing.name, rule, crossing.time, value, limit, deviation, unit, price))
+    broken_rules += [*_load_factors(flight, penalties, deviations), *_distances(flight, deviations)]
+    return tuple(sorted(broken_rules, key=lambda violation: not violation.certain))
 
 
 def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
@@ -182,14 +182,14 @@ def shown(violations: Sequence[Violation]) -> tuple[list[Violation], str]:
     of ten near misses the one is shown that comes closest to certain. What the log does not tell, such as gates behind
     its end, is no near miss.
     """
-    certain = [one for one in violations if one.certain]
-    possible = [one for one in violations if not one.certain and math.isfinite(one.value)]
-    near = sorted(possible, key=lambda one: -one.deviations)
-    listed, others = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
-    rules = Counter(one.rule for one in others).most_common()
+    certain = [violation for violation in violations if violation.certain]
+    possible = [violation for violation in violations if not violation.certain and math.isfinite(violation.value)]
+    near = sorted(possible, key=lambda violation: -violation.deviations)
+    listed, unlisted = near[: math.ceil(len(near) / 10)], near[math.ceil(len(near) / 10) :]
+    rules = Counter(violation.rule for violation in unlisted).most_common()
     words = ", ".join(f"{count} {rule}" for rule, count in rules)
-    misses = "near miss is" if len(others) == 1 else "near misses are"
-    sentence = f"{len(others)} more {misses} within what the measurement may be wrong by: {words}" if others else ""
+    misses = "near miss is" if len(unlisted) == 1 else "near misses are"
+    sentence = f"{len(unlisted)} more {misses} within what the measurement may be wrong by: {words}" if unlisted else ""
     return [*certain, *listed], sentence
 
 
@@ -209,7 +209,7 @@ def height_window(element: Element, axis: float) -> Interval:
 
 
 def _passing_violations(
-    race: Race, crossing: TimedCrossing, axis: float, known: StandardDeviations, penalties: Penalties
+    race: Race, crossing: TimedCrossing, axis: float, standard_deviations: StandardDeviations, penalties: Penalties
 ) -> Iterator[tuple[str, float, float, float, str, float | None]]:
     """Yield rule, value, limit, deviation, unit and penalty of all that one passing breaks."""
     element: Element = crossing.passage.element
@@ -231,32 +231,32 @@ def _passing_violations(
         place=crossing_parameters(element.frame(axis=axis, bank=bank, span=race.aircraft.airframe.b)),
         beta_K=crossing.values.get("beta_K", 0.0),
     )
-    values = {name: float(one) for name, one in vars(measured).items()}
+    values = {name: float(var) for name, var in vars(measured).items()}
 
     # beside: of the centre, else of the worse of the wing tips
     right, half = values["right"], 0.5 * getattr(element, "width", math.inf)
     tips = [name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds]
     if excess := beyond(right, bounds.get("right", Interval(-half, half))):
-        yield "missed", right, right - excess, known.across, "m", penalties.missed
+        yield "missed", right, right - excess, standard_deviations.across, "m", penalties.missed
     elif excess := max((abs(beyond(values[name], bounds[name])) for name in tips), default=0.0):
         clearance = 0.0 if tolerances is None else tolerances.clearance
         penalty = penalties.pylon if clearance - excess <= 0.0 else 0.0
-        yield "pylon", clearance - excess, clearance, known.tip, "m", penalty
+        yield "pylon", clearance - excess, clearance, standard_deviations.tip, "m", penalty
 
     height = values["height"]
     if excess := beyond(height, height_window(element, axis)):
         too = ("too-high", penalties.too_high) if excess > 0.0 else ("too-low", penalties.too_low)
         rule, penalty = too if element.stands else manoeuvre
-        yield rule, height, height - excess, known.up, "m", penalty
+        yield rule, height, height - excess, standard_deviations.up, "m", penalty
 
-    sine, path = values["climb_sine"], math.degrees(known.path)
+    sine, path = values["climb_sine"], math.degrees(standard_deviations.path)
     if excess := beyond(sine, bounds.get("climb_sine", Interval())):
-        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
+        climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, number)))) for number in (sine, sine - excess))
         yield "climb", climb, limit, path, "deg", penalties.climb
     allowed: list[tuple[str, float, float, float, float | None]] = []
     if tolerances is not None and element.prescribed_bank is not None:
         off = angle_between(bank, crossing.value("mu"))
-        allowed.append(("bank", off, tolerances.bank, math.degrees(known.bank), penalties.bank))
+        allowed.append(("bank", off, tolerances.bank, math.degrees(standard_deviations.bank), penalties.bank))
     if tolerances is not None and {"course_excess_right", "course_excess_left"} <= set(bounds):
         off = math.atan2(values["course_sine"], values["course_cosine"])
         allowed.append(("course", off, tolerances.crossing, path, None))
@@ -269,7 +269,7 @@ def _passing_violations(
     if excess := beyond(speed, crossing.passage.speed):
         ends = penalties.start_speed_end
         penalty = math.inf if ends is not None and speed > ends else penalties.start_speed
-        yield "start-speed", speed / KNOT, (speed - excess) / KNOT, known.speed / KNOT, "kt", penalty
+        yield "start-speed", speed / KNOT, (speed - excess) / KNOT, standard_deviations.speed / KNOT, "kt", penalty
 
 
 def beyond(value: float, allowed: Interval) -> float:
@@ -287,8 +287,8 @@ def _missed(
     """
     element: Element = crossing.passage.element
     index = flight.crossings.index(crossing)
-    before = max((one.time for one in flight.crossings[:index] if one.found), default=math.nan)
-    after = min((one.time for one in flight.crossings[index:] if one.found), default=math.nan)
+    before = max((crossing.time for crossing in flight.crossings[:index] if crossing.found), default=math.nan)
+    after = min((crossing.time for crossing in flight.crossings[index:] if crossing.found), default=math.nan)
     rows = np.flatnonzero((flight.time > before) & (flight.time < after))
     allowed = getattr(element, "reach", 0.5 * getattr(element, "width", math.inf))
     if not element.stands or element.place is None or not len(rows):
@@ -298,11 +298,11 @@ def _missed(
         return None
     penalty = math.nan if penalties.missed is None else penalties.missed
     some = np.unique([*range(0, len(rows), max(1, len(rows) // MISSED_ROWS)), int(np.argmin(away))]).tolist()
-    found = [
+    misses = [
         Violation(crossing.name, "missed", when, float(away[row]), allowed, deviations(when).across, "m", penalty)
         for row, when in ((row, float(flight.time[rows[row]])) for row in some)
     ]
-    return min(found, key=lambda one: one.deviations)
+    return min(misses, key=lambda miss: miss.deviations)
 
 
 def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt) -> Iterator[Violation]:
@@ -321,23 +321,25 @@ def _load_factors(flight: Flight, penalties: Penalties, deviations: DeviationsAt
     turns = np.flatnonzero(np.diff(np.concatenate(([False], n_z > limit, [False])).astype(int)))
     lasting = time[turns[1::2] - 1] - time[turns[::2]]
     if len(lasting) and lasting.max() >= penalties.load_factor_time:
-        known = math.nan if penalties.load_factor is None else penalties.load_factor
-        yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
+        penalty = math.nan if penalties.load_factor is None else penalties.load_factor
+        yield Violation("", "load-factor", when, most, limit, deviation, "g", penalty)
 
 
 def _distances(flight: Flight, deviations: DeviationsAt) -> Iterator[Violation]:
     """Yield what the flight came too near to: obstacles, people, safety lines, borders, floor and ceiling."""
     legs = {leg.number: leg.rows for leg in legs_of(flight)}
-    for one in (one for one in distances(flight) if one.kind != "pylon"):
+    for distance in distances(flight):
+        if distance.kind == "pylon":
+            continue
         rows = np.arange(len(flight.time))
-        if one.legs is not None:
-            rows = np.concatenate([legs[number] for number in sorted(one.legs)])
-        rows = rows[np.isfinite(one.values[rows])]
+        if distance.legs is not None:
+            rows = np.concatenate([legs[number] for number in sorted(distance.legs)])
+        rows = rows[np.isfinite(distance.values[rows])]
         if len(rows):
-            row = int(rows[int(np.argmin(one.values[rows]))])
-            nearest = at_row(flight, one, row)
+            row = int(rows[int(np.argmin(distance.values[rows]))])
+            nearest = at_row(flight, distance, row)
             if nearest.margin < 0.0:
-                rule = one.kind.replace(" ", "-")
-                known = deviations(nearest.time)
-                off = known.up if rule in ("floor", "ceiling") else known.across
-                yield Violation("", rule, nearest.time, nearest.distance, one.required, off, "m", math.nan)
+                rule = distance.kind.replace(" ", "-")
+                certainty = deviations(nearest.time)
+                off = certainty.up if rule in ("floor", "ceiling") else certainty.across
+                yield Violation("", rule, nearest.time, nearest.distance, distance.required, off, "m", math.nan)

@@ -132,7 +132,7 @@ class ClosestApproach:
 def pylons_of(course: Course) -> tuple[PylonPost, ...]:
     """Return all pylons of a course, in the order of the first passings of their elements, and those of obstacles."""
     found: dict[Place, PylonPost] = {}
-    for element in {one.element.name: one.element for one in course.passages}.values():
+    for element in {passage.element.name: passage.element for passage in course.passages}.values():
         drawing, required = element.drawing(), LEAST_CLEARANCE
         if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
             required = max(required, element.tolerances.clearance)
@@ -144,9 +144,18 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
             elif before.required < required:
                 found[place_of(post)] = replace(before, required=required)
     obstacles = [
-        PylonPost(one.name, at.north, at.east, one.height, one.clearance + one.radius, number, one.radius, True)
-        for one in course.obstacles
-        for number, at in enumerate(one.places)
+        PylonPost(
+            obstacle.name,
+            at.north,
+            at.east,
+            obstacle.height,
+            obstacle.clearance + obstacle.radius,
+            number,
+            obstacle.radius,
+            True,
+        )
+        for obstacle in course.obstacles
+        for number, at in enumerate(obstacle.places)
     ]
     return (*found.values(), *obstacles)
 
@@ -154,7 +163,7 @@ def pylons_of(course: Course) -> tuple[PylonPost, ...]:
 def cleared_pylons(course: Course) -> tuple[PylonPost, ...]:
     """Return the pylons from which the wing has to be clear at any time: all by the rule `flight`, else obstacles'."""
     always = course.rules.clearance is ClearanceRule.FLIGHT
-    return tuple(one for one in pylons_of(course) if always or one.is_obstacle)
+    return tuple(pylon for pylon in pylons_of(course) if always or pylon.is_obstacle)
 
 
 def wing_position(values: Mapping[str, Array], semispan: float) -> tuple[Array, Array]:
@@ -247,7 +256,7 @@ def closest_approaches(wing: Wing, pylons: Sequence[PylonPost], legs: Sequence[i
         _, nearest = nearest_points(pylon, centre, half)
         ahead, _, speed = _seen_from(pylon, velocity + nearest * turning, centre + nearest * half)
         abeam = time[steps] - np.clip(ahead / speed, -ABEAM_MAX, ABEAM_MAX)
-        leg = np.repeat(np.arange(len(of_legs)), [len(one) for one in of_legs])
+        leg = np.repeat(np.arange(len(of_legs)), [len(of_leg) for of_leg in of_legs])
         columns = (leg, distance[steps], time[steps], abeam, along, beside)
         for numbers in zip(*(column.tolist() for column in columns), strict=True):
             yield ClosestApproach(pylon, *numbers)

@@ -118,14 +118,18 @@ def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
 def forgotten_lines(course: Course) -> Iterator[Remark]:
     """Yield remarks on people without a safety line before them, and on lines that could hold on more legs."""
     for crowd in course.crowd:
-        behind = any(all(line.room(one) < 0.0 for one in crowd.corners) for line in course.safety_lines)
-        outside = course.airspace and not any(inside(one, course.airspace) for one in crowd.corners)
+        behind = any(all(line.room(corner) < 0.0 for corner in crowd.corners) for line in course.safety_lines)
+        outside = course.airspace and not any(inside(corner, course.airspace) for corner in crowd.corners)
         if not (behind or outside):
             text = f"no safety line or border lies between the race and `{crowd.name}`; its distance alone counts"
             yield Remark("", RemarkKind.SAFETY_LINE, text)
-    places = [Point(*at) for at in (one.element.place for one in course.passages) if at is not None]
+    places = [Point(*at) for at in (passage.element.place for passage in course.passages) if at is not None]
     for line in course.safety_lines:
-        without = [one for one in course.passages[1:] if all(other.name != line.name for other in one.safety_lines)]
+        without = [
+            passage
+            for passage in course.passages[1:]
+            if all(safety_line.name != line.name for safety_line in passage.safety_lines)
+        ]
         if without and all(line.room(one) >= line.margin for one in places):
             text = (
                 f"the safety line `{line.name}` does not hold on {len(without)} of {len(course.passages) - 1} legs, "
@@ -181,7 +185,7 @@ def _start_remarks(race: Race) -> Iterator[Remark]:
 def _element_remarks(course: Course) -> Iterator[Remark]:
     allowed = course.rules.height
     room = allowed.upper - allowed.lower
-    for passage in {one.element.name: one for one in reversed(course.passages)}.values():
+    for passage in {passage.element.name: passage for passage in reversed(course.passages)}.values():
         element, name, ceiling = passage.element, passage.name, ""
         for subject, text in element.remarks(name):
             yield Remark(name, RemarkKind.from_subject(subject), text)

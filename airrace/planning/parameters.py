@@ -25,7 +25,7 @@ ONSET_MAX, TURN_TOLERANCE_MAX, SIDESLIP_MAX = 1000.0, 10.0, 45.0
 def relaxable_parameters(race: Race) -> list[Parameter[Race]]:
     """Return all parameters of a race that may be relaxed, in the order in which they are stated.
 
-    Limits that nobody has set, and those that something stricter covers, are none.
+    Limits that are not set, and those that something stricter covers, are left out.
     """
     return [one for one in (*course_limits(race), *_aircraft(race)) if one.can_relax]
 
@@ -45,9 +45,11 @@ def with_margins(race: Race, margins: Mapping[str, float]) -> Race:
     if not margins:
         return race
     tightened = race
-    for one in course_limits(race):
-        if one.key in margins:
-            tightened = one.set(tightened, one.value - math.copysign(margins[one.key], one.relaxing_step))
+    for course_limit in course_limits(race):
+        if course_limit.key in margins:
+            tightened = course_limit.set(
+                tightened, course_limit.value - math.copysign(margins[course_limit.key], course_limit.relaxing_step)
+            )
     return dataclasses.replace(tightened, rules_course=race.course)
 
 
@@ -103,10 +105,10 @@ def _change_elements(name: str, kind: type[Element]) -> Callable[[Race, Callable
 
     def change(race: Race, make: Callable[[Any], Any]) -> Race:
         passages = tuple(
-            dataclasses.replace(one, element=make(one.element))
-            if one.element.base_name == name and isinstance(one.element, kind)
-            else one
-            for one in race.course.passages
+            dataclasses.replace(passage, element=make(passage.element))
+            if passage.element.base_name == name and isinstance(passage.element, kind)
+            else passage
+            for passage in race.course.passages
         )
         return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=passages))
 

@@ -137,10 +137,13 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
     such as a circle, where one climbs too steeply to a height between two gates, and passes gates so straight that the
     wing fits between their pylons.
     """
-    pylons, ways = {place_of(one): one for one in cleared_pylons(course)}, dict[int, tuple[Waypoint, ...]]()
+    pylons, ways = (
+        {place_of(cleared_pylon): cleared_pylon for cleared_pylon in cleared_pylons(course)},
+        dict[int, tuple[Waypoint, ...]](),
+    )
     for stop in stops_of(course):
         if not _fits(planned.waypoints[stop], pylons, planned.cruise):
-            fitting = [one for one in candidates(course, stop) if _fits(one, pylons, planned.cruise)]
+            fitting = [candidate for candidate in candidates(course, stop) if _fits(candidate, pylons, planned.cruise)]
             ways |= {stop: tuple(fitting)} if fitting else {}
     out, turns, lengths_min = _depths_outside(course, planned), dict[int, int](), dict[int, float]()
     for first, last in itertools.pairwise(stops_of(course)):
@@ -148,8 +151,10 @@ def plan_with_room(course: Course, planned: Plan) -> Plan | None:
         turn = sum(float(np.dot(path.lengths, path.curvatures)) for path in paths)
         if max(out[first:last]) > 0.0 and abs(turn) > TURN:
             turns[last] = -1 if turn > 0.0 else 1
-        known = [one.position[2] for one in planned.waypoints[first : last + 1] if one.position is not None]
-        needed = float(np.abs(np.diff(known)).sum()) / SLOPE_MAX
+        heights = [
+            waypoint.position[2] for waypoint in planned.waypoints[first : last + 1] if waypoint.position is not None
+        ]
+        needed = float(np.abs(np.diff(heights)).sum()) / SLOPE_MAX
         if sum(path.length for path in paths) < needed and len(paths) == last - first:
             lengths_min[last] = needed
     if turns:
@@ -188,7 +193,7 @@ def _depths_outside(course: Course, planned: Plan) -> list[float]:
             room = [beside_line(way, line) - line.margin for line in passage.safety_lines]
             room += [ground_distance(way, crowd) - crowd.distance for crowd in course.crowd]
             room += [beside_border(way, course.airspace)] if course.airspace else []
-            depth = max([0.0, *(-float(one.min()) for one in room)])
+            depth = max([0.0, *(-float(distances.min()) for distances in room)])
         depths.append(depth)
     return depths
 
@@ -196,7 +201,7 @@ def _depths_outside(course: Course, planned: Plan) -> list[float]:
 def stops_of(course: Course) -> list[int]:
     """Return the passages that are planned for themselves: all but those that ask for a height alone on the way."""
     ends = (0, len(course.passages) - 1)
-    is_stop = [one.roll is not None or not one.element.only_a_height for one in course.passages]
+    is_stop = [passage.roll is not None or not passage.element.only_a_height for passage in course.passages]
     return [index for index, stops in enumerate(is_stop) if stops or index in ends]
 
 
@@ -204,8 +209,8 @@ def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, last: bool) -> tup
     """Return one of the candidates at every stop, and the planned time, s."""
     total = np.zeros(len(stops[0].ways))
     choices: list[np.ndarray] = []
-    for here, there in itertools.pairwise(stops):
-        seconds = total[:, None] + _leg_seconds(here.ways, there, pace)
+    for stop, next_stop in itertools.pairwise(stops):
+        seconds = total[:, None] + _leg_seconds(stop.ways, next_stop, pace)
         choices.append(least(seconds, last=last))
         total = seconds.min(axis=0)
     index = int(least(total, last=last))
@@ -213,31 +218,31 @@ def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, last: bool) -> tup
     for choice in reversed(choices):
         index = int(choice[index])
         chosen.append(index)
-    return [stop.ways[one] for stop, one in zip(stops, reversed(chosen), strict=True)], float(total.min())
+    return [stop.ways[way] for stop, way in zip(stops, reversed(chosen), strict=True)], float(total.min())
 
 
-def _level(here: Waypoint, there: Waypoint) -> bool:
+def _level(start: Waypoint, end: Waypoint) -> bool:
     """Return whether a planar path can lead from one to the other."""
-    known = here.position is not None and there.position is not None
-    return known and here.climb == 0.0 and there.climb == 0.0 and there.passage.roll is None
+    known = start.position is not None and end.position is not None
+    return known and start.climb == 0.0 and end.climb == 0.0 and end.passage.roll is None
 
 
-def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> Array:
+def _leg_seconds(starts: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> Array:
     """Return the planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
-    there = stop.ways
-    if _level(here[0], there[0]):
-        assert here[0].position is not None
-        assert there[0].position is not None
-        start, end = np.array(here[0].position[:2]), np.array(there[0].position[:2])
-        first = np.array([one.heading for one in here])[:, None]
-        last = np.array([one.heading for one in there])[None, :]
+    ends = stop.ways
+    if _level(starts[0], ends[0]):
+        assert starts[0].position is not None
+        assert ends[0].position is not None
+        start, end = np.array(starts[0].position[:2]), np.array(ends[0].position[:2])
+        first = np.array([waypoint.heading for waypoint in starts])[:, None]
+        last = np.array([waypoint.heading for waypoint in ends])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
         way = on_side(pieces, stop.side, stop.length_min / pace.radius).min(axis=0) * pace.radius
         return np.where(way < ONE_PLACE, math.tau * pace.radius, way) / pace.V
     roll = stop.roll
     if roll is not None:
-        return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in there] for a in here])
-    return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
+        return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in ends] for a in starts])
+    return np.array([[rotation_time(a.q, b.q, pace) for b in ends] for a in starts])
 
 
 def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bool) -> tuple[PlannedLeg, Waypoint]:
@@ -277,7 +282,7 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Plann
             continue
         assert a.position is not None
         assert b.position is not None
-        north, east, heading = (float(one[0]) for one in leg.path.points(np.array([share * leg.path.length])))
+        north, east, heading = (float(point[0]) for point in leg.path.points(np.array([share * leg.path.length])))
         height = a.position[2] + share * (b.position[2] - a.position[2])
         height = min(max(height, element.heights.lower), element.heights.upper)
         waypoints.append(Waypoint(passage, (north, east, height), heading, 0.0, None, heading, free=True))
@@ -357,7 +362,7 @@ def decisions_from_solution(
         state: the states at the nodes, shape (n_x, N + 1).
         first_node: the node of every passage.
     """
-    row = {one.name: history for one, history in zip(states, state, strict=True)}
+    row = {quantity.name: history for quantity, history in zip(states, state, strict=True)}
     q, r = np.stack([row[name] for name in QUATERNION]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
     ways = {stop: (waypoint_from_solution(course, stop, q[:, first_node[stop]]),) for stop in stops}
@@ -365,7 +370,7 @@ def decisions_from_solution(
         stop: track_turn(r[:, first_node[before] : first_node[stop] + 1]).angle
         for before, stop in itertools.pairwise(stops)
     }
-    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > TURN}
+    turns = {stop: 1 if turn > 0.0 else -1 for stop, turn in angle.items() if abs(turn) > TURN}
     rolls = {
         index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
         for index, passage in enumerate(course.passages)
@@ -387,13 +392,13 @@ def waypoint_from_solution(course: Course, index: int, q: Array) -> Waypoint:
         index: the index of the passage.
         q: the attitude as a quaternion, shape (4,).
     """
-    heading, _, _ = angles(rotation([float(one) for one in q]))
-    passage, known = course.passages[index], candidates(course, index)
-    nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
+    heading, _, _ = angles(rotation([float(component) for component in q]))
+    passage, possible = course.passages[index], candidates(course, index)
+    nearest = min(possible, key=lambda waypoint: abs(angle_between(heading, waypoint.heading)))
     if not passage.element.stands:
         banked = passage.roll is not None or passage.element.prescribed_bank is not None
         by_attitude = banked or abs(nearest.climb) > STEEP  # on a steep line bank and course are one
-        return max(known, key=lambda one: abs(float(np.dot(q, one.q)))) if by_attitude else nearest
+        return max(possible, key=lambda waypoint: abs(float(np.dot(q, waypoint.q)))) if by_attitude else nearest
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
 
 
@@ -422,5 +427,5 @@ def track_turn(r: Array) -> TrackTurn:
 
 
 def _bank(q: Array) -> float:
-    R = rotation([float(one) for one in q])
+    R = rotation([float(component) for component in q])
     return math.atan2(R[2][1], R[2][2])

@@ -53,7 +53,7 @@ def active_limits(flight: Flight) -> tuple[ActiveLimit, ...]:
 
     A flight that misses a passing reaches none, for it is no optimum.
     """
-    if not all(one.found for one in flight.crossings):
+    if not all(crossing.found for crossing in flight.crossings):
         return ()
     held = sorted(_held(flight), key=lambda one: -one.duration)
     near = least_of_all(flight, distances(flight))
@@ -74,11 +74,11 @@ def _held(flight: Flight) -> Iterator[ActiveLimit]:
 
     Bounds of the same size to both sides are one limit: how far the stick goes, whichever way.
     """
-    for name, one in flight.histories.items():
-        quantity = one.quantity
+    for name, history in flight.histories.items():
+        quantity = history.quantity
         if name in TOLD_OTHERWISE or name.startswith("distance_") or quantity.rate_of:
             continue
-        for bound, values in _bounds(quantity, one.values):
+        for bound, values in _bounds(quantity, history.values):
             weights = _durations(flight.time) * (np.abs(values - bound) <= NEAR * quantity.scale)
             total = float(weights.sum())
             if total >= SHORTEST * flight.race_time:

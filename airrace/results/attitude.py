@@ -75,13 +75,13 @@ def without_sign_flips(q: Array) -> Array:
     return q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
 
 
-def interpolate_attitude(time: Array, q: Array, wanted: Array) -> Array:
+def interpolate_attitude(time: Array, q: Array, times: Array) -> Array:
     """Return quaternions, shape (4, m), between those at some times, shape (4, n), along the shorter way.
 
     Their components are interpolated linearly and scaled to length one.
     """
     rows: list[Array] = list(without_sign_flips(q))
-    between = np.array([np.interp(wanted, time, row) for row in rows], np.float64)
+    between = np.array([np.interp(times, time, row) for row in rows], np.float64)
     return between / np.linalg.norm(between, axis=0)
 
 

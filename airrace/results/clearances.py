@@ -127,7 +127,9 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
             away = np.hypot(away, np.where(np.isnan(above), 0.0, above))
         yield Distance("crowd", crowd.name, crowd.distance, away)
     for line in course.safety_lines:
-        on_leg = (any(one.name == line.name for one in passage.safety_lines) for passage in course.passages)
+        on_leg = (
+            any(safety_line.name == line.name for safety_line in passage.safety_lines) for passage in course.passages
+        )
         legs = frozenset(number for number, holds in enumerate(on_leg) if number and holds)
         if legs:
             yield Distance("safety line", line.name, line.margin, beside_line(places, line), legs)
@@ -140,59 +142,65 @@ def surroundings(flight: Flight) -> Iterator[Distance]:
         yield Distance("ceiling", "", 0.0, ceiling - height)
 
 
-def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearance, ...]:
+def least(flight: Flight, leg: Leg, measured: Sequence[Distance]) -> tuple[Clearance, ...]:
     """Return the least distance from every thing that counts on a leg, that with the least margin first.
 
     Args:
         flight: whose leg it is.
         leg: a complete leg.
-        known: what `distances` says of the flight.
+        measured: what `distances` says of the flight.
     """
-    found = [_least(flight, one, leg.rows) for one in known if one.legs is None or leg.number in one.legs]
-    return tuple(sorted((one for one in found if one is not None), key=lambda one: one.margin))
+    clearances = [
+        _least(flight, distance, leg.rows)
+        for distance in measured
+        if distance.legs is None or leg.number in distance.legs
+    ]
+    return tuple(
+        sorted((clearance for clearance in clearances if clearance is not None), key=lambda clearance: clearance.margin)
+    )
 
 
-def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, ...]:
-    """Return the least distance from every thing on all complete legs together, in the order of `known`.
+def least_of_all(flight: Flight, measured: Iterable[Distance]) -> tuple[Clearance, ...]:
+    """Return the least distance from every thing on all complete legs together, in the order of `measured`.
 
     Args:
         flight: a flight.
-        known: distances of the flight, e.g. `distances`.
+        measured: distances of the flight, e.g. `distances`.
     """
     legs, none = legs_of(flight), np.zeros(0, np.int64)
-    found = (
+    clearances = (
         _least(
             flight,
-            one,
-            np.concatenate([none, *(leg.rows for leg in legs if one.legs is None or leg.number in one.legs)]),
+            distance,
+            np.concatenate([none, *(leg.rows for leg in legs if distance.legs is None or leg.number in distance.legs)]),
         )
-        for one in known
+        for distance in measured
     )
-    return tuple(one for one in found if one is not None)
+    return tuple(clearance for clearance in clearances if clearance is not None)
 
 
 def least_distances(flight: Flight) -> tuple[Clearance, ...]:
     """Return the least distance of a flight from every thing on its course, that with the least margin first."""
-    return tuple(sorted(least_of_all(flight, distances(flight)), key=lambda one: one.margin))
+    return tuple(sorted(least_of_all(flight, distances(flight)), key=lambda clearance: clearance.margin))
 
 
-def nearest_pylon(found: Sequence[Clearance]) -> tuple[Clearance, ...]:
+def nearest_pylon(clearances: Sequence[Clearance]) -> tuple[Clearance, ...]:
     """Return least distances, of those from pylons that with the least margin alone, which comes first."""
-    near = sorted((one for one in found if one.kind == "pylon"), key=lambda one: one.margin)
-    return (*near[:1], *(one for one in found if one.kind != "pylon"))
+    near = sorted((clearance for clearance in clearances if clearance.kind == "pylon"), key=lambda pylon: pylon.margin)
+    return (*near[:1], *(clearance for clearance in clearances if clearance.kind != "pylon"))
 
 
-def at_row(flight: Flight, one: Distance, row: int) -> Clearance:
+def at_row(flight: Flight, distance: Distance, row: int) -> Clearance:
     """Return the distance at one time of a flight."""
     north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
-    away, time = float(one.values[row]), float(flight.time[row])
-    return Clearance(one.kind, one.name, away, one.required, time, north, east, height)
+    away, time = float(distance.values[row]), float(flight.time[row])
+    return Clearance(distance.kind, distance.name, away, distance.required, time, north, east, height)
 
 
-def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance | None:
+def _least(flight: Flight, distance: Distance, rows: NDArray[np.int64]) -> Clearance | None:
     """Return the least distance at some times; None where none of them is known."""
-    known = rows[np.isfinite(one.values[rows])]
-    return at_row(flight, one, int(known[int(np.argmin(one.values[known]))])) if len(known) else None
+    known = rows[np.isfinite(distance.values[rows])]
+    return at_row(flight, distance, int(known[int(np.argmin(distance.values[known]))])) if len(known) else None
 
 
 def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = None) -> Iterator[Distance]:
@@ -208,14 +216,14 @@ def pylons(flight: Flight, measure: Callable[[Wing, PylonPost], Array] | None = 
     if not standing or not np.isfinite(flight["height"]).any():
         return
     wing = _wing(flight)
-    for name in dict.fromkeys(one.element.name for one in flight.course.passages):
-        own = [one for one in standing if one.name == name]
+    for name in dict.fromkeys(passage.element.name for passage in flight.course.passages):
+        own = [pylon for pylon in standing if pylon.name == name]
         # Usually one: a pylon in the place of another element's may have to be cleared by more than its neighbour.
-        for required in sorted({one.required for one in own}):
-            away = [measure(wing, one) for one in own if one.required == required]
+        for required in sorted({pylon.required for pylon in own}):
+            away = [measure(wing, pylon) for pylon in own if pylon.required == required]
             yield Distance("pylon", name, required, np.minimum.reduce(away))
     for obstacle in flight.course.obstacles:
-        axes = [measure(wing, one) for one in standing if one.name == obstacle.name]
+        axes = [measure(wing, pylon) for pylon in standing if pylon.name == obstacle.name]
         yield Distance("obstacle", obstacle.name, obstacle.clearance, np.minimum.reduce(axes) - obstacle.radius)
 
 
@@ -236,9 +244,9 @@ def _least_about(wing: Wing, pylon: PylonPost) -> Array:
         return least
     distance, time = closest_in_steps(wing, pylon)
     early = time - wing.time[:-1] <= wing.time[1:] - time
-    known = np.isfinite(least)
-    least[:-1] = np.where(known[:-1] & early, np.fmin(least[:-1], distance), least[:-1])
-    least[1:] = np.where(known[1:] & ~early, np.fmin(least[1:], distance), least[1:])
+    finite = np.isfinite(least)
+    least[:-1] = np.where(finite[:-1] & early, np.fmin(least[:-1], distance), least[:-1])
+    least[1:] = np.where(finite[1:] & ~early, np.fmin(least[1:], distance), least[1:])
     return least
 
 
@@ -273,29 +281,37 @@ def near_misses(flight: Flight) -> tuple[NearMiss, ...]:
     """Return all near misses in the order in which they happen; none where its position is not known, or it
     misses a passing.
     """
-    if not flight.has("x", "y", "height") or not all(one.found for one in flight.crossings):
+    if not flight.has("x", "y", "height") or not all(crossing.found for crossing in flight.crossings):
         return ()
-    found = [_near_miss(flight, one) for distance in pylons(flight) for one in _closest(flight, distance)]
-    return tuple(sorted(found, key=lambda one: one.clearance.time))
+    misses = [_near_miss(flight, clearance) for distance in pylons(flight) for clearance in _closest(flight, distance)]
+    return tuple(sorted(misses, key=lambda miss: miss.clearance.time))
 
 
-def _closest(flight: Flight, one: Distance) -> Iterator[Clearance]:
+def _closest(flight: Flight, distance: Distance) -> Iterator[Clearance]:
     """Yield the least distance of every stretch on which it is less than the passing asks for."""
     start, finish = flight.crossings[0].time, flight.crossings[-1].time
     racing = (flight.time >= start) & (flight.time <= finish)
-    below = racing & (one.values < one.required - NEAR_MISS)  # NaN is not below
+    below = racing & (distance.values < distance.required - NEAR_MISS)  # NaN is not below
     turns = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(np.int8)))
     for first, end in turns.reshape(-1, 2).tolist():
-        yield at_row(flight, one, first + int(np.argmin(one.values[first:end])))
+        yield at_row(flight, distance, first + int(np.argmin(distance.values[first:end])))
 
 
 def _near_miss(flight: Flight, clearance: Clearance) -> NearMiss:
     time = clearance.time
     if clearance.kind == "obstacle":
         return NearMiss(clearance, None, *passings_around(flight, time))
-    (place,) = {one.passage.element.place for one in flight.crossings if one.passage.element.name == clearance.name}
-    own = [one for one in flight.crossings if one.passage.element.place == place and abs(one.time - time) <= BESIDE]
-    passing = min(own, key=lambda one: abs(one.time - time), default=None)
+    (place,) = {
+        crossing.passage.element.place
+        for crossing in flight.crossings
+        if crossing.passage.element.name == clearance.name
+    }
+    own = [
+        crossing
+        for crossing in flight.crossings
+        if crossing.passage.element.place == place and abs(crossing.time - time) <= BESIDE
+    ]
+    passing = min(own, key=lambda crossing: abs(crossing.time - time), default=None)
     return NearMiss(clearance, passing, *passings_around(flight, time))
 
 
@@ -306,14 +322,14 @@ def with_distances(flight: Flight) -> Flight:
     """Return the flight with the histories of its distances, at its crossings as well; as it is without a position."""
     if not flight.has(*POSITION):
         return flight
-    found = distance_histories(flight)
+    histories = distance_histories(flight)
     crossings = list(flight.crossings)
-    for place, one in enumerate(crossings):
-        if one.found:
-            row = min(int(np.searchsorted(flight.time, one.time - 1e-9)), len(flight.time) - 1)
-            values = {name: float(history.values[row]) for name, history in found.items()}
-            crossings[place] = replace(one, values={**one.values, **values})
-    return replace(flight, histories={**flight.histories, **found}, crossings=tuple(crossings))
+    for place, crossing in enumerate(crossings):
+        if crossing.found:
+            row = min(int(np.searchsorted(flight.time, crossing.time - 1e-9)), len(flight.time) - 1)
+            values = {name: float(history.values[row]) for name, history in histories.items()}
+            crossings[place] = replace(crossing, values={**crossing.values, **values})
+    return replace(flight, histories={**flight.histories, **histories}, crossings=tuple(crossings))
 
 
 def distance_histories(flight: Flight) -> Histories:
@@ -323,19 +339,19 @@ def distance_histories(flight: Flight) -> Histories:
     """
     short = len(flight.course.passages) <= PLANNED_MAX
     wing = pylons(flight, lambda wing, post: wing_distance(post, wing.centre, wing.half)) if short else ()
-    found: dict[str, History] = {}
-    for one in (*wing, *surroundings(flight)):
-        plain = re.sub(r"\W+", "_", f"distance {one.kind} {one.name}".strip(), flags=re.ASCII)
+    histories: dict[str, History] = {}
+    for distance in (*wing, *surroundings(flight)):
+        plain = re.sub(r"\W+", "_", f"distance {distance.kind} {distance.name}".strip(), flags=re.ASCII)
         number, name = 2, plain
-        while name in found:
+        while name in histories:
             name, number = f"{plain}_{number}", number + 1
-        found[name] = History(_quantity(name, one), one.values, Basis.DERIVED)
-    return found
+        histories[name] = History(_quantity(name, distance), distance.values, Basis.DERIVED)
+    return histories
 
 
-def _quantity(name: str, one: Distance) -> Quantity:
-    text = f"distance from {one.kind} {one.name}".rstrip()
-    lower = -np.inf if one.legs is not None or one.kind == "pylon" else one.required
+def _quantity(name: str, distance: Distance) -> Quantity:
+    text = f"distance from {distance.kind} {distance.name}".rstrip()
+    lower = -np.inf if distance.legs is not None or distance.kind == "pylon" else distance.required
     return Quantity(name, "m", lower=lower, text=text)
 
 
@@ -345,22 +361,22 @@ def distance_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Ca
         return {}
     last: tuple[Values, Histories] = {}, {}  # of the samples that were asked for last: all columns of them come at once
 
-    def of(known: Values) -> Histories:
-        given = {name: History(Quantity(name, ""), values, Basis.SOLVED) for name, values in known.items()}
-        time = np.arange(len(known["x"]), dtype=np.float64)
-        return distance_histories(Flight(race, Source(""), time, complete_histories(race, given), ()))
+    def histories_of(samples: Values) -> Histories:
+        solved = {name: History(Quantity(name, ""), values, Basis.SOLVED) for name, values in samples.items()}
+        time = np.arange(len(samples["x"]), dtype=np.float64)
+        return distance_histories(Flight(race, Source(""), time, complete_histories(race, solved), ()))
 
     def column(name: str) -> Callable[[Values], Array]:
-        def values(known: Values) -> Array:
+        def values(samples: Values) -> Array:
             nonlocal last
-            if last[0] is not known:
-                last = known, of(known)
+            if last[0] is not samples:
+                last = samples, histories_of(samples)
             return last[1][name].values
 
         return values
 
     nowhere = {name: np.zeros(1) for name in ("x", "y", "z")}
-    return {one.quantity: column(name) for name, one in of(nowhere).items()}
+    return {history.quantity: column(name) for name, history in histories_of(nowhere).items()}
 
 
 def with_nearest(flight: Flight, within: float) -> Flight:
@@ -370,13 +386,13 @@ def with_nearest(flight: Flight, within: float) -> Flight:
         flight: one with distances.
         within: the distance beyond which those of the wing, which are short, are NaN, m.
     """
-    found: dict[str, History] = {}
+    nearest: dict[str, History] = {}
     for kind in ("pylon", "obstacle", "crowd", "safety_line"):
-        each = [one for name, one in flight.histories.items() if name.startswith(f"distance_{kind}_")]
-        if each:
-            values = np.minimum.reduce([one.values for one in each])
+        near = [history for name, history in flight.histories.items() if name.startswith(f"distance_{kind}_")]
+        if near:
+            values = np.minimum.reduce([history.values for history in near])
             if kind in ("pylon", "obstacle"):
                 values = np.where(values <= within, values, np.nan)
-            lower = max(one.quantity.lower for one in each)
-            found[f"nearest_{kind}"] = History(Quantity(f"nearest_{kind}", "m", lower=lower), values, Basis.DERIVED)
-    return replace(flight, histories={**flight.histories, **found})
+            lower = max(history.quantity.lower for history in near)
+            nearest[f"nearest_{kind}"] = History(Quantity(f"nearest_{kind}", "m", lower=lower), values, Basis.DERIVED)
+    return replace(flight, histories={**flight.histories, **nearest})

@@ -92,7 +92,7 @@ def differences(
         if words and measure.least <= apart <= measure.most:  # NaN is no difference
             text = words.format(f"{apart:.{measure.digits}f}")
             found.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
-    return tuple(sorted(found, key=lambda one: -one.weight)[:most])
+    return tuple(sorted(found, key=lambda difference: -difference.weight)[:most])
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
@@ -171,22 +171,22 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
         yield "wind", _wind(reference.air), _wind(other.air)
     if replace(reference.air, wind=None) != replace(other.air, wind=None):
         yield "air of the day", _day(reference.air), _day(other.air)
-    rules, others = reference.course.rules, other.course.rules
-    for kind, mine, its in ((Rules, rules, others), (PilotLimits, rules.pilot, others.pilot)):
+    rules, other_rules = reference.course.rules, other.course.rules
+    for kind, left, right in ((Rules, rules, other_rules), (PilotLimits, rules.pilot, other_rules.pilot)):
         for field in fields(kind):
-            first, second = getattr(mine, field.name), getattr(its, field.name)
+            first, second = getattr(left, field.name), getattr(right, field.name)
             if first != second and not isinstance(first, PilotLimits):
                 yield f"rules: {field.name}", _rule_text(first), _rule_text(second)
-    for what, here, there in (
+    for what, left, right in (
         ("safety lines", reference.course.safety_lines, other.course.safety_lines),
         ("people", reference.course.crowd, other.course.crowd),
         ("obstacles", reference.course.obstacles, other.course.obstacles),
     ):
-        if here != there:
-            first, second = (", ".join(one.name for one in some) or "none" for some in (here, there))
+        if left != right:
+            first, second = (", ".join(thing.name for thing in things) or "none" for things in (left, right))
             yield what, first, second if first != second else f"{second} otherwise"
     pairs = zip(reference.course.passages, other.course.passages, strict=True)
-    moved = list(dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element))
+    moved = list(dict.fromkeys(left.element.name for left, right in pairs if left.element != right.element))
     if moved:
         names = [*moved[:NAMES_MAX], *(["..."] if len(moved) > NAMES_MAX else [])]
         yield "gates", "as in its course", f"otherwise: {', '.join(names)}"
@@ -331,12 +331,12 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
         ways = [way(flight, leg) for flight, leg in ((reference, before), (other, after)) if leg.is_complete]
         lost, by_way, by_speed, found = np.full(len(SHARES), np.nan), math.nan, math.nan, ()
         if before.is_complete and after.is_complete:
-            mine, its = (
+            times, other_times = (
                 np.interp(SHARES, along / along[-1], flight.time[leg.rows])
                 for along, flight, leg in zip(ways, (reference, other), (before, after), strict=True)
             )
-            lost = (its - starts[1]) - (mine - starts[0])
-            (L, L_other), (t, t_other) = (float(one[-1]) for one in ways), (before.time, after.time)
+            lost = (other_times - starts[1]) - (times - starts[0])
+            (L, L_other), (t, t_other) = (float(along[-1]) for along in ways), (before.time, after.time)
             w, w_other = t / L, t_other / L_other
             by_way, by_speed = (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
             found = differences(reference, before, other, after, MEASURES, DIFFERENCES_MAX)
@@ -355,16 +355,16 @@ def ensure_comparable(reference: Flight, other: Flight) -> None:
     Raises:
         UsageError: naming the first passing that differs.
     """
-    here, there = (passings_of(flight.course) for flight in (reference, other))
-    for number, (mine, its) in enumerate(zip(here, there, strict=False)):
-        if mine != its:
-            first, second = (f"{name} ({kind})" for name, kind in (its, mine))
+    passings, other_passings = (passings_of(flight.course) for flight in (reference, other))
+    for number, (passing, other_passing) in enumerate(zip(passings, other_passings, strict=False)):
+        if passing != other_passing:
+            first, second = (f"{name} ({kind})" for name, kind in (other_passing, passing))
             raise UsageError(
                 f"{other.label} and {reference.label} cannot be compared: passing {number} "
                 f"is {first} in the one and {second} in the other"
             )
-    if len(here) != len(there):
+    if len(passings) != len(other_passings):
         raise UsageError(
             f"{other.label} and {reference.label} cannot be compared: "
-            f"the one has {len(there)} passings, the other {len(here)}"
+            f"the one has {len(other_passings)} passings, the other {len(passings)}"
         )

@@ -179,18 +179,18 @@ def cues_of(flight: Flight) -> tuple[Cue, ...]:
 
     None where the flight knows neither load factor nor attitude; NaN of its histories are bridged by straight lines.
     """
-    known = _SmoothPath.from_flight(flight)
-    if known is None:
+    path = _SmoothPath.from_flight(flight)
+    if path is None:
         return ()
-    apexes = _apexes(known)
-    pulls = _pulls(known, apexes)
-    inside = {apex for apex, _ in apexes if any(one.apex == float(known.height[apex]) for one in pulls)}
-    lone = [Apex(known.time_of(row), float(known.height[row])) for row, _ in apexes if row not in inside]
-    actions = _in_order([*_rolls(known), *pulls, *lone])
+    apexes = _apexes(path)
+    pulls = _pulls(path, apexes)
+    inside = {apex for apex, _ in apexes if any(pull.apex == float(path.height[apex]) for pull in pulls)}
+    lone = [Apex(path.time_of(row), float(path.height[row])) for row, _ in apexes if row not in inside]
+    actions = _in_order([*_rolls(path), *pulls, *lone])
     cues: list[Cue] = []
     for leg in legs_of(flight):
         if leg.is_complete:
-            own = [one for one in actions if leg.before.time <= one.time < leg.after.time]
+            own = [action for action in actions if leg.before.time <= action.time < leg.after.time]
             cues += [_cue(flight, leg, group) for group in _groups(own)]
     return tuple(cues)
 
@@ -216,7 +216,7 @@ class _SmoothPath:
     @classmethod
     def from_flight(cls, flight: Flight) -> "_SmoothPath | None":
         """Return the samples of a flight; None where it does not know enough."""
-        passed = [one.time for one in flight.crossings if one.found]
+        passed = [crossing.time for crossing in flight.crossings if crossing.found]
         if len(passed) < 2 or not flight.has(*QUATERNION, "chi", "gamma", "mu"):
             return None
         step, begin, end = STEP, passed[0], passed[-1]
@@ -227,8 +227,8 @@ class _SmoothPath:
             return np.interp(times, flight.time[rows], values[rows]) if rows.sum() > 1 else None
 
         q = np.array([flight[name] for name in QUATERNION])
-        known = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
-        p = sample(flight["p_Kbar"] if known else _roll_rate(flight.time, q))
+        measured = "p_Kbar" in flight and np.isfinite(flight["p_Kbar"]).all()
+        p = sample(flight["p_Kbar"] if measured else _roll_rate(flight.time, q))
         n_z, height = sample(flight.values("n_z")), sample(flight.values("height"))
         turned = [sample(np.unwrap(flight[name])) for name in ("chi", "mu")]
         chi, gamma, mu = turned[0], sample(flight["gamma"]), turned[1]
@@ -292,17 +292,17 @@ def turning_points(values: Array, change: float) -> list[tuple[int, int]]:
     return points
 
 
-def _rolls(known: _SmoothPath) -> list[RollAction]:
+def _rolls(path: _SmoothPath) -> list[RollAction]:
     """Return all rolls in order."""
-    found: list[RollAction] = []
-    for first, last in _stretches_of_roll(known.p):
-        fastest = float(np.abs(known.p[first : last + 1]).max())
-        angle = STEP * float(known.p[first : last + 1].sum())
+    rolls: list[RollAction] = []
+    for first, last in _stretches_of_roll(path.p):
+        fastest = float(np.abs(path.p[first : last + 1]).max())
+        angle = STEP * float(path.p[first : last + 1].sum())
         if fastest >= ROLL_BEGINS and abs(angle) >= ROLL_ANGLE:
-            begin, end = (math.remainder(float(known.mu[row]), 2.0 * math.pi) for row in (first, last))
-            climb = float(known.gamma[(first + last) // 2])
-            found.append(RollAction(known.time_of(first), STEP * (last - first), begin, end, angle, climb))
-    return found
+            begin, end = (math.remainder(float(path.mu[row]), 2.0 * math.pi) for row in (first, last))
+            climb = float(path.gamma[(first + last) // 2])
+            rolls.append(RollAction(path.time_of(first), STEP * (last - first), begin, end, angle, climb))
+    return rolls
 
 
 def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
@@ -311,75 +311,81 @@ def _stretches_of_roll(p: Array) -> list[tuple[int, int]]:
     """
     side = np.where(np.abs(p) > ROLL_ENDS, np.sign(p), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(side)) + 1).tolist(), len(p)]
-    found: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     for first, end in itertools.pairwise(edges):
         if not side[first]:
             continue
-        joins = found and side[first] == side[found[-1][1]]
-        if joins and STEP * (first - found[-1][1]) < ROLL_PAUSE:
-            found[-1] = (found[-1][0], end - 1)
+        joins = stretches and side[first] == side[stretches[-1][1]]
+        if joins and STEP * (first - stretches[-1][1]) < ROLL_PAUSE:
+            stretches[-1] = (stretches[-1][0], end - 1)
         else:
-            found.append((first, end - 1))
-    return found
+            stretches.append((first, end - 1))
+    return stretches
 
 
-def _apexes(known: _SmoothPath) -> list[tuple[int, bool]]:
+def _apexes(path: _SmoothPath) -> list[tuple[int, bool]]:
     """Return the rows of all apexes, each with whether the lift points below the horizon there."""
-    points = turning_points(known.height, HEIGHT_CHANGE)
+    points = turning_points(path.height, HEIGHT_CHANGE)
     inner = [row for number, (row, kind) in enumerate(points) if kind > 0 and 0 < number < len(points) - 1]
-    return [(row, math.cos(known.mu[row]) < 0.0) for row in inner]
+    return [(row, math.cos(path.mu[row]) < 0.0) for row in inner]
 
 
-def _pulls(known: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
-    points, found = turning_points(known.n_z, LOAD_CHANGE), list[Pull]()
-    rows = [0, *(row for row, _ in points), len(known.n_z) - 1]
+def _pulls(path: _SmoothPath, apexes: Sequence[tuple[int, bool]]) -> list[Pull]:
+    points, pulls = turning_points(path.n_z, LOAD_CHANGE), list[Pull]()
+    rows = [0, *(row for row, _ in points), len(path.n_z) - 1]
     for number, (row, kind) in enumerate(points, start=1):
-        peak, before, behind = float(known.n_z[row]), rows[number - 1], rows[number + 1]
+        peak, before, behind = float(path.n_z[row]), rows[number - 1], rows[number + 1]
         if kind * peak < kind * (PULL if kind > 0 else PUSH):
             continue
         first = last = row
-        while first > before and _beyond(known, first - 1, peak, kind, before):
+        while first > before and _beyond(path, first - 1, peak, kind, before):
             first -= 1
-        while last < behind and _beyond(known, last + 1, peak, kind, behind):
+        while last < behind and _beyond(path, last + 1, peak, kind, behind):
             last += 1
         part = slice(first, last + 1)
-        turn = float(np.sum(np.cos(known.gamma[part][1:]) ** 2 * np.diff(known.chi[part])))
-        lateral = float(np.mean(known.n_z[part] * np.sin(known.mu[part])))
-        upward = float(np.mean(known.n_z[part] * np.cos(known.mu[part]) * np.cos(known.gamma[part])))
+        turn = float(np.sum(np.cos(path.gamma[part][1:]) ** 2 * np.diff(path.chi[part])))
+        lateral = float(np.mean(path.n_z[part] * np.sin(path.mu[part])))
+        upward = float(np.mean(path.n_z[part] * np.cos(path.mu[part]) * np.cos(path.gamma[part])))
         apex = next(((at, over) for at, over in apexes if kind > 0 and before <= at <= behind), None)
-        height, over = (math.nan, False) if apex is None else (float(known.height[apex[0]]), apex[1])
+        height, over = (math.nan, False) if apex is None else (float(path.height[apex[0]]), apex[1])
         duration = STEP * (last - first)
         if duration >= LOAD_DURATION:
-            found.append(Pull(known.time_of(first), duration, peak, turn, lateral, upward, height, over))
-    return found
+            pulls.append(Pull(path.time_of(first), duration, peak, turn, lateral, upward, height, over))
+    return pulls
 
 
-def _beyond(known: _SmoothPath, row: int, peak: float, kind: int, end: int) -> bool:
+def _beyond(path: _SmoothPath, row: int, peak: float, kind: int, end: int) -> bool:
     """Return whether a load lies beyond the middle between a peak and what is left beside it: 1 g, or the value at
     `end` where that is nearer to the peak."""
-    base = kind * max(kind * float(known.n_z[end]), kind * 1.0)
-    return kind * float(known.n_z[row]) > kind * 0.5 * (peak + base)
+    base = kind * max(kind * float(path.n_z[end]), kind * 1.0)
+    return kind * float(path.n_z[row]) > kind * 0.5 * (peak + base)
 
 
 def _in_order(actions: Sequence[Action]) -> list[Action]:
     """Return actions by the time of their start; a roll before a pull that begins at once with it."""
-    ordered = sorted(actions, key=lambda one: one.time)
+    ordered = sorted(actions, key=lambda action: action.time)
     for number in range(1, len(ordered)):
-        before, one = ordered[number - 1], ordered[number]
-        if isinstance(one, RollAction) and not isinstance(before, RollAction) and one.time - before.time < TOGETHER:
-            ordered[number - 1 : number + 1] = one, before
+        before, action = ordered[number - 1], ordered[number]
+        if (
+            isinstance(action, RollAction)
+            and not isinstance(before, RollAction)
+            and action.time - before.time < TOGETHER
+        ):
+            ordered[number - 1 : number + 1] = action, before
     return ordered
 
 
 def _groups(actions: Sequence[Action]) -> list[tuple[Action, ...]]:
     """Return actions in groups: every roll begins one, and so does what follows after a pause."""
     groups: list[tuple[Action, ...]] = []
-    for one in actions:
+    for action in actions:
         last = groups[-1][-1] if groups else None
         joins = (
-            last is not None and not isinstance(one, RollAction) and one.time - last.time - last.duration < CUE_PAUSE
+            last is not None
+            and not isinstance(action, RollAction)
+            and action.time - last.time - last.duration < CUE_PAUSE
         )
-        groups[-1:] = [(*groups[-1], one)] if joins else [*groups[-1:], (one,)]
+        groups[-1:] = [(*groups[-1], action)] if joins else [*groups[-1:], (action,)]
     return groups
 
 
@@ -388,6 +394,6 @@ def _cue(flight: Flight, leg: Leg, actions: tuple[Action, ...]) -> Cue:
     if not flight.has("x", "y", "z"):
         return Cue(leg, behind, math.nan, actions)
     distance = way(flight, leg)
-    here, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
-    nearer = here < 0.5 * whole
-    return Cue(leg, before if nearer else behind, here if nearer else here - whole, actions)
+    at, whole = float(np.interp(actions[0].time, flight.time[leg.rows], distance)), float(distance[-1])
+    nearer = at < 0.5 * whole
+    return Cue(leg, before if nearer else behind, at if nearer else at - whole, actions)

@@ -65,10 +65,10 @@ def complete_histories(race: Race, given: Histories) -> Histories:
         missing = [name for name in rule.gives if name not in complete]
         if not missing or not rule.applies(race) or any(name not in complete for name in rule.needs):
             continue
-        values = rule.derive(race, {name: one.values for name, one in complete.items()})
-        for name, one in zip(rule.gives, values, strict=True):
+        values = rule.derive(race, {name: history.values for name, history in complete.items()})
+        for name, value in zip(rule.gives, values, strict=True):
             if name in missing:
-                complete[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
+                complete[name] = History(GLOSSARY[name], np.asarray(value), Basis.DERIVED)
     return _with_limits(complete, flight_limits(race.aircraft, race.course.rules))
 
 
@@ -89,9 +89,9 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
     columns = ("V_A", "V_I", *(("latitude", "longitude") if race.course.origin.has_coordinates else ()))
 
     def column(name: str) -> Callable[[Values], Array]:
-        def values(known: Values) -> Array:
-            given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
-            return complete_histories(race, given)[name].values
+        def values(samples: Values) -> Array:
+            states = {state: History(Quantity(state, ""), samples[state], Basis.SOLVED) for state in needed}
+            return complete_histories(race, states)[name].values
 
         return values
 
@@ -146,58 +146,60 @@ def _wind_function(field: WindField) -> ca.Function:
     return ca.Function("wind", [column(place.values()), column(numbers.values())], [column(velocity)], {"cse": True})
 
 
-def _R_OKbar(known: Values) -> attitude.Axes:
-    return attitude.path_axes([known[name] for name in QUATERNION])
+def _R_OKbar(samples: Values) -> attitude.Axes:
+    return attitude.path_axes([samples[name] for name in QUATERNION])
 
 
-def _velocity_in_air(race: Race, known: Values) -> Array:
+def _velocity_in_air(race: Race, samples: Values) -> Array:
     """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
-    chi, gamma = known["chi"], known["gamma"]
+    chi, gamma = samples["chi"], samples["gamma"]
     e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
-    return known["V_K"] * e - wind_along(race.air, known["x"], known["y"], known["z"])
+    return samples["V_K"] * e - wind_along(race.air, samples["x"], samples["y"], samples["z"])
 
 
-def _attitude_from_air(race: Race, known: Values) -> Sequence[Array]:
-    R_OA = attitude.air_axes(_R_OKbar(known), _velocity_in_air(race, known))
-    return attitude.quaternions(attitude.body_axes(R_OA, known["alpha_A"], known["beta_A"]))
+def _attitude_from_air(race: Race, samples: Values) -> Sequence[Array]:
+    R_OA = attitude.air_axes(_R_OKbar(samples), _velocity_in_air(race, samples))
+    return attitude.quaternions(attitude.body_axes(R_OA, samples["alpha_A"], samples["beta_A"]))
 
 
 _PATH = ("x", "y", "z", "V_K", "chi", "gamma")
 
 RULES = (
-    Rule(("height",), ("z",), lambda _, known: (-known["height"],)),
-    Rule(("z",), ("height",), lambda _, known: (-known["z"],)),
-    Rule(("height",), ("altitude",), lambda race, known: (known["height"] + race.course.origin.elevation,)),
+    Rule(("height",), ("z",), lambda _, samples: (-samples["height"],)),
+    Rule(("z",), ("height",), lambda _, samples: (-samples["z"],)),
+    Rule(("height",), ("altitude",), lambda race, samples: (samples["height"] + race.course.origin.elevation,)),
     Rule(
         ("x", "y"),
         ("latitude", "longitude"),
-        lambda race, known: geodetic(known["x"], known["y"], race.course.origin),
+        lambda race, samples: geodetic(samples["x"], samples["y"], race.course.origin),
         lambda race: race.course.origin.has_coordinates,
     ),
-    Rule(("height", "V_K"), ("h_E",), lambda _, known: (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)),
-    Rule(QUATERNION, ("chi", "gamma", "mu"), lambda _, known: attitude.euler_angles(_R_OKbar(known))),
-    Rule(_PATH, ("V_A",), lambda race, known: (np.linalg.norm(_velocity_in_air(race, known), axis=0),)),
+    Rule(("height", "V_K"), ("h_E",), lambda _, samples: (samples["height"] + samples["V_K"] ** 2 / (2.0 * g0),)),
+    Rule(QUATERNION, ("chi", "gamma", "mu"), lambda _, samples: attitude.euler_angles(_R_OKbar(samples))),
+    Rule(_PATH, ("V_A",), lambda race, samples: (np.linalg.norm(_velocity_in_air(race, samples), axis=0),)),
     Rule(
         ("V_A", "z"),
         ("V_I",),
-        lambda race, known: (indicated_airspeed(known["V_A"], known["z"], race.air),),
+        lambda race, samples: (indicated_airspeed(samples["V_A"], samples["z"], race.air),),
     ),
     Rule(
         ("C_L",),
         ("alpha_A",),
-        lambda race, known: (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),),
+        lambda race, samples: (attitude.angle_of_attack(samples["C_L"], race.aircraft.lift),),
     ),
     Rule(
         (*QUATERNION, "alpha_K", "beta_K"),
         BODY_ATTITUDE,
-        lambda _, known: attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"])),
+        lambda _, samples: attitude.quaternions(
+            attitude.body_axes(_R_OKbar(samples), samples["alpha_K"], samples["beta_K"])
+        ),
     ),
     Rule((*_PATH, *QUATERNION, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
-    Rule(QUATERNION, BODY_ATTITUDE, lambda _, known: [known[name] for name in QUATERNION]),
+    Rule(QUATERNION, BODY_ATTITUDE, lambda _, samples: [samples[name] for name in QUATERNION]),
     Rule(
         BODY_ATTITUDE,
         ("psi", "theta", "phi"),
-        lambda _, known: attitude.euler_angles(attitude.path_axes([known[name] for name in BODY_ATTITUDE])),
+        lambda _, samples: attitude.euler_angles(attitude.path_axes([samples[name] for name in BODY_ATTITUDE])),
     ),
 )
 """The rules in the order in which they are followed: a later one may need what an earlier one gives.
@@ -220,15 +222,15 @@ def flight_of(race: Race, result: StageResult, source: Source) -> Flight:
         source: what it is called.
     """
     read = stored_stages.continuous(race, result, LONGEST_STEP)
-    given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
-    given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
-    histories = complete_histories(race, given)
+    stored = {quantity.name: History(quantity, values, Basis.SOLVED) for quantity, values in read.solved.items()}
+    stored |= {quantity.name: History(quantity, values, Basis.DERIVED) for quantity, values in read.derived.items()}
+    histories = complete_histories(race, stored)
     crossings: list[TimedCrossing] = []
     nodes = result.trajectory.first_node.tolist()
     for passage, node in zip(race.course.passages, nodes, strict=True):
         time = float(result.trajectory.time[node])
         row = int(np.searchsorted(read.time, time))
         crossings.append(
-            TimedCrossing(passage, time, {name: float(one.values[row]) for name, one in histories.items()})
+            TimedCrossing(passage, time, {name: float(history.values[row]) for name, history in histories.items()})
         )
     return Flight(race, source, read.time, histories, tuple(crossings))

@@ -61,13 +61,13 @@ class NamedArray:
         """
         xarray: Any = extra("xarray", "a dataset")  # Any: without xarray there are no types
         variables = {
-            one.name: ("time", row, {"units": one.unit, "long_name": one.text})
-            for one, row in zip(self.quantities, self.values, strict=True)
+            quantity.name: ("time", row, {"units": quantity.unit, "long_name": quantity.text})
+            for quantity, row in zip(self.quantities, self.values, strict=True)
         }
         return xarray.Dataset(variables, coords={"time": ("time", self.time, {"units": "s"})})
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{one.name} [{one.unit}]" for one in self.quantities)
+        names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.quantities)
         return f"<NamedArray of {len(self.time)} times: {names}>"
 
 
@@ -113,8 +113,8 @@ def discretise(race: Race, settings: Settings, result: StageResult) -> tuple[Pro
 def costates(problem: Problem, result: StageResult) -> NamedArray:
     """Return the costates at the ends of the intervals, s per unit of the state; before a jump where one follows."""
     quantities = tuple(
-        Quantity(one.name, f"s/({one.unit})", text=f"costate of {one.text or one.name}")
-        for one in problem.system.states
+        Quantity(state.name, f"s/({state.unit})", text=f"costate of {state.text or state.name}")
+        for state in problem.system.states
     )
     values = optimality.costates(Layout(problem), result.constraint_multipliers)
     return NamedArray(result.trajectory.time[1:], quantities, values)

@@ -164,7 +164,7 @@ class Source:
         stage: the stage of a run, e.g. `six-dof`; empty for a recorded flight.
         status: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
-        remark: a sentence for whoever looks at it; often empty.
+        remark: a sentence for the reader; often empty.
         confirmation: the outcome of measuring it again; None where that was no question.
         failed: the items of its certificate that fail, or what else speaks against it.
         pilot: whose limits the pilot of an optimum keeps to; empty for what is no optimum.
@@ -315,17 +315,17 @@ class Flight:
         Args:
             times: s after the start, rising, shape (m,).
         """
-        wanted, values = np.asarray(times, np.float64), dict[str, Array]()
-        for name, one in self.histories.items():
+        time, values = np.asarray(times, np.float64), dict[str, Array]()
+        for name, history in self.histories.items():
             turning = name in ANGLES
-            between = np.interp(wanted, self.time, np.unwrap(one.values) if turning else one.values)
+            between = np.interp(time, self.time, np.unwrap(history.values) if turning else history.values)
             values[name] = np.remainder(between + np.pi, 2.0 * np.pi) - np.pi if turning else between
         for names in (QUATERNION, BODY_ATTITUDE):
             if self.has(*names):
-                q = interpolate_attitude(self.time, np.array([self[name] for name in names]), wanted)
+                q = interpolate_attitude(self.time, np.array([self[name] for name in names]), time)
                 values.update(zip(names, q, strict=True))
-        histories = {name: replace(one, values=values[name]) for name, one in self.histories.items()}
-        return replace(self, time=wanted, histories=histories)
+        histories = {name: replace(history, values=values[name]) for name, history in self.histories.items()}
+        return replace(self, time=time, histories=histories)
 
     def at_rate(self, rate_hz: float) -> "Flight":
         """Return the same flight at a fixed rate from its first time on, and at its very last time.
@@ -411,7 +411,7 @@ def laps_of(flight: Flight) -> tuple[Lap, ...]:
 
 def passings_around(flight: Flight, time: float) -> tuple[TimedCrossing, TimedCrossing]:
     """Return the passings between which a time (s) lies, of a flight that has made them all."""
-    last = int(np.searchsorted([one.time for one in flight.crossings], time, "right")) - 1
+    last = int(np.searchsorted([crossing.time for crossing in flight.crossings], time, "right")) - 1
     last = min(max(last, 0), len(flight.crossings) - 2)
     return flight.crossings[last], flight.crossings[last + 1]
 

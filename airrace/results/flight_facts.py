@@ -51,21 +51,21 @@ class LegFacts:
 
 def leg_facts(flight: Flight) -> tuple[LegFacts, ...]:
     """Return the facts of all legs in order; the ranges of an incomplete leg are NaN."""
-    known, found = distances(flight), list[LegFacts]()
+    measured, facts = distances(flight), list[LegFacts]()
     for leg in legs_of(flight):
         n_z, height, V_K, V_A, V_I, roll = (
             _range(flight, leg, name) for name in ("n_z", "height", "V_K", "V_A", "V_I", "p_Kbar")
         )
         roll_rate, energies = max(-roll.least, roll.greatest), (leg.before.value("h_E"), leg.after.value("h_E"))
-        clearances = least(flight, leg, known) if leg.is_complete else ()
-        found.append(LegFacts(leg, n_z, height, V_K, V_A, V_I, roll_rate, *energies, clearances))
-    return tuple(found)
+        clearances = least(flight, leg, measured) if leg.is_complete else ()
+        facts.append(LegFacts(leg, n_z, height, V_K, V_A, V_I, roll_rate, *energies, clearances))
+    return tuple(facts)
 
 
 def _range(flight: Flight, leg: Leg, name: str) -> Range:
     values = flight.values(name)[leg.rows]
-    known = values[np.isfinite(values)]
-    return Range(float(known.min()), float(known.max())) if len(known) else Range(math.nan, math.nan)
+    finite = values[np.isfinite(values)]
+    return Range(float(finite.min()), float(finite.max())) if len(finite) else Range(math.nan, math.nan)
 
 
 LOADS_SOURCE = "FAA-AM-72-28"
@@ -111,12 +111,12 @@ def sustained(time: Array, n_z: Array) -> tuple[SustainedLoad, ...]:
 
     A time at which nothing is known ends a stretch.
     """
-    found: list[SustainedLoad] = []
+    loads: list[SustainedLoad] = []
     for level, tolerated in TOLERATED_LOADS:
         begin, duration = longest_stretch(time, np.sign(level) * n_z, abs(level))
         if duration > tolerated:
-            found.append(SustainedLoad(level, begin, duration, tolerated))
-    return tuple(found)
+            loads.append(SustainedLoad(level, begin, duration, tolerated))
+    return tuple(loads)
 
 
 def longest_stretch(time: Array, values: Array, level: float) -> tuple[float, float]:
@@ -127,7 +127,7 @@ def longest_stretch(time: Array, values: Array, level: float) -> tuple[float, fl
     for first, end in turns.reshape(-1, 2).tolist():
         begin = _crossing(time, values, level, first - 1, first)
         duration = _crossing(time, values, level, end, end - 1) - begin
-        best = max(best, (begin, duration), key=lambda one: one[1])
+        best = max(best, (begin, duration), key=lambda stretch: stretch[1])
     return best
 
 

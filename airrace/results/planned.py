@@ -48,7 +48,7 @@ ZONE = "zone"
 """The kind of the distance over ground from people whose rule counts the height as well."""
 
 _NAMES = ("x", "y", "height", *QUATERNION)
-_DECLARATIONS = {**{one.name: one for one in PointMassState.quantities()}, **GLOSSARY}
+_DECLARATIONS = {**{quantity.name: quantity for quantity in PointMassState.quantities()}, **GLOSSARY}
 _KINDS = {
     "crowd": RemarkKind.CROWD,
     ZONE: RemarkKind.CROWD,
@@ -71,14 +71,16 @@ def planned_flight(race: Race) -> Flight:
     starts = list(itertools.accumulate(seconds, initial=0.0))
     time = np.interp(np.arange(columns.shape[1], dtype=np.float64), nodes, starts)
     for values in columns[:2]:  # gaps between known places are bridged; NaN before the first and after the last stay
-        known = np.isfinite(values)
-        if known.any():
-            values[~known] = np.interp(time[~known], time[known], values[known], left=math.nan, right=math.nan)
+        finite = np.isfinite(values)
+        if finite.any():
+            values[~finite] = np.interp(time[~finite], time[finite], values[finite], left=math.nan, right=math.nan)
     histories = {
         name: History(_DECLARATIONS[name], values, Basis.DERIVED) for name, values in zip(_NAMES, columns, strict=True)
     }
     crossings = tuple(
-        TimedCrossing(passage, float(time[node]), {name: float(one.values[node]) for name, one in histories.items()})
+        TimedCrossing(
+            passage, float(time[node]), {name: float(history.values[node]) for name, history in histories.items()}
+        )
         for passage, node in zip(race.course.passages, nodes, strict=True)
     )
     return Flight(race, Source("plan", remark=PLANNED), time, histories, crossings)
@@ -109,7 +111,7 @@ def _planned_legs(race: Race) -> tuple[list[float], list[Array]]:
 
 def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
     """Return what `_planned_legs` does for a course of which only the places of its elements are known."""
-    places = [(math.nan, math.nan) if (at := place(one)) is None else at[:2] for one in race.course.passages]
+    places = [(math.nan, math.nan) if (at := place(passage)) is None else at[:2] for passage in race.course.passages]
     ways = [math.dist(*ends) for ends in itertools.pairwise(places)]
     V = cruise(race.aircraft, race.course.rules).V
     seconds = [max(way / V, FIRST_MESH.shortest_leg) if math.isfinite(way) else FIRST_MESH.shortest_leg for way in ways]
@@ -123,7 +125,7 @@ def _straight_legs(race: Race) -> tuple[list[float], list[Array]]:
 
 
 def _counts(seconds: list[float], step: float) -> list[int]:
-    return [max(math.ceil(one / step), 2) for one in seconds]
+    return [max(math.ceil(duration / step), 2) for duration in seconds]
 
 
 # What the line comes near to.
@@ -135,8 +137,8 @@ def plan_clearances(planned: Flight) -> tuple[Clearance, ...]:
     The nearest pylon is that with the least margin; there is none, and no obstacle, for courses that are too long to be
     planned.
     """
-    known = () if len(planned.crossings) > PLANNED_MAX else pylons(planned)
-    return nearest_pylon(least_of_all(planned, (*known, *surroundings(planned))))
+    near_pylons = () if len(planned.crossings) > PLANNED_MAX else pylons(planned)
+    return nearest_pylon(least_of_all(planned, (*near_pylons, *surroundings(planned))))
 
 
 def remarks_on_line(planned: Flight) -> list[Remark]:
@@ -151,13 +153,13 @@ def remarks_on_line(planned: Flight) -> list[Remark]:
         for crowd in planned.course.crowd
         if crowd.slant
     ]
-    known = (*surroundings(planned), *zones)
+    measured = (*surroundings(planned), *zones)
     remarks: dict[object, Remark] = {}
     for leg in legs_of(planned):
-        ends = [(one.passage.element.name, one.passage.direction) for one in (leg.before, leg.after)]
-        found = {(one.kind, one.name): one for one in least(planned, leg, known)}
-        for (kind, name), nearest in found.items():
-            words = _describe(planned, leg, nearest, found.get(("crowd", name)))
+        ends = [(crossing.passage.element.name, crossing.passage.direction) for crossing in (leg.before, leg.after)]
+        nearest_by_name = {(clearance.kind, clearance.name): clearance for clearance in least(planned, leg, measured)}
+        for (kind, name), nearest in nearest_by_name.items():
+            words = _describe(planned, leg, nearest, nearest_by_name.get(("crowd", name)))
             if words:
                 line = "the planned line" if is_planned(planned, leg.rows) else "the straight line"
                 text = f"{line} from `{leg.before.name}` to `{leg.after.name}` {words}"
@@ -194,7 +196,7 @@ def _describe(planned: Flight, leg: Leg, nearest: Clearance, crowd: Clearance | 
 
 
 def _overflies(planned: Flight, leg: Leg, name: str) -> bool:
-    (crowd,) = (one for one in planned.course.crowd if one.name == name)
+    (crowd,) = (people for people in planned.course.crowd if people.name == name)
     return crowd_overflown(np.stack([planned["x"][leg.rows], planned["y"][leg.rows]], axis=1), crowd)
 
 
@@ -204,25 +206,25 @@ def _pylon_remarks(planned: Flight) -> Iterator[Remark]:
         return
     seen: set[tuple[str, ...]] = set()
     always = planned.course.rules.clearance is ClearanceRule.FLIGHT
-    places = {one.passage.element.name: one.passage.element.place for one in planned.crossings}
-    for one in near_misses(planned):
-        ends = tuple(end.passage.element.name for end in (one.before, one.after))
-        name, is_obstacle = one.clearance.name, one.clearance.kind == "obstacle"
-        if is_obstacle:
-            text = f"the planned line from `{one.before.name}` to `{one.after.name}` leads the wing "
-            text += f"{one.clearance.distance:.1f} m past" if one.clearance.distance > 0.0 else "through"
+    places = {crossing.passage.element.name: crossing.passage.element.place for crossing in planned.crossings}
+    for near_miss in near_misses(planned):
+        clearance, before, after = near_miss.clearance, near_miss.before, near_miss.after
+        name, ends = clearance.name, (before.passage.element.name, after.passage.element.name)
+        if clearance.kind == "obstacle":
+            text = f"the planned line from `{before.name}` to `{after.name}` leads the wing "
+            text += f"{clearance.distance:.1f} m past" if clearance.distance > 0.0 else "through"
             yield Remark(
-                one.after.name,
+                after.name,
                 RemarkKind.OBSTACLE,
-                f"{text} the obstacle `{name}`; {one.clearance.required:.0f} m are required",
+                f"{text} the obstacle `{name}`; {clearance.required:.0f} m are required",
             )
             continue
         if places[name] in (places[end] for end in ends) or (*ends, name) in seen:  # of a quad the other gate as well
             continue
         seen.add((*ends, name))
-        rule = f"{one.clearance.required:g} m are required" if always else "no rule keeps it away from there"
+        rule = f"{clearance.required:g} m are required" if always else "no rule keeps it away from there"
         text = (
-            f"the planned line from `{one.before.name}` to `{one.after.name}` leads the wing past a pylon of `{name}` "
-            f"at {one.clearance.distance:.1f} m; {rule}"
+            f"the planned line from `{before.name}` to `{after.name}` leads the wing past a pylon of `{name}` "
+            f"at {clearance.distance:.1f} m; {rule}"
         )
-        yield Remark(one.after.name, RemarkKind.PYLON, text)
+        yield Remark(after.name, RemarkKind.PYLON, text)

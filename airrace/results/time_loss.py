@@ -94,8 +94,8 @@ class Loss:
     @property
     def causes(self) -> tuple[Cause, ...]:
         """The causes that are reported, the greatest first."""
-        ranked = sorted(self.parts, key=lambda one: -self.parts[one])
-        return tuple(one for one in ranked if self.parts[one] >= self._least)[:CAUSES_MAX]
+        ranked = sorted(self.parts, key=lambda part: -self.parts[part])
+        return tuple(cause for cause in ranked if self.parts[cause] >= self._least)[:CAUSES_MAX]
 
     @property
     def _least(self) -> float:
@@ -108,7 +108,7 @@ class Loss:
         for cause in self.causes:
             facts = ", ".join(one.text for one in self.facts[cause])
             clauses.append(f"{self.parts[cause]:.2f} s by {WORDS[cause][0]}{f' ({facts})' if facts else ''}")
-        least = min(self.parts, key=lambda one: self.parts[one])
+        least = min(self.parts, key=lambda part: self.parts[part])
         if -self.parts[least] >= self._least:
             clauses.append(f"{-self.parts[least]:.2f} s won back by {WORDS[least][1]}")
         clauses += [one.text for one in self.leaving]
@@ -131,8 +131,8 @@ class TimeLoss:
     @property
     def costliest(self) -> tuple[Loss, ...]:
         """The losses that are reported, the greatest first."""
-        ranked = sorted(self.losses, key=lambda one: -one.amount)[:LEGS_MAX]
-        return tuple(one for one in ranked if one.amount >= LOSS_MIN)
+        ranked = sorted(self.losses, key=lambda loss: -loss.amount)[:LEGS_MAX]
+        return tuple(loss for loss in ranked if loss.amount >= LOSS_MIN)
 
     @property
     def title(self) -> str:
@@ -210,7 +210,7 @@ def _energies(flight: Flight, leg: Leg) -> tuple[Array, Array, Array, float]:
     force = np.nan_to_num(drag.k * (C_L - drag.C_L_minD) ** 2 * pressure / body.m)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(along))])
     share = along / along[-1]
-    V, h, W = (np.interp(SHARES, share, one) for one in (flight["V_K"][rows], height, work))
+    V, h, W = (np.interp(SHARES, share, history) for history in (flight["V_K"][rows], height, work))
     return V, h, W, float(along[-1])
 
 
@@ -218,7 +218,7 @@ def _turn(flight: Flight, leg: Leg) -> tuple[float, float]:
     """Return when the turn of a leg begins and ends, s on the flight's clock; NaN where the path hardly turns."""
     chi, gamma = flight["chi"][leg.rows], flight["gamma"][leg.rows]
     path = np.stack([np.cos(chi) * np.cos(gamma), np.sin(chi) * np.cos(gamma), np.sin(gamma)])
-    begun, open_ = (np.flatnonzero(one @ path < math.cos(TURN_ENDS)) for one in (path[:, 0], path[:, -1]))
+    begun, open_ = (np.flatnonzero(directions @ path < math.cos(TURN_ENDS)) for directions in (path[:, 0], path[:, -1]))
     if not len(begun) or not len(open_) or open_[-1] <= begun[0]:
         return math.nan, math.nan
     begin, end = flight.time[leg.rows][[begun[0], open_[-1]]].tolist()

@@ -19,7 +19,8 @@ from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.deviations import place_roundings
 from airrace.logs.identification import (
     FACTORS,
-    FIT,
+    RATE_MIN,
+    SAMPLES_MIN,
     Estimate,
     RecordedPath,
     RollRate,
@@ -233,8 +234,8 @@ def _read(path: Path, race: Race, layout: ColumnLayout) -> FittedLog:
     recorded = flight_from_log(read_log(path, layout), race, label=stem_of(path))
     placed = recorded.recording.select(np.isfinite(recorded.recording.columns["x"]))
     count, lasting = len(placed.time), float(placed.time[-1] - placed.time[0])
-    if count < FIT.samples or count < FIT.rate * lasting:
-        least = f"at least {FIT.rate:g} per second, {FIT.samples} in all"
+    if count < SAMPLES_MIN or count < RATE_MIN * lasting:
+        least = f"at least {RATE_MIN:g} per second, {SAMPLES_MIN} in all"
         refuse(str(path), 0, f"holds {count} positions in {lasting:.0f} s of the race; a fit needs {least}")
     places = np.stack([placed.columns[name] for name in ("x", "y", "height")])
     return FittedLog(path, recorded, placed.time, places, place_roundings(placed))

@@ -1,1 +1,1 @@
-"""Safety: how far flights stray in closed loop, what falls where when one fails, and what is near it then."""
+"""Safety: deviations of closed-loop flights, and impact footprints when an engine or an aircraft fails."""

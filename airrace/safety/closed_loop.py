@@ -121,7 +121,7 @@ class _Batch:
         self.loop, self.count = loop, len(numbers)
         generators = [np.random.default_rng([seed, number]) for number in numbers]
         middles = loop.leg_middles
-        drawn = np.stack([one.standard_normal(DISTURBANCES + len(middles)) for one in generators], axis=1)
+        drawn = np.stack([generator.standard_normal(DISTURBANCES + len(middles)) for generator in generators], axis=1)
         self.constant = np.array(scatter.constant)[:, None] * drawn[:DISTURBANCES]
         lateness = scatter.timing * drawn[DISTURBANCES:]
         grid = instants(loop.pilot.sample, loop.linear.count + 2)
@@ -134,7 +134,7 @@ class _Batch:
         self.rates, self.path = loop.plant.rates_of(self.inputs), loop.plant.path_of(self.inputs)
         bounds = loop.plant.system
         self.lower, self.upper = (
-            np.array([[getattr(one, end)] for one in bounds.controls]) for end in ("lower", "upper")
+            np.array([[getattr(control, end)] for control in bounds.controls]) for end in ("lower", "upper")
         )
         self.travel = tuple(
             np.array([[getattr(one, end)] for one in bounds.states[SURFACES]]) for end in ("lower", "upper")

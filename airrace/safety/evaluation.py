@@ -128,7 +128,7 @@ class Judge:
         return cls(
             race.course,
             tuple(waypoints),
-            tuple(boundary(one, seen, span) for one in waypoints),
+            tuple(boundary(waypoint, seen, span) for waypoint in waypoints),
             states,
             plant.path_of(inputs)(states)[row],
             pylons_of(race.course),
@@ -174,13 +174,13 @@ def together(parts: Sequence[FlightMeasurements]) -> FlightMeasurements:
         return np.concatenate(values, axis=-1)
 
     return FlightMeasurements(
-        joined([one.crossed for one in parts]),
-        {kind: joined([one.breaches[kind] for one in parts]) for kind in parts[0].breaches},
-        joined([one.touched for one in parts]),
-        joined([one.nearest for one in parts]),
-        {kind: joined([one.along[kind] for one in parts]) for kind in parts[0].along},
-        joined([one.deviations for one in parts]),
-        joined([one.lost for one in parts]),
+        joined([part.crossed for part in parts]),
+        {kind: joined([part.breaches[kind] for part in parts]) for kind in parts[0].breaches},
+        joined([part.touched for part in parts]),
+        joined([part.nearest for part in parts]),
+        {kind: joined([part.along[kind] for part in parts]) for kind in parts[0].along},
+        joined([part.deviations for part in parts]),
+        joined([part.lost for part in parts]),
     )
 
 
@@ -197,15 +197,15 @@ def measure(judge: Judge, loop: ClosedLoop, flights: Flights) -> FlightMeasureme
         state, load, late = _crossing(judge, nominal, flights, number)
         missed = ~np.isfinite(state).all(axis=0)
         _judge(judge, passing, number, np.where(missed, judge.states[:, [number]], state), breaches)
-        for one in breaches.values():
-            one[number] &= ~missed
+        for breach in breaches.values():
+            breach[number] &= ~missed
         breaches["missed"][number] |= missed
-        there = judge.states[:, [number]]
-        e = errors(state, np.repeat(there, count, axis=1))
-        axis = axis_of(passing, there)
-        away = state[:2] - there[:2]
+        at_passing = judge.states[:, [number]]
+        e = errors(state, np.repeat(at_passing, count, axis=1))
+        axis = axis_of(passing, at_passing)
+        away = state[:2] - at_passing[:2]
         right = axis[0] * away[1] - axis[1] * away[0]
-        crossed[number] = np.stack([right, there[2] - state[2], e[4], load - judge.loads[number], late])
+        crossed[number] = np.stack([right, at_passing[2] - state[2], e[4], load - judge.loads[number], late])
     racing = (flights.clock >= nominal.passings[0]) & (flights.clock <= nominal.passings[-1])
     racing &= np.arange(len(flights.clock))[:, None] < flights.lost
     centre, half = wing_of(np.transpose(flights.state, (1, 2, 0)), judge.semispan)  # (3, n, K)
@@ -230,7 +230,7 @@ def axis_of(passing: Boundary, state: Array) -> tuple[float, float]:
     values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
     if "along" in passing.bounds:
         return values["axis_north"], values["axis_east"]
-    R = rotation([float(one) for one in state[4:8, 0]])
+    R = rotation([float(component) for component in state[4:8, 0]])
     level = float(np.hypot(R[0][0], R[1][0]))
     return (R[0][0] / level, R[1][0] / level) if level > 1e-9 else (1.0, 0.0)
 
@@ -252,7 +252,9 @@ def onto_plane(nominal: NominalFlight, passing: Boundary, number: int, state: Ar
     clock = nominal.passings[number : number + 1]
     before, after = (nominal.at(clock + step) for step in (-TABLE_STEP, TABLE_STEP))
     flow = (errors(after, state) - errors(before, state))[:, 0] / (2.0 * TABLE_STEP if number else TABLE_STEP)
-    away = np.array(rotation([float(one) for one in state[4:8, 0]]))  # north, east, down per error of position
+    away = np.array(
+        rotation([float(component) for component in state[4:8, 0]])
+    )  # north, east, down per error of position
     axis = axis_of(passing, state)
     across = away[0] * axis[0] + away[1] * axis[1]  # along the axis per error of position
     sooner = across / (across @ flow[:3]) if "along" in passing.bounds else np.zeros(3)
@@ -269,7 +271,7 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
     near = np.argmin(np.abs(flights.clock - when), axis=0)
     rows = np.clip(near + np.arange(-WINDOW, WINDOW + 1)[:, None], 0, samples - 1)
     if number == 0:
-        before, share, found = np.zeros(count, np.int64), np.zeros(count), np.ones(count, bool)
+        before, share, crosses = np.zeros(count, np.int64), np.zeros(count), np.ones(count, bool)
     else:
         if "along" in passing.bounds:
             values = dict(zip(CrossingParameters.names(), passing.values, strict=False))
@@ -279,15 +281,15 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
             along = flights.clock[rows, flight] - when
         passed = (along[:-1] < 0.0) & (along[1:] >= 0.0)
         apart = np.where(passed, np.abs(np.arange(-WINDOW, WINDOW) + 0.5)[:, None], np.inf)
-        place, found = np.argmin(apart, axis=0), passed.any(axis=0)
+        place, crosses = np.argmin(apart, axis=0), passed.any(axis=0)
         a, b = along[place, flight], along[place + 1, flight]
-        before, share = rows[place, flight], np.where(found, a / np.where(found, a - b, 1.0), np.nan)
-    found &= before < flights.lost
+        before, share = rows[place, flight], np.where(crosses, a / np.where(crosses, a - b, 1.0), np.nan)
+    crosses &= before < flights.lost
     after = np.minimum(before + 1, samples - 1)
 
     def between(values: Array) -> Array:
         first, last = values[before, ..., flight].T, values[after, ..., flight].T
-        return np.where(found, first + share * (last - first), np.nan)
+        return np.where(crosses, first + share * (last - first), np.nan)
 
     state = np.zeros((STATES, count))
     state[: flights.state.shape[1]] = between(flights.state)
@@ -296,7 +298,7 @@ def _crossing(judge: Judge, nominal: NominalFlight, flights: Flights, number: in
     bend = np.diff(flights.load[np.stack([np.maximum(before - 1, 0), before, after]), flight], 2, axis=0)[0]
     load = between(flights.load) - 0.5 * share * (1.0 - share) * bend
     late = flights.sample * (before + share) - when
-    return state, load, np.where(found, late, np.nan)
+    return state, load, np.where(crosses, late, np.nan)
 
 
 def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches: Mapping[str, Booleans]) -> None:
@@ -306,7 +308,7 @@ def _judge(judge: Judge, passing: Boundary, number: int, state: Array, breaches:
     if not element.stands:
         return
     seen = at_points(passing.observation.values, state, np.array(passing.values))
-    values = dict(zip((one.name for one in passing.observation.quantities), seen, strict=True))
+    values = dict(zip((quantity.name for quantity in passing.observation.quantities), seen, strict=True))
     values["V_K"] = state[STATE["V_K"]]
     half = 0.5 * getattr(element, "width", np.inf)
     bounds = {"right": Interval(-half, half), **passing.bounds}
@@ -363,7 +365,7 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
         loop.nominal.passings, flights.clock, side="right"
     )  # that ends in the passage of this number
     floor, ceiling = course.rules.height.lower, course.rules.height.upper
-    found = {
+    breaches = {
         "load factor": (flights.load > judge.load.upper + LOAD_ALLOWED)
         | (flights.load < judge.load.lower - LOAD_ALLOWED),
         "floor": height < floor - beyond,
@@ -372,15 +374,17 @@ def _along(judge: Judge, loop: ClosedLoop, flights: Flights, racing: Booleans) -
     }
     for crowd in course.crowd:
         away = ground_distance(places, crowd)
-        found["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
+        breaches["crowd"] |= (np.hypot(away, height - crowd.height) if crowd.slant else away) < crowd.distance - beyond
     for line in course.safety_lines:
         on = [
-            number for number, one in enumerate(course.passages) if any(line.name == it.name for it in one.safety_lines)
+            number
+            for number, passage in enumerate(course.passages)
+            if any(line.name == safety_line.name for safety_line in passage.safety_lines)
         ]
-        found["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
+        breaches["safety line"] |= np.isin(legs, on) & (beside_line(places, line) < line.margin - beyond)
     if course.airspace:
-        found["airspace"] |= beside_border(places, course.airspace) < -beyond
-    return {kind: np.asarray((one & racing).any(axis=0)) for kind, one in found.items()}
+        breaches["airspace"] |= beside_border(places, course.airspace) < -beyond
+    return {kind: np.asarray((breach & racing).any(axis=0)) for kind, breach in breaches.items()}
 
 
 def grid_of(nominal: NominalFlight) -> Array:
@@ -395,7 +399,7 @@ def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
     north, east = planes(line)
     inputs = np.zeros((loop.plant.path.size1_in(1), len(grid)))
     loads = loop.plant.path_of(inputs)(line)[loop.plant.path_row("n_z")]
-    found = np.full((4, len(grid), flights.clock.shape[1]), np.nan)
+    deviations = np.full((4, len(grid), flights.clock.shape[1]), np.nan)
     for flight in range(flights.clock.shape[1]):
         until = int(flights.lost[flight])
         clock = flights.clock[:until, flight]
@@ -404,12 +408,12 @@ def _deviations(loop: ClosedLoop, flights: Flights) -> Array:
             flights.error[:until, 2, flight],
             flights.error[:until, 4, flight],
         )
-        rows: list[Array] = [np.interp(grid, clock, one, right=np.nan) for one in (right, down, bank)]
+        rows: list[Array] = [np.interp(grid, clock, history, right=np.nan) for history in (right, down, bank)]
         load = np.interp(grid, clock, flights.load[:until, flight], right=np.nan)
         lateral = north[0] * rows[0] + north[1] * rows[1]
         height = east[0] * rows[0] + east[1] * rows[1]
-        found[:, :, flight] = np.stack([lateral, height, rows[2], load - loads])
-    return found
+        deviations[:, :, flight] = np.stack([lateral, height, rows[2], load - loads])
+    return deviations
 
 
 def planes(line: Array) -> tuple[Array, Array]:

@@ -131,7 +131,7 @@ class CrowdExposure:
 
 @dataclass(frozen=True)
 class Footprint:
-    """What falls where.
+    """The impact footprint of some flights.
 
     Attributes:
         race: course, aircraft and air.
@@ -178,7 +178,7 @@ class Footprint:
     def glide_rows(self) -> np.ndarray:
         """The instants of `reach` among all of them."""
         rows = np.arange(len(self.time))
-        return np.concatenate([rows[one][:: self.settings.glide_every] for one in self._rows()])
+        return np.concatenate([rows[row][:: self.settings.glide_every] for row in self._rows()])
 
     @cached_property
     def lengths(self) -> dict[str, Array]:
@@ -253,7 +253,7 @@ class Footprint:
 
     def as_object(self) -> dict[str, object]:
         """Return it for JSON, in SI units."""
-        lengths = {f"{name}_farthest_m": float(one.max()) for name, one in self.lengths.items()}
+        lengths = {f"{name}_farthest_m": float(length.max()) for name, length in self.lengths.items()}
         keys = ("distance_m", "flight", "time_s", "hit_s", "overlap_m2", "glide_straight_s", "glide_turned_s")
         return {
             "flights": [track.label for track in self.tracks],
@@ -266,8 +266,12 @@ class Footprint:
             "falls": {**lengths, "time_longest_s": float(self.vacuum.time.max())},
             "glide_straight_m": [float(self.reach.distance.min()), float(self.reach.distance.max())],
             "crowds": [
-                {"name": one.crowd.name, "rule_m": one.crowd.distance, **dict(zip(keys, one.measures, strict=True))}
-                for one in self.crowds
+                {
+                    "name": crowd.crowd.name,
+                    "rule_m": crowd.crowd.distance,
+                    **dict(zip(keys, crowd.measures, strict=True)),
+                }
+                for crowd in self.crowds
             ],
             "outlines": {"falls": _rings(self.falls), "glides": _rings([self.glides])},
             "remark": NOT_AN_AUTHORITYS,
@@ -282,7 +286,7 @@ def footprint_of(
     glide_ratio: float | None = None,
     settings: FootprintSettings | None = None,
 ) -> Footprint:
-    """Return what falls where from some flights of one race.
+    """Return the impact footprint of flights of one race.
 
     Args:
         race: course, aircraft and air; the ground is flat, at the height of the course's origin.
@@ -297,7 +301,7 @@ def footprint_of(
     # A judgement: above these bounds lie a parachute and every glider.
     for name, value, most, unit in (("drag area", drag_area, 1000.0, " m2"), ("glide ratio", glide_ratio, 70.0, "")):
         if value is not None and not 0.0 < value <= most:
-            raise UsageError(f"a {name} of {value:g}{unit} makes no sense: it must lie above 0 and not above {most:g}")
+            raise UsageError(f"a {name} of {value:g}{unit} is out of range: it must lie above 0 and not above {most:g}")
     settings, aircraft = settings or FootprintSettings(), race.aircraft
     states = _join(tracks)
     top = float((states.place[:, 2] + np.maximum(states.velocity[:, 2], 0.0) ** 2 / (2.0 * g0)).max())
@@ -321,7 +325,7 @@ def footprint_of(
 def _join(tracks: Sequence[Track], every: int = 1) -> States:
     """Return the states of all flights one behind the other, every so many of each."""
     places, velocities = zip(
-        *((one.states.place[::every], one.states.velocity[::every]) for one in tracks), strict=True
+        *((track.states.place[::every], track.states.velocity[::every]) for track in tracks), strict=True
     )
     return States(np.concatenate(places), np.concatenate(velocities))
 
@@ -359,6 +363,9 @@ def _within(points: Array, rings: Array) -> np.ndarray:
 
 def _rings(outlines: Sequence[Outline]) -> list[dict[str, object]]:
     return [
-        {"border": np.round(one.border, 2).tolist(), "holes": [np.round(hole, 2).tolist() for hole in one.holes]}
-        for one in outlines
+        {
+            "border": np.round(outline.border, 2).tolist(),
+            "holes": [np.round(hole, 2).tolist() for hole in outline.holes],
+        }
+        for outline in outlines
     ]

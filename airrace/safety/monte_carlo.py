@@ -161,7 +161,7 @@ def gate_stretches(names: Sequence[str], measured: FlightMeasurements, linear: A
     count = len(measured.lost)
     for number, name in enumerate(names):
         rows = dict(zip((*QUANTITIES, "time"), zip(measured.crossed[number], linear[number], strict=True), strict=True))
-        broken = {kind: int(one[number].sum()) for kind, one in measured.breaches.items()}
+        broken = {kind: int(breach[number].sum()) for kind, breach in measured.breaches.items()}
         yield Stretch(
             name,
             {key: _deviation(values, float(sigma)) for key, (values, sigma) in rows.items()},
@@ -183,7 +183,7 @@ def _deviation(values: Array, linear: float) -> Deviation:
     known = values[np.isfinite(values)]
     if not len(known):
         return Deviation(np.nan, (np.nan,) * len(SHARES), linear)
-    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), one)) for one in SHARES), linear)
+    return Deviation(float(known.mean()), tuple(float(_quantile(np.abs(known), share)) for share in SHARES), linear)
 
 
 def _worst(values: Array) -> Deviation:
@@ -229,26 +229,26 @@ def closed_loop_of(race: Race, result: StageResult, pilot: PilotModel) -> Closed
         )
     if not 0.0 <= pilot.delay <= 1.0:
         raise UsageError(
-            f"a delay of {pilot.delay:g} s makes no sense: it must lie between 0 and 1 s; people have 0.1 to 0.3"
+            f"a delay of {pilot.delay:g} s is out of range: it must lie between 0 and 1 s; people have 0.1 to 0.3"
         )
     if abs(pilot.delay - pilot.waiting * pilot.sample) > 1e-9:
         below = math.floor(pilot.delay / pilot.sample)
         raise UsageError(
-            f"a delay of {pilot.delay:g} s makes no sense: the pilot decides every {pilot.sample:g} s, so it must be "
-            f"{below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
+            f"a delay of {pilot.delay:g} s cannot be simulated: the pilot decides every {pilot.sample:g} s, so it must "
+            f"be {below * pilot.sample:g} or {(below + 1) * pilot.sample:g} s"
         )
     plant = Plant.from_race(race)
     loop = ClosedLoop.of(plant, NominalFlight.from_optimum(race, result, plant), pilot)
     alone = fly(loop, UNDISTURBED, 0, [0])
     off = np.linalg.norm(alone.error[:, :3, 0], axis=1)
-    astray = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
-    if not len(astray) and alone.lost[0] < len(alone.clock):
+    beyond = np.flatnonzero(off > UNDISTURBED_ERROR_MAX)
+    if not len(beyond) and alone.lost[0] < len(alone.clock):
         raise UsageError(
             "this optimum cannot be followed in closed loop: even undisturbed the flight has no finite state at "
             f"{alone.sample * alone.lost[0]:.1f} s"
         )
-    if len(astray):
-        when = float(alone.clock[astray[0], 0])
+    if len(beyond):
+        when = float(alone.clock[beyond[0], 0])
         raise UsageError(
             f"a pilot with a delay of {pilot.delay:g} s cannot hold this optimum: even undisturbed the flight is more "
             f"than {UNDISTURBED_ERROR_MAX:g} m off it at {when:.1f} s"
@@ -266,7 +266,7 @@ def fly_closed_loop(
     seed: int = 0,
     threads: int | None = None,
 ) -> SafetyResult:
-    """Fly a stage's optimum many times, and tell how far the flights stray and what they break.
+    """Fly a stage's optimum many times; measure how far the flights deviate and what they break.
 
     Args:
         race: course, aircraft and air.
@@ -278,10 +278,10 @@ def fly_closed_loop(
         threads: None for one per processor.
 
     Raises:
-        UsageError: the stage is not six-dof or found no flight, or an argument says nothing sensible.
+        UsageError: the stage is not six-dof or found no flight, or an argument is out of range.
     """
     if not 1 <= flights <= MOST_FLIGHTS:
-        raise UsageError(f"{flights} flights make no sense: it must be 1 to {MOST_FLIGHTS}")
+        raise UsageError(f"{flights} flights are out of range: it must be 1 to {MOST_FLIGHTS}")
     race, scatter = race.by_rules, scatter or Scatter()
     loop = closed_loop_of(race, result, pilot or PilotModel())
     judge = Judge.from_optimum(race, result, loop)
@@ -294,7 +294,7 @@ def fly_closed_loop(
     names = [passage.name for passage in race.course.passages]
     broken = {
         "pylon": np.asarray(measured.touched.any(axis=0)),
-        **{kind: np.asarray(one.any(axis=0)) for kind, one in measured.breaches.items()},
+        **{kind: np.asarray(breach.any(axis=0)) for kind, breach in measured.breaches.items()},
         **measured.along,
         "lost": measured.lost,
     }

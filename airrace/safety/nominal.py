@@ -56,8 +56,8 @@ class NominalFlight:
             UsageError: the stage has other states, or its histories are those of no flight.
         """
         trajectory = result.trajectory
-        names = [one.name for one in plant.system.states]
-        if not set(names) <= {one.name for one in trajectory.states}:
+        names = [state.name for state in plant.system.states]
+        if not set(names) <= {state.name for state in trajectory.states}:
             raise UsageError(f"closed-loop flights follow an optimum of six-dof; {result.stage.value} is another stage")
         count = int(np.floor(trajectory.time[-1] / TABLE_STEP)) + 1
         times = instants(TABLE_STEP, count)
@@ -65,7 +65,7 @@ class NominalFlight:
         state = np.stack([known[name] for name in names])
         if not np.isfinite(state).all():
             raise UsageError(f"{result.stage.value} is no flight that could be followed: it cannot be integrated again")
-        controls = np.stack([trajectory[one.name] for one in plant.system.controls])
+        controls = np.stack([trajectory[control.name] for control in plant.system.controls])
         sums = np.pad(np.cumsum(controls * np.diff(trajectory.time), axis=1), ((0, 0), (1, 0)))
         moved = np.stack([np.asarray(np.interp(times, trajectory.time, row), np.float64) for row in sums])
         held = np.zeros((CONTROLS + DISTURBANCES, 1))

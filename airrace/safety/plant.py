@@ -132,7 +132,7 @@ def _functions(profile: Any, thermals: int) -> tuple[ca.Function, ca.Function, c
     aircraft = replace(aircraft, m=aircraft.m * (1.0 + d["mass"]), P=aircraft.P * (1.0 + d["power"]))
     atmosphere = AtmosphereParameters[Scalar](**{name: p[name] for name in AtmosphereParameters.names()})
     atmosphere = replace(atmosphere, p_0=atmosphere.p_0 * (1.0 + d["density"]))
-    wind = [*(p[one.name] for one in plain.parameters), d["W_N"], d["W_E"], d["W_D"]]
+    wind = [*(p[parameter.name] for parameter in plain.parameters), d["W_N"], d["W_E"], d["W_D"]]
     state, weather = SixDofState[Scalar](**x), Weather(atmosphere, field, wind)
     rates, path = six_dof(state, SurfaceControl[Scalar](**u), aircraft=aircraft, weather=weather)
     arguments = [column(x.values()), column([*u.values(), *d.values()]), column(p.values())]
@@ -185,7 +185,7 @@ class GustFilter:
     def draw(self, generators: Sequence[np.random.Generator]) -> Array:
         """Return histories of (u, v, w), m/s, shape (N, 3, n), stationary from their start, one per generator."""
         count = len(self.step)
-        white = np.stack([one.standard_normal((count + 1, GUST_STATES)) for one in generators], axis=2)
+        white = np.stack([generator.standard_normal((count + 1, GUST_STATES)) for generator in generators], axis=2)
         state, found = np.sqrt(np.diag(STATIONARY_GUSTS))[:, None] * white[0], np.empty((count, 3, len(generators)))
         for k in range(count):
             found[k] = _times(self.output[k], state)

@@ -148,10 +148,15 @@ def limits_of(
         margins: with which the stage was solved, by key.
     """
     judge, P = Judge.from_optimum(race, result, loop), covariance(loop, scatter)[:, :-1, :-1]
-    found = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
-    near = (one for one in found if one.sigma > 0.0 and one.room < 3.0 * MARGIN_MAX * one.sigma)
-    known = {one.key for one in course_limits(race) if math.isfinite(one.value)}  # a `point` has no tolerances
-    return [replace(one, key=one.key if one.key in known else "", present=margins.get(one.key, 0.0)) for one in near]
+    limits = [*_of_passings(judge, loop, P), *_of_pylons(judge, loop, P), *_along(race, judge, loop, P)]
+    near = (limit for limit in limits if limit.sigma > 0.0 and limit.room < 3.0 * MARGIN_MAX * limit.sigma)
+    tolerated = {
+        course_limit.key for course_limit in course_limits(race) if math.isfinite(course_limit.value)
+    }  # a `point` has no tolerances
+    return [
+        replace(limit, key=limit.key if limit.key in tolerated else "", present=margins.get(limit.key, 0.0))
+        for limit in near
+    ]
 
 
 def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
@@ -167,20 +172,20 @@ def _of_passings(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
         now = _at(P, loop, loop.nominal.passings[number])[:SIZE, :SIZE]
         sigma = np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, now, slopes), 0.0))
         keys, rates = [""] * len(ends), np.ones(len(ends))
-        for one in element.parameters():
-            step = -math.copysign(0.1 * one.usual_step, one.relaxing_step)
-            tighter = replace(waypoint.passage, element=one.set(element, one.value + step))
+        for parameter in element.parameters():
+            step = -math.copysign(0.1 * parameter.usual_step, parameter.relaxing_step)
+            tighter = replace(waypoint.passage, element=parameter.set(element, parameter.value + step))
             rate = (room - _rooms(judge, replace(waypoint, passage=tighter), line)[1])[:, 0] / abs(step)
             for row in np.flatnonzero(rate > 1e-9).tolist():
                 if not keys[row]:  # a clearance, which a width would tighten, too
-                    keys[row], rates[row] = f"gates.{element.base_name}.{one.key}", rate[row]
+                    keys[row], rates[row] = f"gates.{element.base_name}.{parameter.key}", rate[row]
         for row, (name, _) in enumerate(ends):
             if name == "along" or not sigma[row] > 0.0:
                 continue
             kind = KINDS.get(name, "tolerance")
             allowed = LENGTH_ALLOWED if kind in LENGTHS else ANGLE_ALLOWED
             between = np.min(room[row, 0] + room[towards @ towards[row] < OPPOSITE, 0], initial=np.inf)
-            numbers = (float(one) for one in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
+            numbers = (float(value) for value in (room[row, 0] + allowed, sigma[row], allowed, rates[row], between))
             yield Limit(keys[row], kind, waypoint.passage.name, *numbers)
 
 
@@ -188,18 +193,18 @@ def _directions(slopes: Array) -> Array:
     """Return the directions in which rooms grow, shape (k, 6): of the position, else of the attitude."""
     position, attitude = slopes[:, :3], slopes[:, 4:7]
     placed = np.linalg.norm(position, axis=1, keepdims=True) > 1e-6
-    found = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+    directions = np.concatenate([np.where(placed, position, 0.0), np.where(placed, 0.0, attitude)], axis=1)
+    return directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12)
 
 
 def _rooms(judge: Judge, waypoint: Waypoint, states: Array) -> tuple[list[tuple[str, float]], Array]:
     """Return the ends of all ranges of a passing, by quantity and sign, and the room to each, shape (k, n)."""
     passing = judge.boundary(waypoint)
     assert passing.observation is not None  # it is the boundary of a passage
-    rows = {one.name: row for row, one in enumerate(passing.observation.quantities)}
+    rows = {quantity.name: row for row, quantity in enumerate(passing.observation.quantities)}
     seen = at_points(passing.observation.values, states, np.array(passing.values))
-    bounds = [(name, one) for name, one in passing.bounds.items() if name in rows]
-    both = [(name, sign, end) for name, one in bounds for sign, end in ((1.0, one.upper), (-1.0, one.lower))]
+    bounds = [(name, bound) for name, bound in passing.bounds.items() if name in rows]
+    both = [(name, sign, end) for name, bound in bounds for sign, end in ((1.0, bound.upper), (-1.0, bound.lower))]
     stated = [(name, sign, end) for name, sign, end in both if math.isfinite(end)]
     rooms = [sign * (end - seen[rows[name]]) for name, sign, end in stated]
     return [(name, sign) for name, sign, _ in stated], np.array(rooms)
@@ -216,7 +221,7 @@ def _of_pylons(judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Limit]:
     wing = Wing(clock, *wing_of(line, judge.semispan))
     legs = np.searchsorted(clock, nominal.passings).tolist()
     legs[-1] = min(legs[-1], len(clock) - 1)
-    elements = {one.element.name: one.element for one in judge.course.passages}
+    elements = {passage.element.name: passage.element for passage in judge.course.passages}
     for approach in closest_approaches(wing, judge.pylons, legs):
         pylon, place = approach.pylon, judge.waypoints[approach.leg + 1].passage.name
         allowed = LENGTH_ALLOWED
@@ -246,8 +251,8 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     keys = [
         *(("rules.floor_m", "floor"), ("rules.ceiling_m", "ceiling"), ("rules.floor_m", "ground")),
         *(("rules.n_z_max", LOAD), ("rules.n_z_min", LOAD), ("rules.C_L_max", STALL)),
-        *((f"crowd.{one.name}.distance_m", "crowd") for one in course.crowd),
-        *((f"safety_lines.{one.name}.margin_m", "safety line") for one in course.safety_lines),
+        *((f"crowd.{crowd.name}.distance_m", "crowd") for crowd in course.crowd),
+        *((f"safety_lines.{safety_line.name}.margin_m", "safety line") for safety_line in course.safety_lines),
         *([("", "airspace")] if course.airspace else []),
     ]
 
@@ -255,15 +260,15 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
         height, places = -x[STATE["z"]], np.stack([x[0], x[1]], axis=-1)
         _, half = wing_of(x, judge.semispan)
         n_z, alpha_A = loop.plant.path_of(np.concatenate([np.zeros((CONTROLS, x.shape[1])), d]))(x)[rows]
-        found = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
-        found += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
+        distances = [height - rules.height.lower, rules.height.upper - height, height - np.abs(half[2])]
+        distances += [judge.load.upper - n_z, n_z - judge.load.lower, stall_angle - alpha_A]
         for crowd in course.crowd:
             away = ground_distance(places, crowd)
-            found.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
-        found += [beside_line(places, one) - one.margin for one in course.safety_lines]
+            distances.append((np.hypot(away, height - crowd.height) if crowd.slant else away) - crowd.distance)
+        distances += [beside_line(places, safety_line) - safety_line.margin for safety_line in course.safety_lines]
         if course.airspace:
-            found.append(beside_border(places, course.airspace))
-        return np.stack(found)
+            distances.append(beside_border(places, course.airspace))
+        return np.stack(distances)
 
     lift = race.aircraft.lift  # what is stricter than the rules: the aircraft's load factor, an angle of attack
     reached = lift.C_L0 + lift.C_Lalpha * stall_angle
@@ -278,7 +283,7 @@ def _along(race: Race, judge: Judge, loop: ClosedLoop, P: Array) -> Iterator[Lim
     room = rooms(line, np.zeros((DISTURBANCES, len(clock))))
     for leg, (begin, end) in enumerate(pairwise(np.searchsorted(clock, loop.nominal.passings).tolist())):
         place = course.passages[leg + 1]
-        lines = {one.name for one in place.safety_lines}
+        lines = {safety_line.name for safety_line in place.safety_lines}
         for row, (key, kind) in enumerate(keys):
             if kind == "safety line" and key.split(".")[1] not in lines:
                 continue
@@ -301,9 +306,13 @@ def lift_margin(limits: Sequence[Limit], pilot: PilotModel, share: float) -> flo
 
     It is none where the flight does not stay near the stall.
     """
-    near = [one for one in limits if one.kind == STALL and one.room < pilot.stall_margin + one.present * one.rate]
-    wanted = (one.idle + share * (pilot.stall_margin + LIFT_ROOM * one.sigma) / one.rate for one in near)
-    return max(wanted, default=0.0) if share else 0.0
+    near = [
+        limit
+        for limit in limits
+        if limit.kind == STALL and limit.room < pilot.stall_margin + limit.present * limit.rate
+    ]
+    margins = (limit.idle + share * (pilot.stall_margin + LIFT_ROOM * limit.sigma) / limit.rate for limit in near)
+    return max(margins, default=0.0) if share else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,15 +339,15 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
         risk: the sum of the probabilities of breaches that is allowed.
     """
     by_key: dict[str, list[Limit]] = {}
-    for one in limits:
-        by_key.setdefault(one.key, []).append(one)
-    fixed = sum(float(one.risk(np.zeros(()))) for one in by_key.pop("", []))
+    for limit in limits:
+        by_key.setdefault(limit.key, []).append(limit)
+    fixed = sum(float(limit.risk(np.zeros(()))) for limit in by_key.pop("", []))
     tried, risks, costs = np.empty((3, len(by_key), MARGIN_STEPS))
-    for row, (key, its) in enumerate(by_key.items()):
-        most = min(max(one.wanted for one in its), min(one.most for one in its))
+    for row, (key, of_key) in enumerate(by_key.items()):
+        most = min(max(limit.wanted for limit in of_key), min(limit.most for limit in of_key))
         tried[row] = np.linspace(0.0, most, MARGIN_STEPS)
-        least = PRICE_MIN * max(one.rate / one.sigma for one in its)
-        risks[row] = sum(one.risk(tried[row]) for one in its)
+        least = PRICE_MIN * max(limit.rate / limit.sigma for limit in of_key)
+        risks[row] = sum(limit.risk(tried[row]) for limit in of_key)
         costs[row] = max(prices.get(key, 0.0), least) * tried[row]
 
     def chosen(weight: float) -> tuple[Array, float]:
@@ -351,5 +360,5 @@ def allocate(limits: Sequence[Limit], prices: Mapping[str, float], risk: float) 
         weight = math.sqrt(low * high)
         low, high = (low, weight) if chosen(weight)[1] <= risk else (weight, high)
     margins = dict(zip(by_key, chosen(high)[0].tolist(), strict=True))
-    left = np.array([float(one.risk(np.array(margins.get(one.key, 0.0)))) for one in limits])
-    return Allocation({key: one for key, one in margins.items() if one > 0.0}, left, bool(left.sum() <= risk))
+    left = np.array([float(limit.risk(np.array(margins.get(limit.key, 0.0)))) for limit in limits])
+    return Allocation({key: margin for key, margin in margins.items() if margin > 0.0}, left, bool(left.sum() <= risk))

@@ -150,7 +150,8 @@ class LagrangianSensitivity:
         value = np.array([float(self._of_system @ np.asarray(problem.parameters)), 0.0])
         for owner, _, values in _observers(problem):
             value[0] += float(self._of_owners[owner] @ np.asarray(values)) if values else 0.0
-        ends = np.array([(one.lower, one.upper) for one in (each.limits(problem) for each in self._multipliers)])
+        limits = [owner.limits(problem) for owner in self._multipliers]
+        ends = np.array([(limit.lower, limit.upper) for limit in limits])
         multipliers, stated = np.array(list(self._multipliers.values())), np.isfinite(ends)
         if (multipliers.any(axis=1) & ~stated).any():
             raise OtherStructureError
@@ -216,7 +217,7 @@ def _structure(problem: Problem) -> object:
         (
             owner,
             len(values),
-            {name: (math.isfinite(one.lower), math.isfinite(one.upper)) for name, one in bounds.items()},
+            {name: (math.isfinite(bound.lower), math.isfinite(bound.upper)) for name, bound in bounds.items()},
         )
         for owner, bounds, values in _observers(problem)
     ]
@@ -292,7 +293,7 @@ def sensitivities(
         NotCertified: the stage is no optimum, certified or solved, or was solved roughly.
         CheckpointError: the stored multipliers do not belong to a flight of these inputs.
     """
-    parameters = (one for one in Variation(inputs).parameters.values() if one.group in groups)
+    parameters = (parameter for parameter in Variation(inputs).parameters.values() if parameter.group in groups)
     found = sensitivities_to(parameters, inputs.race, inputs.settings, result)
     return {one.key: one for one in sorted(found, key=lambda one: (-one.weight, one.key))}
 

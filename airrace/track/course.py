@@ -88,8 +88,8 @@ class Obstacle:
             return self.corners or self.places[:1]
         (middle,), turns = self.places, [math.tau * number / 24 for number in range(24)]
         return tuple(
-            Point(middle.north + self.radius * math.cos(one), middle.east + self.radius * math.sin(one))
-            for one in turns
+            Point(middle.north + self.radius * math.cos(turn), middle.east + self.radius * math.sin(turn))
+            for turn in turns
         )
 
 

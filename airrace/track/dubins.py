@@ -47,7 +47,7 @@ class DubinsPath:
 
     def bend(self, factor: float) -> "DubinsPath":
         """Return the path of the same piece lengths with all curvatures multiplied by `factor` (0: straight)."""
-        first, second, third = (factor * one for one in self.curvatures)
+        first, second, third = (factor * curvature for curvature in self.curvatures)
         return DubinsPath(self.north, self.east, self.heading, self.lengths, (first, second, third))
 
     def part(self, begin: float, end: float) -> "DubinsPath":

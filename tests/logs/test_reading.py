@@ -4,7 +4,6 @@ import gzip
 import math
 import zipfile
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from airrace.logs.csv_log import ColumnLayout
 from airrace.logs.log_flight import flight_from_log
 from airrace.logs.passings import in_frame, in_order
 from airrace.logs.reading import read_log
-from airrace.logs.recording import LIMITS, Recording
+from airrace.logs.recording import Recording
 from airrace.quantities import KNOT
 
 SEEN = fixes(5.0)
@@ -206,7 +205,7 @@ def test_files_without_a_recording_and_with_too_many_samples_are_refused(
         read_log(tmp_path / "b.zip")
     layout = with_columns(ColumnLayout(), ["time=time", "north=x", "east=why", "height=height"])
     assert refused(tmp_path, HEAD, layout=layout).startswith("log.csv:1:1: has no column `why` for east; its columns")
-    monkeypatch.setattr("airrace.logs.recording.LIMITS", replace(LIMITS, samples=3))
+    monkeypatch.setattr("airrace.logs.recording.SAMPLES_MAX", 3)
     said = refused(tmp_path, HEAD + "".join(f"{row},1,2,3\n" for row in range(1, 9)))
     assert said == "log.csv:5:1: holds more than 3 samples; cut the log to the flight"
 
