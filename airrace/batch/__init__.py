@@ -81,7 +81,7 @@ class BatchOptions:
         from airrace.batch.planning import make_plan
         from airrace.batch.record import Choice
         from airrace.runs.plan import stage_by_name
-        from airrace.runs.run import library_versions
+        from airrace.runs.stored_inputs import library_versions
 
         choice = Choice.ALL if self.force else Choice.FAILED if self.retry_failed else Choice.NONE
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
@@ -95,7 +95,7 @@ class BatchOptions:
         """
         from airrace.batch.local import JOB_COMMAND, LocalExecutor
         from airrace.process import available_cores
-        from airrace.runs.run import library_versions
+        from airrace.runs.stored_inputs import library_versions
 
         if self.cluster is None:
             return LocalExecutor(JOB_COMMAND, self.jobs or available_cores())

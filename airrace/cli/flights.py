@@ -74,7 +74,6 @@ def import_log(
         ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
         from airrace.api import import_log as imported
         from airrace.cli.flight_tables import log_texts
-        from airrace.runs.json_objects import log_object
 
         log_view = imported(
             log,
@@ -90,7 +89,7 @@ def import_log(
         )
         ensure_unread([path], documents_of(log_view.inputs))
         log_view.save(path)
-        answer.fields.update(log_object(log_view))
+        answer.fields.update(log_view.as_object())
         if not quiet and path != STANDARD:
             answer.texts.extend(log_texts(log_view))
         answer_with_files(answer, [path], quiet=quiet)

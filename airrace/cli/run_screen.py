@@ -31,8 +31,10 @@ from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
 from airrace.runs.plan import in_force
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint, stored_documents
-from airrace.runs.stage_view import downgrade_stale, is_certified
+from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.stored_inputs import stored_documents
+from airrace.runs.verdict import downgrade_stale, is_certified
+from airrace.runs.verification import with_confirmations
 from airrace.standard_streams import STANDARD, name_of
 from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
@@ -146,7 +148,7 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
     run, refusal = None, ""
     shown = [one.result.stage for one in checkpoint.stages if stage in (None, one.result.stage.value)]
     try:
-        run = ensure_readable(run_of_checkpoint(checkpoint, path)).confirmed(shown, verify=verify)
+        run = with_confirmations(ensure_readable(run_of_checkpoint(checkpoint, path)), shown, verify=verify)
         every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])

@@ -277,13 +277,13 @@ def show(
         if isinstance(stored, LogCheckpoint):
             from airrace.cli.flight_tables import log_texts
             from airrace.runs.flight_sources import source_of
-            from airrace.runs.json_objects import log_object
             from airrace.runs.log_view import open_log
+            from airrace.runs.verification import with_confirmation
 
             log = open_log(stored)
             source_of(log, stage)
-            log = log.confirmed(verify=not no_verify)
-            answer.fields.update(log_object(log))
+            log = with_confirmation(log, verify=not no_verify)
+            answer.fields.update(log.as_object())
             if not as_json:
                 answer.texts.extend(log_texts(log, legs=legs))
             answer.fail_if_refuted({log.recorded.label: log.confirmation})

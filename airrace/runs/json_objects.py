@@ -3,11 +3,9 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
 from airrace.results import Confirmation, Flight, ReserveState, Stamp, laps_of
@@ -16,9 +14,6 @@ from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, c
 from airrace.results.flight import passings_around
 from airrace.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.results.time_loss import TimeLoss, time_loss
-
-if TYPE_CHECKING:
-    from airrace.runs.log_view import LogView
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",
@@ -256,58 +251,6 @@ def _clearance(one: Clearance) -> dict[str, object]:
         "north_m": one.north,
         "east_m": one.east,
         "height_m": finite(one.height),
-    }
-
-
-def log_object(view: "LogView") -> dict[str, object]:
-    """Return race time, passings, violations, legs and remarks; SI units and radians, violations in their own units."""
-    flight, log = view.flight(), view.recorded.log
-    return {
-        "flown": True,
-        "track": flight.course.name,
-        "aircraft": flight.aircraft.name,
-        "stamp": stamp_object(flight.stamp),
-        "log": log.path,
-        "format": log.format,
-        "begins": log.begins or None,
-        "start_in_log_s": log.offset,
-        "race_time_s": finite(flight.race_time),
-        **({} if view.confirmation is None else confirmation_object(view.confirmation)),
-        "penalty_s": finite(view.penalty),
-        "race_over": math.isinf(view.penalty),
-        "passings": _passings(flight),
-        "violations": [_violation_object(one) for one in view.violations],
-        **legs_object(flight),
-        "histories": {name: one.basis.value for name, one in flight.histories.items()},
-        "remarks": list(view.remarks),
-    }
-
-
-def _passings(flight: Flight) -> list[dict[str, object]]:
-    names = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
-    return [
-        {
-            "passing": one.name,
-            "lap": one.lap,
-            "time_s": finite(one.time),
-            **{name: finite(one.value(name)) for name in names},
-        }
-        for one in flight.crossings
-    ]
-
-
-def _violation_object(one: Violation) -> dict[str, object]:
-    return {
-        "passing": one.passing or None,
-        "rule": one.rule,
-        "time_s": finite(one.time),
-        "value": finite(one.value),
-        "limit": finite(one.limit),
-        "unit": one.unit,
-        "deviation": finite(one.deviation),
-        "certain": one.certain,
-        "penalty_s": finite(one.penalty),
-        "ends_race": math.isinf(one.penalty),
     }
 
 

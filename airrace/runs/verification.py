@@ -8,7 +8,7 @@ are made of it once more.
 import itertools
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,8 @@ from airrace.quantities import Quantity
 from airrace.results import Confirmation
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
-from airrace.runs.run import RunState, current_versions, library_versions
+from airrace.runs.run import RunState
+from airrace.runs.stored_inputs import current_versions, library_versions
 from airrace.trajectory import Array
 
 if TYPE_CHECKING:
@@ -392,6 +393,20 @@ def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, .
     return tuple(_verification(run, result, again, general) for result, again in measured)
 
 
+def with_confirmations(run: RunState, shown: Container[Stage], *, verify: bool) -> RunState:
+    """Return a run with what measuring the stages that are shown again tells; a refuted one is not certified.
+
+    Args:
+        run: as it was read.
+        shown: these stages.
+        verify: whether they are measured at all; else they are called not verified.
+    """
+    if verify:
+        return replace(run, confirmations=confirmations(run, shown))
+    unknown = {result.stage: Confirmation(None) for result in run.results if result.stage in shown}
+    return replace(run, confirmations=unknown)
+
+
 def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confirmation]:
     """Measure the stages that are shown again, and tell of each what came of that.
 
@@ -482,6 +497,11 @@ def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
             yield f"{'it' if one is again else 'an alternative'} does not hold: {failed or 'nothing was measured'}"
     if result.certificate is not None and not result.certificate.holds:
         yield "it was stored as not certified"
+
+
+def with_confirmation(view: LogView, *, verify: bool) -> LogView:
+    """Return a log with what verifying it tells; it is called not verified unless it is to be."""
+    return replace(view, confirmation=confirm_log(view) if verify else Confirmation(None))
 
 
 def confirm_log(view: LogView, *, versions: bool = True) -> Confirmation:
