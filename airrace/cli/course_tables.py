@@ -17,7 +17,7 @@ from airrace.results.clearances import Clearance
 from airrace.results.flight import passings_around
 from airrace.track.course import CrowdShape, PilotLimits, StartSpeed
 from airrace.track.polygons import area, edges
-from airrace.views.course_page import rows
+from airrace.views.course_page import passages_table
 from airrace.views.tables import Column, Table
 
 
@@ -47,7 +47,7 @@ def course_tables(race: Race) -> list[Table]:
         ("kept away from", ("name", "what", "where", "distance"), _surroundings(race)),
     )
     tables = [Table(title, [Column(head, wraps=True) for head in heads], list(cells)) for title, heads, cells in words]
-    return [table for table in (_passages_table(race), *tables) if table.rows]
+    return [table for table in (passages_table(race, SIZES.rows_max, SIZES.last_rows), *tables) if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
@@ -56,43 +56,6 @@ def remarks_text(remarks: Sequence[Remark]) -> str:
     if len(remarks) > SIZES.remarks_max:
         lines.append(paragraph(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them"))
     return "\n".join(lines)
-
-
-_PASSAGES = (
-    Column("passage"),
-    Column("type", rank=7),
-    Column("north", "m", "z.0f", missing="free", rank=5),
-    Column("east", "m", "z.0f", missing="free", rank=6),
-    Column("height", "m", "z.1f", missing="free"),
-    Column("course", "deg", "z.0f", missing="free"),
-    Column("climb", "deg", "z.0f", missing="free", rank=1),
-    Column("bank", "deg", "z.0f", missing="free", rank=2),
-    Column("leg", "m", "z.0f", rank=4),
-    Column("turn", "deg", "z.0f", rank=3),
-)
-
-
-def _passages_table(race: Race) -> Table:
-    title = f"{race.course.name}, flown by {race.aircraft.name}"
-    cells: list[tuple[str | float | None, ...]] = []
-    for row in rows(race):
-        angles = (None if one is None else math.degrees(one) for one in (row.heading, row.climb, row.bank, row.turn))
-        heading, climb, bank, turn = angles
-        height, bounds = row.height, row.passage.element.heights
-        if height is None and bounds.bounded:  # a free manoeuvre
-            lower, upper = f"{bounds.lower:.0f}", f"{bounds.upper:.0f}"
-            height = f"{lower}-{upper}"
-            if not math.isfinite(bounds.lower):
-                height = f"< {upper}"
-            elif not math.isfinite(bounds.upper):
-                height = f"> {lower}"
-        place = (row.passage.name, row.kind, row.north, row.east, height)
-        cells.append((*place, heading, climb, bank, row.leg, turn))
-    if len(cells) > SIZES.rows_max:
-        title += f" ({len(cells)} passages; --json has all of them)"
-        blank = (f"... {len(cells) - SIZES.rows_max} more", *[""] * (len(_PASSAGES) - 1))
-        cells = [*cells[: SIZES.rows_max - SIZES.last_rows], blank, *cells[-SIZES.last_rows :]]
-    return Table(title, _PASSAGES, cells)
 
 
 def _leg_conditions(race: Race) -> Iterator[list[str]]:

@@ -20,7 +20,6 @@ from airrace.cli.run_tables import (
     leg_tables,
     mesh_table,
     near_miss_table,
-    stages_table,
 )
 from airrace.errors import InputError, UsageError
 from airrace.inputs.objects import is_of_objects
@@ -38,7 +37,7 @@ from airrace.runs.verification import with_confirmations
 from airrace.standard_streams import STANDARD, name_of
 from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
-from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, verdict_words
+from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, stages_table, verdict_words
 from airrace.views.tables import Table
 
 logger = logging.getLogger(__name__)

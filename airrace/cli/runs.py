@@ -399,8 +399,9 @@ def sensitivity(
     These are shadow prices in seconds per unit, from the multipliers of an optimum; nothing is solved again.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.cli.flight_tables import sensitivities_csv, sensitivities_text
+        from airrace.cli.flight_tables import sensitivities_text
         from airrace.errors import UsageError
+        from airrace.report.sensitivity_tables import sensitivities_csv
         from airrace.runs.run import open_run
 
         if as_json and as_csv:

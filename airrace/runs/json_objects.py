@@ -14,6 +14,8 @@ from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, c
 from airrace.results.flight import passings_around
 from airrace.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.results.time_loss import TimeLoss, time_loss
+from airrace.views.comparison_tables import laps_table, lost_table
+from airrace.views.stage_tables import certificate_table
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",
@@ -116,17 +118,7 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
     """Return the object of a certificate with all its numbers; what could not be measured is null and does not hold."""
     return {
         "solver_status": certificate.solver_status,
-        "items": [
-            {
-                "name": item.name,
-                "value": finite(item.value),
-                "limit": finite(item.limit),
-                "unit": item.unit,
-                "holds": bool(item.holds),
-                "where": item.where,
-            }
-            for item in certificate.items
-        ],
+        "items": certificate_table(certificate, "").objects(),
         "second_order": None if certificate.second_order is None else second_order_object(certificate.second_order),
     }
 
@@ -326,17 +318,12 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
             {"what": what, "reference": first, "flight": second}
             for what, first, second in conditions(comparison.reference, comparison.other)
         ],
-        "laps": [
-            {
-                "lap": mine.number,
-                "reference_s": finite(mine.time),
-                "flight_s": finite(its.time),
-                "difference_s": finite(its.time - mine.time),
-            }
-            for mine, its in comparison.laps
-        ],
+        "laps": laps_table(comparison).objects(),
         "costs": _loss_object(time_loss(comparison)),
-        "legs": [_leg_object(leg) for leg in comparison.legs],
+        "legs": [
+            {**row, "differs": _difference_objects(leg)}
+            for row, leg in zip(lost_table(comparison.legs).objects(), comparison.legs, strict=True)
+        ],
         "progress": {
             "shares_of_a_leg": SHARES.tolist(),
             "distance_m": progress.distance.tolist(),
@@ -363,19 +350,14 @@ def _loss_object(lost: TimeLoss) -> dict[str, object]:
     }
 
 
-def _leg_object(leg: LegComparison) -> dict[str, object]:
-    return {
-        "passing": leg.name,
-        "lap": leg.reference.lap,
-        "reference_s": finite(leg.reference.time),
-        "flight_s": finite(leg.other.time),
-        "difference_s": finite(leg.difference),
-        "tie": leg.tie,
-        "cumulative_s": finite(leg.cumulative),
-        "by_longer_way_s": finite(leg.by_way),
-        "by_lower_speed_s": finite(leg.by_speed),
-        "differs": [
-            {"what": one.name, "reference": one.reference, "flight": one.other, "unit": one.unit, "text": one.text}
-            for one in leg.differences
-        ],
-    }
+def _difference_objects(leg: LegComparison) -> list[dict[str, object]]:
+    return [
+        {
+            "what": difference.name,
+            "reference": difference.reference,
+            "flight": difference.other,
+            "unit": difference.unit,
+            "text": difference.text,
+        }
+        for difference in leg.differences
+    ]

@@ -20,6 +20,7 @@ from airrace.runs.output import write_or_return
 from airrace.runs.stage_data import Splits
 from airrace.runs.stored_inputs import library_versions, stored_documents, stored_inputs
 from airrace.standard_streams import stem_of
+from airrace.views.log_tables import passings_table, violations_table
 
 if TYPE_CHECKING:
     from airrace.logs.csv_log import ColumnLayout
@@ -147,8 +148,8 @@ class LogView:
             **confirmation,
             "penalty_s": finite(self.penalty),
             "race_over": math.isinf(self.penalty),
-            "passings": _passing_objects(flight),
-            "violations": [_violation_object(violation) for violation in self.violations],
+            "passings": passings_table(flight).objects(),
+            "violations": violations_table(self.violations).objects(),
             **legs_object(flight),
             "histories": {name: history.basis.value for name, history in flight.histories.items()},
             "remarks": list(self.remarks),
@@ -162,34 +163,6 @@ class LogView:
             CheckpointError: it cannot be stored, for instance because it would be too large.
         """
         write_log(Path(path), self.recorded)
-
-
-def _passing_objects(flight: Flight) -> list[dict[str, object]]:
-    names = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
-    return [
-        {
-            "passing": crossing.name,
-            "lap": crossing.lap,
-            "time_s": finite(crossing.time),
-            **{name: finite(crossing.value(name)) for name in names},
-        }
-        for crossing in flight.crossings
-    ]
-
-
-def _violation_object(violation: Violation) -> dict[str, object]:
-    return {
-        "passing": violation.passing or None,
-        "rule": violation.rule,
-        "time_s": finite(violation.time),
-        "value": finite(violation.value),
-        "limit": finite(violation.limit),
-        "unit": violation.unit,
-        "deviation": finite(violation.deviation),
-        "certain": violation.certain,
-        "penalty_s": finite(violation.penalty),
-        "ends_race": math.isinf(violation.penalty),
-    }
 
 
 def new_log_view(inputs: Inputs, log_flight: "LogFlight") -> LogView:

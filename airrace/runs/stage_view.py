@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -30,8 +30,7 @@ from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
-from airrace.views.stage_tables import certificate_table
-from airrace.views.tables import Column, Table
+from airrace.views.stage_tables import certificate_table, stages_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -43,19 +42,10 @@ if TYPE_CHECKING:
     from airrace.runs.safety_case import SafetyCase
 
 
-STAGES = (
-    Column("stage"),
-    Column("race time", "s", ".3f"),
-    Column("state"),
-    Column("iterations", form="d"),
-    Column("wall", "s", ".1f"),
-)
-
-
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
     """Return the stages, the gate splits of the last one, and its flight from above, as HTML."""
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    stages = Table(title, STAGES, [_stage_cells(result) for result in results]).html()
+    stages = replace(stages_table(results), title=title).html()
     sentence = verdict(results)[1] if results else "no stage is finished yet"
     remark = f"<p>{escape_html(sentence)}</p>" if sentence else ""
     return f"<div>{stages}{remark}{_flight_html(race, results[-1]) if results else ''}</div>"
@@ -68,11 +58,6 @@ def stage_page(race: Race, result: StageResult) -> str:
         measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
     line = escape_html(run_line(race.course.name, [result]))
     return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
-
-
-def _stage_cells(result: StageResult) -> tuple[str | float | None, ...]:
-    race_time = result.trajectory.race_time if result.has_race_time else None
-    return result.stage.value, race_time, result.status.value, result.iterations, result.timings.wall
 
 
 def _flight_html(race: Race, result: StageResult) -> str:
