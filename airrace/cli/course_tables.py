@@ -4,7 +4,6 @@ import itertools
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,23 +19,12 @@ from airrace.track.polygons import area, edges
 from airrace.views.course_page import passages_table
 from airrace.views.tables import Column, Table
 
-
-@dataclass(frozen=True)
-class TableSizes:
-    """The sizes of what is printed of a course.
-
-    Attributes:
-        rows_max: the largest number of passages in the table; of more, only the first and the last are printed.
-        last_rows: the number of passages at the end of a table that is cut.
-        remarks_max: the largest number of remarks that are printed.
-    """
-
-    rows_max: int = 200
-    last_rows: int = 20
-    remarks_max: int = 30
-
-
-SIZES = TableSizes()
+ROWS_MAX = 200
+"""The largest number of passages in the table; of more, only the first and the last are printed."""
+LAST_ROWS = 20
+"""The number of passages at the end of a table that is cut."""
+REMARKS_MAX = 30
+"""The largest number of remarks that are printed."""
 
 
 def course_tables(race: Race) -> list[Table]:
@@ -47,14 +35,14 @@ def course_tables(race: Race) -> list[Table]:
         ("kept away from", ("name", "what", "where", "distance"), _surroundings(race)),
     )
     tables = [Table(title, [Column(head, wraps=True) for head in heads], list(cells)) for title, heads, cells in words]
-    return [table for table in (passages_table(race, SIZES.rows_max, SIZES.last_rows), *tables) if table.rows]
+    return [table for table in (passages_table(race, ROWS_MAX, LAST_ROWS), *tables) if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
     """Return the remarks, one line each where no terminal is too narrow for it; of many, the first ones."""
-    lines = [paragraph(remark.text, begin="warning: ", page=sys.maxsize) for remark in remarks[: SIZES.remarks_max]]
-    if len(remarks) > SIZES.remarks_max:
-        lines.append(paragraph(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them"))
+    lines = [paragraph(remark.text, begin="warning: ", page=sys.maxsize) for remark in remarks[:REMARKS_MAX]]
+    if len(remarks) > REMARKS_MAX:
+        lines.append(paragraph(f"and {len(remarks) - REMARKS_MAX} more warnings; --json has all of them"))
     return "\n".join(lines)
 
 

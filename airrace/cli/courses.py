@@ -55,7 +55,7 @@ def check(
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
-        from airrace.cli.plan_view import LIMITS, plan_view
+        from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.inputs import load_inputs
         from airrace.runs.courses import check_course
 
@@ -65,7 +65,7 @@ def check(
             ensure_unread([plot], documents_of(course.inputs))
             course.draw(plot)
         if not as_json and plot != STANDARD:
-            columns, plain = terminal_columns() or LIMITS.columns, not takes_unicode()
+            columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
             tables = course_tables(course.race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
             view = plan_view(course.map_model, columns=columns, plain=plain)

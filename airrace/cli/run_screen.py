@@ -13,7 +13,7 @@ from pathlib import Path
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.answer import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
-    TABLE,
+    ROUTES_MAX,
     distance_tables,
     items_table,
     laps_text,
@@ -47,20 +47,10 @@ REFUSED = "this version of airrace refuses the inputs"
 NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
 
 
-@dataclass(frozen=True)
-class ScreenSettings:
-    """What the answer leaves out so that it fits one screen.
-
-    Attributes:
-        limits_max: the largest number of limits in its table.
-        remarks_max: the largest number of remarks.
-    """
-
-    limits_max: int = 5
-    remarks_max: int = 3
-
-
-SCREEN = ScreenSettings()
+LIMITS_MAX = 5
+"""The largest number of limits in its table."""
+REMARKS_MAX = 3
+"""The largest number of remarks."""
 
 
 @dataclass(frozen=True)
@@ -221,12 +211,12 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
         if shown.flight is not None and last.stage.value == shown.stage:
             laps = laps_text(shown.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)
-            limits = limits_table(shown.flight, None if every else SCREEN.limits_max)
+            limits = limits_table(shown.flight, None if every else LIMITS_MAX)
             # A rough optimum stays a little off its limits, so nothing can be told of how long it keeps to them.
             if limits.rows and last.has_race_time and not last.is_rough:
                 yield render(limits, columns=PAGE)
     remarks = list(_remarks(shown))
-    listed = remarks if every else remarks[: SCREEN.remarks_max]
+    listed = remarks if every else remarks[:REMARKS_MAX]
     lines = [paragraph(one, begin="note: ") for one in listed]
     if len(listed) < len(remarks):
         lines.append(f"{len(remarks) - len(listed)} more with --all")
@@ -319,7 +309,7 @@ def _routes(results: Sequence[StageResult]) -> Iterator[str]:
     searches = [result.search for result in results if result.search.routes]
     if not searches:
         yield "no other routes were tried"
-    yield from (render(search_table(one, most=TABLE.routes_max), columns=PAGE) for one in searches)
+    yield from (render(search_table(one, most=ROUTES_MAX), columns=PAGE) for one in searches)
 
 
 def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,20 +23,10 @@ if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
 
 
-@dataclass(frozen=True)
-class TableSettings:
-    """What the tables of a run leave out.
-
-    Attributes:
-        routes_max: the largest number of rows of routes; all of them are in the checkpoint and in the object.
-        tie_ms: the difference within which legs are a tie, ms.
-    """
-
-    routes_max: int = 12
-    tie_ms: float = round(1000.0 * TIE)
-
-
-TABLE = TableSettings()
+ROUTES_MAX = 12
+"""The largest number of rows of routes; all of them are in the checkpoint and in the object."""
+TIE_MS = round(1000.0 * TIE)
+"""The difference within which legs are a tie, ms."""
 
 
 def items_table(certificate: "Certificate", verdict: str = "", begin: str = "") -> Table:
@@ -189,7 +178,7 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     if math.isnan(comparison.difference):
         verdict = "one of them does not finish"
     elif comparison.tie:
-        verdict = f"a tie within {TABLE.tie_ms} ms ({times})"
+        verdict = f"a tie within {TIE_MS} ms ({times})"
     details = [f"{what}: {second} against {first}" for what, first, second in conditions(reference, other)]
     details += [
         f"{flight.label} is {flight.source.verdict}"
@@ -231,4 +220,4 @@ def _legs_texts(comparison: Comparison, label: str, *, every: bool) -> Iterator[
         yield render(lost_table(legs, f"{label}legs by time lost"), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
-        yield paragraph(f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TABLE.tie_ms} ms")
+        yield paragraph(f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms")

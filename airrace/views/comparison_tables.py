@@ -56,5 +56,6 @@ def lost_table(
             name = replace(name, time=before.time - begin if before.found else None)
             lost = replace(lost, text="a tie" if leg.tie else None)
         times = (leg.reference.time, leg.other.time, lost, leg.tie, leg.cumulative, leg.by_way, leg.by_speed)
-        rows.append((name, leg.reference.lap, *times, "; ".join(difference.text for difference in leg.differences)))
+        differences = ("; " if begin is None else ", ").join(difference.text for difference in leg.differences)
+        rows.append((name, leg.reference.lap, *times, differences))
     return Table(title, _LEGS if begin is None else _LEGS_OF_REPORT, rows, notes)
