@@ -17,7 +17,7 @@ from pathlib import Path
 
 from airrace.batch.planning import JobTemplate, find_sources, make_plan, parse_sweeps
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, write_record
-from airrace.runs.run import library_versions
+from airrace.runs.stored_inputs import library_versions
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMAND = (sys.executable, "-P", "-m", "airrace")

@@ -106,7 +106,7 @@ class BatchOptions:
         from airrace.batch.planning import make_plan
         from airrace.batch.record import Repeat
         from airrace.runs.plan import stage_by_name
-        from airrace.runs.run import library_versions
+        from airrace.runs.stored_inputs import library_versions
 
         repeat = Repeat.FAILED if self.retry_failed else Repeat.NONE
         if self.force:
@@ -122,7 +122,7 @@ class BatchOptions:
         """
         from airrace.batch.local import JOB_COMMAND, LocalPool
         from airrace.process import available_cores
-        from airrace.runs.run import library_versions
+        from airrace.runs.stored_inputs import library_versions
 
         if self.cluster is None:
             return LocalPool(JOB_COMMAND, self.jobs or available_cores())

@@ -44,27 +44,16 @@ from airrace.views.progress_view import commands_cursor
 from airrace.views.tables import Column, Table
 from airrace.views.terminal import PlainConsole
 
-
-@dataclass(frozen=True)
-class OutputLimits:
-    """The sizes of what is printed of a batch.
-
-    Attributes:
-        findings_max: the largest number of findings that are printed for a batch.
-        message_max: the longest message in the table, in characters; the other reports hold longer ones in
-            full.
-        name_max: the longest line of a job's name on a narrow terminal, in characters: so much is left of 80
-            columns beside its state, the stage with the longest name, its race time and how far it is behind.
-        reasons_max: the largest number of reasons that are stated one by one before any job runs.
-    """
-
-    findings_max: int = 500
-    message_max: int = 90
-    name_max: int = 20
-    reasons_max: int = 20
-
-
-LIMITS = OutputLimits()
+FINDINGS_MAX = 500
+"""The largest number of findings that are printed for a batch."""
+MESSAGE_MAX = 90
+"""The longest message in the table, in characters; the other reports hold longer ones in full."""
+NAME_MAX = 20
+"""The longest line of a job's name on a narrow terminal, in characters: so much is left of 80 columns beside its
+state, the stage with the longest name, its race time and how far it is behind.
+"""
+REASONS_MAX = 20
+"""The largest number of reasons that are stated one by one before any job runs."""
 
 
 @dataclass(frozen=True)
@@ -147,13 +136,9 @@ def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[J
     findings = list(dict.fromkeys([*plan.findings, *(finding for one in results for finding in one.findings)]))
     if findings:
         number = len(findings)
-        more = (
-            []
-            if number <= LIMITS.findings_max
-            else [Finding("", 0, 0, "", f"and {number - LIMITS.findings_max} more findings")]
-        )
+        more = [] if number <= FINDINGS_MAX else [Finding("", 0, 0, "", f"and {number - FINDINGS_MAX} more findings")]
         text = f"some input is not valid: {number} finding{'' if number == 1 else 's'}"
-        answer.fail(ExitCode.INVALID_INPUT, text, [*findings[: LIMITS.findings_max], *more])
+        answer.fail(ExitCode.INVALID_INPUT, text, [*findings[:FINDINGS_MAX], *more])
 
 
 _JOB, _RACE_TIME = Column("job"), Column("race time", "s", ".3f")
@@ -191,7 +176,7 @@ def ranking_tables(rows: Sequence[BatchResult], columns: int | None = None) -> l
             )
         )
         line = " ".join(result.message.split())
-        messages.append(line if len(line) <= LIMITS.message_max else f"{line[: LIMITS.message_max - 3]}...")
+        messages.append(line if len(line) <= MESSAGE_MAX else f"{line[: MESSAGE_MAX - 3]}...")
     title = f"{len(rows)} jobs: {counts_words(rows) or 'none'}"
     numbers = [(row.name, *rank, *flight) for row, rank, flight in zip(rows, ranks, flights, strict=True)]
     table, has_messages = Table(title, (*_RANKING, *heads), numbers), columns is None or any(messages)
@@ -212,7 +197,7 @@ def fold_name(name: str) -> str:
     """Return a job's name on as many lines as it needs on a narrow terminal, cut after commas."""
     lines = [""]
     for part in re.split(r"(?<=,)", name):
-        if lines[-1] and len(lines[-1] + part) > LIMITS.name_max:
+        if lines[-1] and len(lines[-1] + part) > NAME_MAX:
             lines.append("  ")
         lines[-1] += part
     return "\n".join(lines)
@@ -273,8 +258,8 @@ class BatchLines(Watcher):
     def on_begin(self, plan: BatchPlan) -> None:
         self._total = sum(step.result is None for step in plan.steps)
         again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
-        if len(again) > LIMITS.reasons_max:
-            again[LIMITS.reasons_max :] = [f"and {len(again) - LIMITS.reasons_max} more again (--dry-run tells all)"]
+        if len(again) > REASONS_MAX:
+            again[REASONS_MAX:] = [f"and {len(again) - REASONS_MAX} more again (--dry-run tells all)"]
         for line in (plan_line(plan), *again):
             self._line(line)
 

@@ -4,7 +4,6 @@ import itertools
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,26 +16,15 @@ from airrace.results.clearances import Clearance
 from airrace.results.flight import passings_around
 from airrace.track.course import CrowdShape, PilotLimits, StartSpeed
 from airrace.track.polygons import area, edges
-from airrace.views.course_page import rows
+from airrace.views.course_page import passages_table
 from airrace.views.tables import Column, Table
 
-
-@dataclass(frozen=True)
-class TableSizes:
-    """The sizes of what is printed of a course.
-
-    Attributes:
-        rows_max: the largest number of passages in the table; of more, only the first and the last are printed.
-        last_rows: the number of passages at the end of a table that is cut.
-        remarks_max: the largest number of remarks that are printed.
-    """
-
-    rows_max: int = 200
-    last_rows: int = 20
-    remarks_max: int = 30
-
-
-SIZES = TableSizes()
+ROWS_MAX = 200
+"""The largest number of passages in the table; of more, only the first and the last are printed."""
+LAST_ROWS = 20
+"""The number of passages at the end of a table that is cut."""
+REMARKS_MAX = 30
+"""The largest number of remarks that are printed."""
 
 
 def course_tables(race: Race) -> list[Table]:
@@ -47,52 +35,15 @@ def course_tables(race: Race) -> list[Table]:
         ("kept away from", ("name", "what", "where", "distance"), _surroundings(race)),
     )
     tables = [Table(title, [Column(head, wraps=True) for head in heads], list(cells)) for title, heads, cells in words]
-    return [table for table in (_passages_table(race), *tables) if table.rows]
+    return [table for table in (passages_table(race, ROWS_MAX, LAST_ROWS), *tables) if table.rows]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
     """Return the remarks, one line each where no terminal is too narrow for it; of many, the first ones."""
-    lines = [paragraph(remark.text, begin="warning: ", page=sys.maxsize) for remark in remarks[: SIZES.remarks_max]]
-    if len(remarks) > SIZES.remarks_max:
-        lines.append(paragraph(f"and {len(remarks) - SIZES.remarks_max} more warnings; --json has all of them"))
+    lines = [paragraph(remark.text, begin="warning: ", page=sys.maxsize) for remark in remarks[:REMARKS_MAX]]
+    if len(remarks) > REMARKS_MAX:
+        lines.append(paragraph(f"and {len(remarks) - REMARKS_MAX} more warnings; --json has all of them"))
     return "\n".join(lines)
-
-
-_PASSAGES = (
-    Column("passage"),
-    Column("type", rank=7),
-    Column("north", "m", "z.0f", missing="free", rank=5),
-    Column("east", "m", "z.0f", missing="free", rank=6),
-    Column("height", "m", "z.1f", missing="free"),
-    Column("course", "deg", "z.0f", missing="free"),
-    Column("climb", "deg", "z.0f", missing="free", rank=1),
-    Column("bank", "deg", "z.0f", missing="free", rank=2),
-    Column("leg", "m", "z.0f", rank=4),
-    Column("turn", "deg", "z.0f", rank=3),
-)
-
-
-def _passages_table(race: Race) -> Table:
-    title = f"{race.course.name}, flown by {race.aircraft.name}"
-    cells: list[tuple[str | float | None, ...]] = []
-    for row in rows(race):
-        angles = (None if one is None else math.degrees(one) for one in (row.heading, row.climb, row.bank, row.turn))
-        heading, climb, bank, turn = angles
-        height, bounds = row.height, row.passage.element.heights
-        if height is None and bounds.constrained:  # a free manoeuvre
-            lower, upper = f"{bounds.lower:.0f}", f"{bounds.upper:.0f}"
-            height = f"{lower}-{upper}"
-            if not math.isfinite(bounds.lower):
-                height = f"< {upper}"
-            elif not math.isfinite(bounds.upper):
-                height = f"> {lower}"
-        place = (row.passage.name, row.kind, row.north, row.east, height)
-        cells.append((*place, heading, climb, bank, row.leg, turn))
-    if len(cells) > SIZES.rows_max:
-        title += f" ({len(cells)} passages; --json has all of them)"
-        blank = (f"... {len(cells) - SIZES.rows_max} more", *[""] * (len(_PASSAGES) - 1))
-        cells = [*cells[: SIZES.rows_max - SIZES.last_rows], blank, *cells[-SIZES.last_rows :]]
-    return Table(title, _PASSAGES, cells)
 
 
 def _leg_conditions(race: Race) -> Iterator[list[str]]:

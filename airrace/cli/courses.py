@@ -26,12 +26,12 @@ def check(answer: Answer, call: "partial[CourseCheck]") -> None:
     answer.fields.update(valid=True, **course.as_object())
     if answer.shows:
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
-        from airrace.cli.plan_view import LIMITS, plan_view
+        from airrace.cli.plan_view import COLUMNS, plan_view
 
         answer.add(*course_tables(course.race))
         if course.clearances:
             answer.add(planned_table(course.planned, course.clearances))
-        columns, plain = terminal_columns() or LIMITS.columns, not takes_unicode()
+        columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
         answer.add(plan_view(course.map_model, columns=columns, plain=plain))
         if course.warnings:
             answer.add(remarks_text(course.warnings))

@@ -35,13 +35,12 @@ def _choose_output(answer: Answer, call: "partial[Any]", source: str | Path, suf
 @command(flights.import_log)
 def import_log(answer: Answer, call: "partial[LogView]") -> None:
     from airrace.cli.flight_tables import log_texts
-    from airrace.runs.json_objects import log_object
 
     log = call.keywords["log"]
     answer.fields = {"flown": True, "log": name_of(log)}
     _choose_output(answer, call, log, "h5")
     view = call()
-    answer.fields.update(log_object(view))
+    answer.fields.update(view.as_object())
     if answer.shows:
         answer.add(*log_texts(view))
     answer.add_files(call.keywords["output"])

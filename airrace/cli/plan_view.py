@@ -121,30 +121,20 @@ class Canvas:
         return lines
 
 
-@dataclass(frozen=True)
-class PlanLimits:
-    """The size of the picture and what is drawn of it.
-
-    Attributes:
-        columns, rows: the cells that the picture may fill, with its scale and its legend; columns only where no
-            terminal says.
-        notes: the rows of the scale and the legend.
-        margin: the cells left free around what is drawn.
-        marks: the largest number of elements that are marked; more would but hide the way.
-        labels: the largest number of elements whose names are written.
-        arrows: the largest number of ways that get an arrow.
-    """
-
-    columns: int = 100
-    rows: int = 35
-    notes: int = 3
-    margin: int = 2
-    marks: int = 400
-    labels: int = 60
-    arrows: int = 60
-
-
-LIMITS = PlanLimits()
+COLUMNS = 100
+"""The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
+ROWS = 35
+"""The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
+NOTE_ROWS = 3
+"""The rows of the scale and the legend."""
+MARGIN = 2
+"""The cells left free around what is drawn."""
+MARKS_MAX = 400
+"""The largest number of elements that are marked; more would but hide the way."""
+LABELS_MAX = 60
+"""The largest number of elements whose names are written."""
+ARROWS_MAX = 60
+"""The largest number of ways that get an arrow."""
 LAPS = [Layer(style, ".") for style in ("cyan", "magenta", "green", "blue")]
 AIRSPACE = Layer("blue", ":")
 CROWD = Layer("red", "x")
@@ -158,7 +148,7 @@ _AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0),
 """The places of a text beside a point, rows down and columns to the right, the best first."""
 
 
-def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = False) -> Group:
+def plan_view(map_: MapModel, *, columns: int = COLUMNS, plain: bool = False) -> Group:
     """Return the picture with its scale, wind and legend.
 
     Args:
@@ -169,10 +159,10 @@ def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = Fa
     _draw_surroundings(canvas, map_)
     for way in reversed(map_.ways):  # the first lap is seen where others coincide with it
         canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
-    if len(map_.marks) <= LIMITS.marks:
+    if len(map_.marks) <= MARKS_MAX:
         for mark in map_.marks:
             _draw_mark(canvas, mark, plain=plain)
-    if len(map_.marks) <= LIMITS.labels:
+    if len(map_.marks) <= LABELS_MAX:
         for mark in map_.marks:
             canvas.write_beside(mark.north, mark.east, mark.label, "bold")
     for crowd in map_.crowd:
@@ -184,7 +174,7 @@ def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = Fa
         canvas.write_beside(*where, one.name, OBSTACLE.style)
     for line in map_.lines:
         canvas.write_beside(line.line.start.north, line.line.start.east, line.line.name, SAFETY.style)
-    if len(map_.ways) <= LIMITS.arrows:
+    if len(map_.ways) <= ARROWS_MAX:
         _write_arrows(canvas, map_, _PLAIN_ARROWS if plain else _ARROWS)
     rows = canvas.texts(plain=plain)
     filled = [number for number, row in enumerate(rows) if row.plain] or [0, -1]
@@ -193,8 +183,8 @@ def plan_view(map_: MapModel, *, columns: int = LIMITS.columns, plain: bool = Fa
 
 def _canvas(map_: MapModel, columns: int) -> Canvas:
     """Return a canvas as large as what is to be seen, within the limits."""
-    names = max((len(mark.label) for mark in map_.marks), default=0) if len(map_.marks) <= LIMITS.labels else 0
-    rows, margin = LIMITS.rows - LIMITS.notes, LIMITS.margin
+    names = max((len(mark.label) for mark in map_.marks), default=0) if len(map_.marks) <= LABELS_MAX else 0
+    rows, margin = ROWS - NOTE_ROWS, MARGIN
     across = (columns - 2 * margin - min(names, columns // 4)) * ACROSS
     down = (rows - 2 * margin) * DOWN
     height, width = map_.north - map_.south, map_.east - map_.west
@@ -264,7 +254,7 @@ def _write_arrows(canvas: Canvas, map_: MapModel, arrows: str) -> None:
 def _scale(canvas: Canvas, map_: MapModel, *, plain: bool) -> Text:
     """Return a bar of a round length of about an eighth of the largest width, north and the wind."""
     cell = ACROSS * canvas.dot
-    metres = round_length(LIMITS.columns / 8 * cell)
+    metres = round_length(COLUMNS / 8 * cell)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
     bar = f"{left}{rule * (max(2, round(metres / cell)) - 2)}{right}"
     wind = "no wind"

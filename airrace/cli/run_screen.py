@@ -13,14 +13,13 @@ from pathlib import Path
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.cli.answer import PAGE, command_lines, paragraph, render
 from airrace.cli.run_tables import (
-    TABLE,
+    ROUTES_MAX,
     distance_tables,
     items_table,
     laps_text,
     leg_tables,
     mesh_table,
     near_miss_table,
-    stages_table,
 )
 from airrace.errors import InputError, UsageError
 from airrace.inputs.objects import is_of_objects
@@ -31,12 +30,14 @@ from airrace.results.clearances import near_misses
 from airrace.results.flight_facts import sustained_loads
 from airrace.runs.json_objects import confirmation_object, legs_object, run_object, stage_object, stamp_object
 from airrace.runs.plan import in_force
-from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint, stored_documents
-from airrace.runs.stage_view import downgrade_stale, is_certified
+from airrace.runs.run import RunState, ensure_readable, run_of_checkpoint
+from airrace.runs.stored_inputs import stored_documents
+from airrace.runs.verdict import downgrade_stale, is_certified
+from airrace.runs.verification import with_confirmations
 from airrace.standard_streams import STANDARD, name_of
 from airrace.track.course import ClearanceRule
 from airrace.views.plain_text import one_line
-from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, verdict_words
+from airrace.views.stage_tables import claim, limits_table, search_table, splits_table, stages_table, verdict_words
 from airrace.views.tables import Table
 
 logger = logging.getLogger(__name__)
@@ -46,20 +47,10 @@ REFUSED = "this version of airrace refuses the inputs"
 NOBODY_CAN = f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}."
 
 
-@dataclass(frozen=True)
-class ScreenSettings:
-    """What the answer leaves out so that it fits one screen.
-
-    Attributes:
-        limits_max: the largest number of limits in its table.
-        remarks_max: the largest number of remarks.
-    """
-
-    limits_max: int = 5
-    remarks_max: int = 3
-
-
-SCREEN = ScreenSettings()
+LIMITS_MAX = 5
+"""The largest number of limits in its table."""
+REMARKS_MAX = 3
+"""The largest number of remarks."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +137,7 @@ def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None, *, veri
     run, refusal = None, ""
     shown = [one.result.stage for one in checkpoint.stages if stage in (None, one.result.stage.value)]
     try:
-        run = ensure_readable(run_of_checkpoint(checkpoint, path)).confirmed(shown, verify=verify)
+        run = with_confirmations(ensure_readable(run_of_checkpoint(checkpoint, path)), shown, verify=verify)
         every = run.valid_results
     except InputError as error:  # the stages may stand on these inputs as they are stored
         refusal = str(error.findings[0])
@@ -220,12 +211,12 @@ def _answer(shown: StoredStages, *, every: bool) -> Iterator[str]:
         if shown.flight is not None and last.stage.value == shown.stage:
             laps = laps_text(shown.flight)
             yield render(splits_table(last.splits, laps), columns=PAGE)
-            limits = limits_table(shown.flight, None if every else SCREEN.limits_max)
+            limits = limits_table(shown.flight, None if every else LIMITS_MAX)
             # A rough optimum stays a little off its limits, so nothing can be told of how long it keeps to them.
             if limits.rows and last.has_race_time and not last.is_rough:
                 yield render(limits, columns=PAGE)
     remarks = list(_remarks(shown))
-    listed = remarks if every else remarks[: SCREEN.remarks_max]
+    listed = remarks if every else remarks[:REMARKS_MAX]
     lines = [paragraph(one, begin="note: ") for one in listed]
     if len(listed) < len(remarks):
         lines.append(f"{len(remarks) - len(listed)} more with --all")
@@ -318,7 +309,7 @@ def _routes(results: Sequence[StageResult]) -> Iterator[str]:
     searches = [result.search for result in results if result.search.routes]
     if not searches:
         yield "no other routes were tried"
-    yield from (render(search_table(one, most=TABLE.routes_max), columns=PAGE) for one in searches)
+    yield from (render(search_table(one, most=ROUTES_MAX), columns=PAGE) for one in searches)
 
 
 def _stage_texts(result: StageResult, *, with_splits: bool) -> Iterator[str]:

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from airrace.cli.answer import PAGE, number, paragraph, render
-from airrace.procedure.result import RefinementReason, StageResult, Status
+from airrace.procedure.result import RefinementReason, StageResult
 from airrace.quantities import KNOT
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import NearMiss
@@ -16,30 +15,18 @@ from airrace.results.comparison import TIE, Comparison, compare_flights, conditi
 from airrace.results.flight_facts import Range, leg_facts
 from airrace.results.time_loss import time_loss
 from airrace.runs.json_objects import REASONS
-from airrace.views.stage_tables import certificate_table, distance_table
-from airrace.views.tables import Cell, Column, Table
+from airrace.views.comparison_tables import laps_table, lost_table
+from airrace.views.stage_tables import ONE_MESH, ROUGH, certificate_table, distance_table
+from airrace.views.tables import Column, Table
 
 if TYPE_CHECKING:
     from airrace.optimal_control.certificate import Certificate
 
-ONE_MESH = "on one mesh; no second mesh has confirmed the race time"
-ROUGH = "as closely as the next stage needs; a race time may be a few hundredths of a second too long"
 
-
-@dataclass(frozen=True)
-class TableSettings:
-    """What the tables of a run leave out.
-
-    Attributes:
-        routes_max: the largest number of rows of routes; all of them are in the checkpoint and in the object.
-        tie_ms: the difference within which legs are a tie, ms.
-    """
-
-    routes_max: int = 12
-    tie_ms: float = round(1000.0 * TIE)
-
-
-TABLE = TableSettings()
+ROUTES_MAX = 12
+"""The largest number of rows of routes; all of them are in the checkpoint and in the object."""
+TIE_MS = round(1000.0 * TIE)
+"""The difference within which legs are a tie, ms."""
 
 
 def items_table(certificate: "Certificate", verdict: str = "", begin: str = "") -> Table:
@@ -60,47 +47,6 @@ def _open_clause(certificate: "Certificate") -> str:
     """Return a clause for what is only measured and is not as it should be; empty where there is nothing."""
     clauses = (f"; but {one.name} missed by {one.value:.2f} {one.unit} ({one.where})" for one in certificate.undecided)
     return "".join(clauses)
-
-
-_STAGES = (
-    Column("stage"),
-    Column("status", wraps=True),  # of two words, which a narrow terminal puts below each other
-    Column("time", "s", ".3f"),
-    Column("cost", "s", "+z.3f", rank=4),
-    Column("regul.", "s", ".3f", rank=2),
-    Column("track.", "m", ".2f", rank=1),
-    Column("iter.", form="d", rank=3),
-    Column("wall", "s", ".1f", rank=3),
-)
-
-
-def stages_table(results: Sequence[StageResult]) -> Table:
-    """Return a table of the finished stages; `cost` is what a fidelity adds to the optimum before it that holds."""
-    rows: list[tuple[Cell | str | float | None, ...]] = []
-    before: float | None = None
-    for result in results:
-        race_time, provenance = result.trajectory.race_time, result.provenance
-        optimum = result.has_race_time
-        sound = result.status in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)
-        status = "NOT certified" if result.status is Status.NOT_CERTIFIED else result.status.value
-        rows.append(
-            (
-                result.stage.value,
-                Cell(status, bad=not sound),
-                race_time if optimum else None,
-                race_time - before if optimum and before is not None else None,
-                provenance.regularisation if optimum else None,
-                provenance.tracking_error if provenance.source else None,
-                result.iterations,
-                result.timings.wall,
-            )
-        )
-        before = race_time if result.holds else before
-    solved = [one for one in results if one.status is Status.SOLVED]
-    rough = ", ".join(one.stage.value for one in solved if one.is_rough)
-    notes = [f"solved: {ONE_MESH}"] if solved else []
-    notes += [f"{rough}: {ROUGH}"] if rough else []
-    return Table("stages", _STAGES, rows, notes)
 
 
 _MESH = (
@@ -209,22 +155,6 @@ def near_miss_table(misses: Sequence[NearMiss]) -> Table:
     return Table("near misses", _NEAR_MISSES, rows)
 
 
-_LAPS = (
-    Column("lap", form="d"),
-    Column("reference", "s", ".3f"),
-    Column("flight", "s", ".3f"),
-    Column("lost", "s", "+z.3f"),
-)
-_LEGS = (
-    Column("leg to"),
-    Column("time", "s", ".3f", rank=3),
-    Column("lost", "s", "+z.3f"),
-    Column("by way", "s", "+z.3f", rank=1),
-    Column("by speed", "s", "+z.3f", rank=2),
-    Column("what differs", wraps=True),
-)
-
-
 def comparison_texts(comparisons: Sequence[Comparison], *, every: bool) -> Iterator[str]:
     """Yield verdicts, conditions and what cost most, then tables: of two flights beside each other, and of all legs.
 
@@ -248,7 +178,7 @@ def _verdict_lines(comparison: Comparison) -> list[str]:
     if math.isnan(comparison.difference):
         verdict = "one of them does not finish"
     elif comparison.tie:
-        verdict = f"a tie within {TABLE.tie_ms} ms ({times})"
+        verdict = f"a tie within {TIE_MS} ms ({times})"
     details = [f"{what}: {second} against {first}" for what, first, second in conditions(reference, other)]
     details += [
         f"{flight.label} is {flight.source.verdict}"
@@ -284,15 +214,10 @@ def _pair_texts(first: Comparison, second: Comparison) -> Iterator[str]:
 
 def _legs_texts(comparison: Comparison, label: str, *, every: bool) -> Iterator[str]:
     if len(comparison.laps) > 1:
-        laps = [(mine.number, mine.time, its.time, its.time - mine.time) for mine, its in comparison.laps]
-        yield render(Table(f"{label}laps", _LAPS, laps), columns=PAGE)
+        yield render(laps_table(comparison, f"{label}laps"), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
-        rows: list[tuple[str | float, ...]] = []
-        for leg in legs:
-            what = "; ".join(one.text for one in leg.differences)
-            rows.append((leg.name, leg.other.time, leg.difference, leg.by_way, leg.by_speed, what))
-        yield render(Table(f"{label}legs by time lost", _LEGS, rows), columns=PAGE)
+        yield render(lost_table(legs, f"{label}legs by time lost"), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
-        yield paragraph(f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TABLE.tie_ms} ms")
+        yield paragraph(f"{label}{'1 leg is' if ties == 1 else f'{ties} legs are'} a tie within {TIE_MS} ms")

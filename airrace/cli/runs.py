@@ -167,13 +167,13 @@ def show(
     if isinstance(stored, LogCheckpoint):
         from airrace.cli.flight_tables import log_texts
         from airrace.runs.flight_sources import source_of
-        from airrace.runs.json_objects import log_object
         from airrace.runs.log_view import open_log
+        from airrace.runs.verification import with_confirmation
 
         log = open_log(stored)
         source_of(log, stage)
-        log = log.confirmed(verify=verify)
-        answer.fields.update(log_object(log))
+        log = with_confirmation(log, verify=verify)
+        answer.fields.update(log.as_object())
         if answer.shows:
             answer.add(*log_texts(log, legs=legs))
         answer.fail_if_refuted({log.recorded.label: log.confirmation})
@@ -228,8 +228,9 @@ def sensitivity(
     *,
     csv: Annotated[bool, Option("Print comma-separated values, free numbers included.")] = False,
 ) -> None:
-    from airrace.cli.flight_tables import sensitivities_csv, sensitivities_text
+    from airrace.cli.flight_tables import sensitivities_text
     from airrace.errors import UsageError
+    from airrace.report.sensitivity_tables import sensitivities_csv
     from airrace.runs.run import open_run
 
     if answer.as_json and csv:

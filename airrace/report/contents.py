@@ -74,20 +74,10 @@ if TYPE_CHECKING:
 FORMAT = "airrace-report/1"
 
 
-@dataclass(frozen=True)
-class ContentSettings:
-    """Sizes of the contents of a page.
-
-    Attributes:
-        inflated: the usual height of an inflated pylon, m.
-        near: the distance up to which those of the wing are drawn, m; else the near ones would look like zero.
-    """
-
-    inflated: float = 25.0
-    near: float = 50.0
-
-
-CONTENT = ContentSettings()
+PYLON_HEIGHT = 25.0
+"""The usual height of an inflated pylon, m."""
+NEAR = 50.0
+"""The distance up to which those of the wing are drawn, m; else the near ones would look like zero."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +152,7 @@ def contents_of(
         map_: the race of the first from above.
         envelope: closed-loop flights along the first; None for none.
     """
-    flights = [with_nearest(one, CONTENT.near) for one in flights]
+    flights = [with_nearest(one, NEAR) for one in flights]
     first = flights[0]
     return {
         "format": FORMAT,
@@ -321,12 +311,10 @@ def _element(element: Element, place: tuple[float, float, float]) -> dict[str, o
     """Return an element whose passings have bounded heights, also where its rules leave them free."""
     drawing, allowed = element.drawing(), element.heights
     low = allowed.lower if math.isfinite(allowed.lower) else 0.0
-    high = allowed.upper if math.isfinite(allowed.upper) else place[2] + CONTENT.inflated
+    high = allowed.upper if math.isfinite(allowed.upper) else place[2] + PYLON_HEIGHT
     return {
         "posts": coordinates(drawing.posts).tolist(),
-        "top": max(CONTENT.inflated, high + 5.0)
-        if high < place[2] + 4.0 * CONTENT.inflated
-        else place[2] + CONTENT.inflated,
+        "top": max(PYLON_HEIGHT, high + 5.0) if high < place[2] + 4.0 * PYLON_HEIGHT else place[2] + PYLON_HEIGHT,
         "window": None if drawing.window is None else coordinates(drawing.window).tolist(),
         "reach": None if drawing.reach is None else coordinates(drawing.reach).tolist(),
         "heights": [low, high],

@@ -24,6 +24,7 @@ from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.cues import cues_of
 from airrace.results.flight_facts import Range, leg_facts, sustained_loads
 from airrace.results.time_loss import time_loss
+from airrace.views.comparison_tables import lost_table
 from airrace.views.map_model import MapModel, by_loss, by_speed, map_model
 from airrace.views.plain_text import escape_html, plain
 from airrace.views.plan_svg import plan_svg
@@ -242,29 +243,10 @@ def loss_section(comparison: Comparison, map_: MapModel) -> str:
 
 def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
-    columns = (
-        Column("leg to"),
-        Column("lost", "s", "+z.3f"),
-        Column("in all", "s", "+z.3f"),
-        Column("by the way", "s", "+z.3f"),
-        Column("by speed", "s", "+z.3f"),
-        Column("what it flies otherwise"),
-    )
-    begin = clock_start(comparison.reference)
-    rows = [
-        (
-            Cell(leg.name, time=leg.reference.before.time - begin if leg.reference.before.found else None),
-            "a tie" if leg.tie else leg.difference,
-            leg.cumulative,
-            leg.by_way,
-            leg.by_speed,
-            ", ".join(one.text for one in leg.differences),
-        )
-        for leg in comparison.by_loss
-    ]
     reference, other = comparison.reference, comparison.other
     notes = [
         f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
         *(f"{capitalise(what)}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
     ]
-    return table_section(Table(f"Where {other.label} loses and wins", columns, rows, notes))
+    title = f"Where {other.label} loses and wins"
+    return table_section(lost_table(comparison.by_loss, title, begin=clock_start(reference), notes=notes))

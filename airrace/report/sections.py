@@ -8,11 +8,13 @@ from airrace.logs.violations import CERTAIN_DEVIATIONS, Violation, shown
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
+from airrace.report.sensitivity_tables import sensitivities_table
 from airrace.results import Confirmation, Stamp
-from airrace.sensitivity import Activity, Sensitivity
+from airrace.sensitivity import Sensitivity
+from airrace.views.log_tables import penalty_text, violations_table
 from airrace.views.plain_text import escape_html
 from airrace.views.stage_tables import LIMITS_OF_CLAIM, certificate_table, search_table
-from airrace.views.tables import Cell, Column, Table
+from airrace.views.tables import Column, Table
 
 
 def number(value: float, digits: int) -> str:
@@ -82,30 +84,11 @@ def search_section(result: StageResult) -> str:
     return table_section(search_table(search, "Routes that were tried", notes=[mesh, *search.loops]))
 
 
-def sensitivities_table(sensitivities: Mapping[str, Sensitivity], most: int, title: str = "sensitivities") -> Table:
-    """Return a table of the numbers of the inputs that cost most, and how many there are besides."""
-    largest = [one for one in sensitivities.values() if one.activity is not Activity.FREE][:most]
-    rows: list[tuple[str | float, ...]] = [
-        (one.key, one.value, one.unit, one.per_unit, one.usual_step, 1e3 * one.cost_up) for one in largest
-    ]
-    if others := len(sensitivities) - len(largest):
-        rows.append((f"and {others} more", "", "", "", "", ""))
-    columns = (
-        Column("key"),
-        Column("value", form=".6g"),
-        Column("unit"),
-        Column("s per unit", form="+.4g"),
-        Column("step", form=".3g"),
-        Column("step up", "ms", "+z.3f"),
-    )
-    return Table(title, columns, rows)
-
-
 def sensitivities_section(sensitivities: Mapping[str, Sensitivity] | None) -> str:
     """Return the sensitivities to the numbers of the inputs, the largest first; empty where they are not known."""
     if sensitivities is None:
         return ""
-    return table_section(sensitivities_table(sensitivities, 40, "Sensitivities"))
+    return table_section(sensitivities_table(list(sensitivities.values()), "Sensitivities", 40))
 
 
 def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions: Mapping[str, str]) -> str:
@@ -131,36 +114,6 @@ def inputs_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions:
     return section("Inputs", _facts(pairs) + "".join(texts))
 
 
-def _violations_table(violations: Sequence[Violation], notes: Sequence[str]) -> Table:
-    """Return a table of the rules that would be broken; `+-` is the standard deviation of the measurement."""
-    columns = (
-        Column("at"),
-        Column("rule"),
-        Column("time", "s", "z.2f"),
-        Column("flown", form="z.1f"),
-        Column("+-", form="z.1f"),
-        Column("allowed", form="z.1f"),
-        Column("unit"),
-        Column("penalty"),
-        Column("certain"),
-    )
-    rows = [
-        (
-            one.passing or "flight",
-            one.rule,
-            Cell(one.time, time=one.time if math.isfinite(one.time) else None),
-            one.value,
-            one.deviation,
-            one.limit,
-            one.unit,
-            penalty_text(one.penalty),
-            Cell("yes" if one.certain else "no", bad=one.certain),
-        )
-        for one in violations
-    ]
-    return Table("Rules", columns, rows, notes)
-
-
 def violations_section(violations: Sequence[Violation], penalty: float) -> str:
     """Return a table of all rules that a flight would break."""
     if not violations:
@@ -170,16 +123,9 @@ def violations_section(violations: Sequence[Violation], penalty: float) -> str:
         f"A violation smaller than {CERTAIN_DEVIATIONS:g} standard deviations of its measurement (+-) is not certain.",
     )
     listed, others = shown(violations)
-    return table_section(_violations_table(listed, (*notes, *[f"{others}."] * bool(others))))
+    return table_section(violations_table(listed, "Rules", (*notes, *[f"{others}."] * bool(others))))
 
 
 def recording_section(pairs: Sequence[tuple[str, str]], remarks: Sequence[str]) -> str:
     """Return where a flight was recorded, and what is to be known of the recording."""
     return section("Recording", _facts(pairs) + "".join(note(f"{capitalise(one)}.") for one in remarks))
-
-
-def penalty_text(penalty: float) -> str:
-    """Return a penalty in words."""
-    if math.isnan(penalty):
-        return "not known"
-    return "ends the race" if math.isinf(penalty) else f"{penalty:g} s"

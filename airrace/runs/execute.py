@@ -24,7 +24,7 @@ from airrace.runs.output import ensure_free
 from airrace.runs.plan import Changes, ExecutionPlan, plan_changed_run
 from airrace.runs.reserve_attempts import ATTEMPTS_MAX
 from airrace.runs.run import RunState, stages_object
-from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
+from airrace.runs.verdict import is_certified, one_mesh_note, verdict
 
 if TYPE_CHECKING:
     from airrace.runs.reserve import ReserveCase

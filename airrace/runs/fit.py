@@ -55,21 +55,10 @@ from airrace.standard_streams import stem_of
 from airrace.trajectory import Array
 from airrace.views.tables import Column, Table
 
-
-@dataclass(frozen=True)
-class BootstrapSettings:
-    """The settings of the measurement of bias and scatter.
-
-    Attributes:
-        replicates: recordings of the optimum that are fitted.
-        bias: share of the bias that counts as a standard deviation, for the pilot does not fly the optimum.
-    """
-
-    replicates: int = 6
-    bias: float = 0.5
-
-
-BOOTSTRAP = BootstrapSettings()
+BOOTSTRAP_REPLICATES = 6
+"""Recordings of the optimum that are fitted."""
+BIAS_SHARE = 0.5
+"""Share of the bias that counts as a standard deviation, for the pilot does not fly the optimum."""
 _MARKS = (("fitted", "to the logs, with its standard deviation"),)
 PROVENANCE = Provenance("An aircraft that is fitted to flight logs", _MARKS, "flight logs")
 _COLUMNS = (
@@ -250,7 +239,7 @@ def _correct(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: P
     at, last = sampler(run.race, run.results[-1]), run.race_time
     random = np.random.default_rng(len(logs))  # the same inputs give the same aircraft
     errors: list[Array] = []
-    for _ in range(BOOTSTRAP.replicates):
+    for _ in range(BOOTSTRAP_REPLICATES):
         paths: list[RecordedPath] = []
         for log in logs:
             there = at(np.clip(log.time - log.recorded.offset, 0.0, last))
@@ -264,7 +253,7 @@ def _correct(found: Estimate, race: Race, logs: Sequence[FittedLog], progress: P
     squares = np.sum((table - bias) ** 2, axis=0) / (len(errors) - 1)
     scatter = float((squares / found.deviations**2)[seen].mean())
     covariance = found.covariance * max(1.0, scatter) * (1.0 + 1.0 / len(errors))
-    covariance += BOOTSTRAP.bias**2 * np.outer(bias, bias)
+    covariance += BIAS_SHARE**2 * np.outer(bias, bias)
     factors, winds = found.factors - bias[:FACTORS], found.winds - bias[FACTORS:].reshape(-1, 2)
     return replace(found, factors=factors, winds=winds, covariance=covariance), bias[:FACTORS]
 

@@ -60,13 +60,15 @@ def _open_with_files(
     sources = [_source(name, opened, stage) for name in names]
     labels = _labels(names, sources)
     if verify is not None:
-        for path, one in opened.items():
-            if isinstance(one, LogView):
-                opened[path] = one.confirmed(verify=verify)
+        from airrace.runs.verification import with_confirmation, with_confirmations  # loads the solver
+
+        for path, run_or_log in opened.items():
+            if isinstance(run_or_log, LogView):
+                opened[path] = with_confirmation(run_or_log, verify=verify)
             else:
                 pairs = zip(names, sources, strict=True)
                 shown = {view.stage for name, view in pairs if name.path == path and isinstance(view, StageView)}
-                opened[path] = one.confirmed(shown, verify=verify)
+                opened[path] = with_confirmations(run_or_log, shown, verify=verify)
         sources = [
             one if _is_log(name) else _source(name, opened, stage) for name, one in zip(names, sources, strict=True)
         ]
@@ -318,7 +320,9 @@ def report_page(
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `report_of_flights`.
     """
-    run = run.confirmed([run.stage(stage).stage], verify=verify)
+    from airrace.runs.verification import with_confirmations  # loads the solver
+
+    run = with_confirmations(run, [run.stage(stage).stage], verify=verify)
     view = run.stage(stage)
     flights = [view.flight(), *open_flights(others, verify=verify)]
     return _stage_page(run, view, flights, sensitivities=sensitivities, envelope=envelope)

@@ -3,11 +3,9 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, SecondOrder
 from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange
 from airrace.results import Confirmation, Flight, ReserveState, Stamp, laps_of
@@ -16,9 +14,8 @@ from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, c
 from airrace.results.flight import passings_around
 from airrace.results.flight_facts import LegFacts, Range, leg_facts, sustained_loads
 from airrace.results.time_loss import TimeLoss, time_loss
-
-if TYPE_CHECKING:
-    from airrace.runs.log_view import LogView
+from airrace.views.comparison_tables import laps_table, lost_table
+from airrace.views.stage_tables import certificate_table
 
 REASONS: Mapping[RefinementReason, str] = {
     RefinementReason.FIRST: "first mesh",
@@ -121,17 +118,7 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
     """Return the object of a certificate with all its numbers; what could not be measured is null and does not hold."""
     return {
         "solver_status": certificate.solver_status,
-        "items": [
-            {
-                "name": item.name,
-                "value": finite(item.value),
-                "limit": finite(item.limit),
-                "unit": item.unit,
-                "holds": bool(item.holds),
-                "where": item.where,
-            }
-            for item in certificate.items
-        ],
+        "items": certificate_table(certificate, "").objects(),
         "second_order": None if certificate.second_order is None else second_order_object(certificate.second_order),
     }
 
@@ -259,58 +246,6 @@ def _clearance(one: Clearance) -> dict[str, object]:
     }
 
 
-def log_object(view: "LogView") -> dict[str, object]:
-    """Return race time, passings, violations, legs and remarks; SI units and radians, violations in their own units."""
-    flight, log = view.flight(), view.recorded.log
-    return {
-        "flown": True,
-        "track": flight.course.name,
-        "aircraft": flight.aircraft.name,
-        "stamp": stamp_object(flight.stamp),
-        "log": log.path,
-        "format": log.format,
-        "begins": log.begins or None,
-        "start_in_log_s": log.offset,
-        "race_time_s": finite(flight.race_time),
-        **({} if view.confirmation is None else confirmation_object(view.confirmation)),
-        "penalty_s": finite(view.penalty),
-        "race_over": math.isinf(view.penalty),
-        "passings": _passings(flight),
-        "violations": [_violation_object(one) for one in view.violations],
-        **legs_object(flight),
-        "histories": {name: one.basis.value for name, one in flight.histories.items()},
-        "remarks": list(view.remarks),
-    }
-
-
-def _passings(flight: Flight) -> list[dict[str, object]]:
-    names = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
-    return [
-        {
-            "passing": one.name,
-            "lap": one.lap,
-            "time_s": finite(one.time),
-            **{name: finite(one.value(name)) for name in names},
-        }
-        for one in flight.crossings
-    ]
-
-
-def _violation_object(one: Violation) -> dict[str, object]:
-    return {
-        "passing": one.passing or None,
-        "rule": one.rule,
-        "time_s": finite(one.time),
-        "value": finite(one.value),
-        "limit": finite(one.limit),
-        "unit": one.unit,
-        "deviation": finite(one.deviation),
-        "certain": one.certain,
-        "penalty_s": finite(one.penalty),
-        "ends_race": math.isinf(one.penalty),
-    }
-
-
 def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
     """Return what `airrace compare --json` prints: seconds, metres; legs in race order."""
     pair = len(comparisons) == 2
@@ -383,17 +318,12 @@ def _comparison_object(comparison: Comparison) -> dict[str, object]:
             {"what": what, "reference": first, "flight": second}
             for what, first, second in conditions(comparison.reference, comparison.other)
         ],
-        "laps": [
-            {
-                "lap": mine.number,
-                "reference_s": finite(mine.time),
-                "flight_s": finite(its.time),
-                "difference_s": finite(its.time - mine.time),
-            }
-            for mine, its in comparison.laps
-        ],
+        "laps": laps_table(comparison).objects(),
         "costs": _loss_object(time_loss(comparison)),
-        "legs": [_leg_object(leg) for leg in comparison.legs],
+        "legs": [
+            {**row, "differs": _difference_objects(leg)}
+            for row, leg in zip(lost_table(comparison.legs).objects(), comparison.legs, strict=True)
+        ],
         "progress": {
             "shares_of_a_leg": SHARES.tolist(),
             "distance_m": progress.distance.tolist(),
@@ -420,19 +350,14 @@ def _loss_object(lost: TimeLoss) -> dict[str, object]:
     }
 
 
-def _leg_object(leg: LegComparison) -> dict[str, object]:
-    return {
-        "passing": leg.name,
-        "lap": leg.reference.lap,
-        "reference_s": finite(leg.reference.time),
-        "flight_s": finite(leg.other.time),
-        "difference_s": finite(leg.difference),
-        "tie": leg.tie,
-        "cumulative_s": finite(leg.cumulative),
-        "by_longer_way_s": finite(leg.by_way),
-        "by_lower_speed_s": finite(leg.by_speed),
-        "differs": [
-            {"what": one.name, "reference": one.reference, "flight": one.other, "unit": one.unit, "text": one.text}
-            for one in leg.differences
-        ],
-    }
+def _difference_objects(leg: LegComparison) -> list[dict[str, object]]:
+    return [
+        {
+            "what": difference.name,
+            "reference": difference.reference,
+            "flight": difference.other,
+            "unit": difference.unit,
+            "text": difference.text,
+        }
+        for difference in leg.differences
+    ]

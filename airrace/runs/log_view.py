@@ -1,9 +1,9 @@
 """A flight log: the flight that was made of it, and what it would be penalised for."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Confirmation, Flight, History, Source, TimedCrossing
 from airrace.results.clearances import with_distances
+from airrace.runs.json_objects import confirmation_object, finite, legs_object, stamp_object
 from airrace.runs.output import write_or_return
-from airrace.runs.run import library_versions, stored_documents, stored_inputs
 from airrace.runs.stage_data import Splits
+from airrace.runs.stored_inputs import library_versions, stored_documents, stored_inputs
 from airrace.standard_streams import stem_of
+from airrace.views.log_tables import passings_table, violations_table
 
 if TYPE_CHECKING:
     from airrace.logs.csv_log import ColumnLayout
@@ -41,18 +43,6 @@ class LogView:
     inputs: Inputs
     recorded: LogCheckpoint
     confirmation: Confirmation | None = None
-
-    def confirmed(self, *, verify: bool) -> Self:
-        """Return this log with what verifying it tells; see `airrace.runs.verification`.
-
-        Args:
-            verify: whether it is verified at all; else it is called not verified.
-        """
-        if not verify:
-            return replace(self, confirmation=Confirmation(None))
-        from airrace.runs.verification import confirm_log  # takes what smooths, and needs this view itself
-
-        return replace(self, confirmation=confirm_log(self))
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -140,6 +130,30 @@ class LogView:
         if rate is not None and not RATES[0] <= rate <= RATES[1]:
             raise UsageError(f"a rate of {rate:g} Hz cannot be exported; it must lie in {RATES[0]:g} to {RATES[1]:g}")
         export_flight_csv(self.flight(), stream, rate_hz=rate)
+
+    def as_object(self) -> dict[str, object]:
+        """Return what `airrace show --json` prints of it: SI units and radians, violations in their own units."""
+        flight, log = self.flight(), self.recorded.log
+        confirmation = {} if self.confirmation is None else confirmation_object(self.confirmation)
+        return {
+            "flown": True,
+            "track": flight.course.name,
+            "aircraft": flight.aircraft.name,
+            "stamp": stamp_object(flight.stamp),
+            "log": log.path,
+            "format": log.format,
+            "begins": log.begins or None,
+            "start_in_log_s": log.offset,
+            "race_time_s": finite(flight.race_time),
+            **confirmation,
+            "penalty_s": finite(self.penalty),
+            "race_over": math.isinf(self.penalty),
+            "passings": passings_table(flight).objects(),
+            "violations": violations_table(self.violations).objects(),
+            **legs_object(flight),
+            "histories": {name: history.basis.value for name, history in flight.histories.items()},
+            "remarks": list(self.remarks),
+        }
 
     def save(self, path: str | Path) -> None:
         """Write it into a file, replacing what is there.

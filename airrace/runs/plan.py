@@ -28,15 +28,9 @@ from airrace.race import Race
 from airrace.results.comparison import Comparison
 from airrace.runs.output import documents_of, ensure_free
 from airrace.runs.reserve_attempts import PlannedReserve, asked_text
-from airrace.runs.run import (
-    RunState,
-    compare_stages,
-    library_versions,
-    new_run,
-    run_of_checkpoint,
-    stored_documents,
-)
+from airrace.runs.run import RunState, compare_stages, new_run, run_of_checkpoint
 from airrace.runs.stage_view import StageView
+from airrace.runs.stored_inputs import library_versions, stored_documents
 from airrace.track.course import Course
 
 logger = logging.getLogger(__name__)

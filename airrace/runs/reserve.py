@@ -32,34 +32,24 @@ Keep = Callable[[ReserveAttempt, RunState | None], None]
 """Keeps a finished attempt with the run that it has flown, None where there is no flight with such margins."""
 
 
-@dataclass(frozen=True)
-class ReserveIteration:
-    """The settings of the iteration.
-
-    Attributes:
-        passes: how often margins are computed again for one risk at most.
-        same: the change of the race time by other margins below which they stay, s.
-        tolerance: by how much the lower end of the interval of confidence may lie below the probability.
-        excess: the share of the breaches that are allowed below which margins are too large.
-        aim: the share of them that is aimed at.
-        linear: how many times as many flights as predicted may break a limit before the stall is taken for the cause.
-        lift: the share of the full margin of the lift coefficient that is added then.
-        change: by how much the risk is scaled at most.
-        flights: closed-loop flights.
-    """
-
-    passes: int = 3
-    same: float = 2e-3
-    tolerance: float = 0.01
-    excess: float = 0.4
-    aim: float = 0.8
-    linear: float = 2.0
-    lift: float = 0.5
-    change: float = 8.0
-    flights: int = 1000
-
-
-SETTINGS = ReserveIteration()
+ALLOCATION_ITERATIONS_MAX = 3
+"""How often margins are computed again for one risk at most."""
+RACE_TIME_CONVERGENCE = 2e-3
+"""The change of the race time by other margins below which they stay, s."""
+CONFIDENCE_TOLERANCE = 0.01
+"""By how much the lower end of the interval of confidence may lie below the probability."""
+EXCESS_MARGIN_SHARE = 0.4
+"""The share of the breaches that are allowed below which margins are too large."""
+TARGET_SHARE = 0.8
+"""The share of them that is aimed at."""
+NONLINEARITY_FACTOR = 2.0
+"""How many times as many flights as predicted may break a limit before the stall is taken for the cause."""
+LIFT_STEP = 0.5
+"""The share of the full margin of the lift coefficient that is added then."""
+RISK_CHANGE_MAX = 8.0
+"""By how much the risk is scaled at most."""
+FLIGHTS = 1000
+"""Closed-loop flights."""
 REQUEST = ("probability", "load_factor", "found")
 """The keys of a reserve that are no options of closed-loop flights."""
 
@@ -308,8 +298,8 @@ class _Search:
         """Make an attempt and keep it; return whether none follows."""
         enough, solved, limits = self._with_margins(self.found[-1].run if self.found else self.optimum)
         if solved is None:  # no flight with such margins
-            self.risks = {kind: min(risk * SETTINGS.change, 0.5) for kind, risk in self.risks.items()}
-            self.lift = max(self.lift - SETTINGS.lift, 0.0)
+            self.risks = {kind: min(risk * RISK_CHANGE_MAX, 0.5) for kind, risk in self.risks.items()}
+            self.lift = max(self.lift - LIFT_STEP, 0.0)
             self.keep(self._record(None, done=False), None)
             self.tell(f"{self._name(number)}: no flight with such margins")
             return False
@@ -338,7 +328,7 @@ class _Search:
             Whether such margins suffice, the flight, and its limits; None where there is no flight.
         """
         enough, limits = True, self._limits(latest)
-        for _ in range(SETTINGS.passes):
+        for _ in range(ALLOCATION_ITERATIONS_MAX):
             allocations = self._allocate(limits, _prices(latest))
             margins = {key: value for one in allocations for key, value in one.margins.items()}
             lift = lift_margin(limits, self.pilot, self.lift)
@@ -355,7 +345,7 @@ class _Search:
             if not after.certified:
                 return enough, None, []
             change, latest = abs(after.race_time - latest.race_time), after
-            if change < SETTINGS.same:
+            if change < RACE_TIME_CONVERGENCE:
                 break
         return enough, latest, limits
 
@@ -376,7 +366,7 @@ class _Search:
         return self._note(number, latest, case.result.outside, case.result.counts[LOAD], case)
 
     def _fly(self, latest: RunState, number: int) -> SafetyCase:
-        return latest.stages[-1].safety(flights=SETTINGS.flights, seed=number, **self.options)
+        return latest.stages[-1].safety(flights=FLIGHTS, seed=number, **self.options)
 
     def _note(self, number: int, run: RunState, outside: Count, over_load: Count, case: SafetyCase | None) -> _Measured:
         reached = all(_is_rare(count, risk) for count, risk in self._counts(outside, over_load))
@@ -440,19 +430,19 @@ class _Search:
         """
         if latest.reached and not any(latest.run.inputs.margins.values()):
             return True
-        scattered = latest.outside.lower > SETTINGS.linear * (1.0 - _predicted(self._risks_of(limits)))
-        if not latest.reached and scattered and lift_margin(limits, self.pilot, self.lift + SETTINGS.lift):
-            self.lift += SETTINGS.lift
+        scattered = latest.outside.lower > NONLINEARITY_FACTOR * (1.0 - _predicted(self._risks_of(limits)))
+        if not latest.reached and scattered and lift_margin(limits, self.pilot, self.lift + LIFT_STEP):
+            self.lift += LIFT_STEP
             return False
         done = True
         counts = list(self._counts(latest.outside, latest.over_load))
         for kind, (count, risk) in zip(self.risks, counts, strict=True):
             allowed = _allowance(count, risk)
-            if _is_rare(count, risk) and count.flights >= SETTINGS.excess * allowed:
+            if _is_rare(count, risk) and count.flights >= EXCESS_MARGIN_SHARE * allowed:
                 continue
             done = not enough  # smaller margins are no answer, and larger ones there are not
-            factor = SETTINGS.aim * max(allowed, 0.5) / max(count.flights, 0.5)
-            self.risks[kind] *= min(max(factor, 1.0 / SETTINGS.change), SETTINGS.change)
+            factor = TARGET_SHARE * max(allowed, 0.5) / max(count.flights, 0.5)
+            self.risks[kind] *= min(max(factor, 1.0 / RISK_CHANGE_MAX), RISK_CHANGE_MAX)
         return done
 
 
@@ -469,7 +459,7 @@ def _limit_texts(pairs: Sequence[tuple[float, Limit]]) -> list[str]:
 
 def _is_rare(count: Count, risk: float) -> bool:
     """Tell whether the interval of confidence of the flights that break a limit ends little above what is allowed."""
-    return count.upper <= risk + SETTINGS.tolerance
+    return count.upper <= risk + CONFIDENCE_TOLERANCE
 
 
 def _allowance(count: Count, risk: float) -> int:

@@ -1,11 +1,8 @@
 """A run: what it was asked for, what is finished of it, and its conversion from and to a checkpoint."""
 
-import json
 import math
-import platform
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Self
 
@@ -13,16 +10,13 @@ from airrace.checkpoint import (
     Checkpoint,
     ReserveAttempt,
     StoredAttempt,
-    StoredDocument,
-    StoredInputs,
     inputs_hash,
     read_checkpoint,
     stale_stages,
     write_checkpoint,
 )
 from airrace.errors import CheckpointError, UsageError
-from airrace.extensions import extension_versions
-from airrace.inputs import Document, Inputs, inputs_from_documents
+from airrace.inputs import Inputs, inputs_from_documents
 from airrace.procedure import stored_stages
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
@@ -32,14 +26,15 @@ from airrace.results.comparison import Comparison, compare_flights
 from airrace.runs.json_objects import run_object, stage_object, stamp_object, warnings_object
 from airrace.runs.reserve_attempts import attempts_of
 from airrace.runs.stage_data import Splits
-from airrace.runs.stage_view import (
-    StageView,
-    downgrade_stale,
-    is_certified,
-    run_line,
-    run_page,
-    verdict,
+from airrace.runs.stage_view import StageView, run_page
+from airrace.runs.stored_inputs import (
+    current_versions,
+    library_versions,
+    resolved_text,
+    stored_documents,
+    stored_inputs,
 )
+from airrace.runs.verdict import downgrade_stale, is_certified, run_line, verdict
 from airrace.views.plain_text import one_line
 
 
@@ -150,20 +145,6 @@ class RunState:
         """The sentence that says why the run is not certified; empty if it is."""
         return verdict(self.valid_results)[1] if self.results else "no stage is finished yet"
 
-    def confirmed(self, shown: Container[Stage], *, verify: bool) -> Self:
-        """Return this run with what measuring the stages that are shown again tells; a refuted one is not certified.
-
-        Args:
-            shown: these stages.
-            verify: whether they are measured at all; else they are called not verified.
-        """
-        if not verify:
-            unknown = {one.stage: Confirmation(None) for one in self.results if one.stage in shown}
-            return replace(self, confirmations=unknown)
-        from airrace.runs.verification import confirmations  # takes what measures, and needs runs itself
-
-        return replace(self, confirmations=confirmations(self, shown))
-
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
@@ -268,33 +249,6 @@ def new_run(inputs: Inputs, path: Path | None = None) -> RunState:
     return RunState(inputs, Checkpoint(stored_inputs(inputs), current_versions()), path)
 
 
-def stored_inputs(inputs: Inputs) -> StoredInputs:
-    """Return the inputs as runs and flight logs store them."""
-    settings = inputs.settings_file
-    return StoredInputs(
-        track=StoredDocument(inputs.track.path, inputs.track.text),
-        aircraft=StoredDocument(inputs.aircraft.path, inputs.aircraft.text),
-        settings=None if settings is None else StoredDocument(settings.path, settings.text),
-        overrides=tuple(inputs.overrides),
-        resolved=resolved_text(inputs),
-    )
-
-
-def current_versions() -> dict[str, str]:
-    """Return the versions that a run which is made now tells of."""
-    return {**library_versions(), "python": platform.python_version()}
-
-
-def library_versions() -> dict[str, str]:
-    """Return the versions of airrace, of the libraries and of the extensions that its numbers depend on."""
-    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")} | extension_versions()
-
-
-def resolved_text(inputs: Inputs) -> str:
-    """Return the resolved configuration as a text; equal configurations give equal texts."""
-    return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
-
-
 def open_run(path: Path) -> RunState:
     """Return the run in a file.
 
@@ -344,15 +298,8 @@ def adopt_checkpoint(run: RunState) -> RunState:
     if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
         return run
     stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
-    downgrade_stale = tuple(one for one in earlier.stages if one.result.stage not in stale)
-    return replace(run, checkpoint=replace(run.checkpoint, stages=downgrade_stale, attempts=earlier.attempts))
-
-
-def stored_documents(stored: StoredInputs) -> tuple[Document, Document, Document | None]:
-    """Return the documents of track, aircraft and settings as they were read."""
-    track, aircraft, settings = stored.track, stored.aircraft, stored.settings
-    documents = Document(track.path, track.text), Document(aircraft.path, aircraft.text)
-    return *documents, None if settings is None else Document(settings.path, settings.text)
+    stages = tuple(stored for stored in earlier.stages if stored.result.stage not in stale)
+    return replace(run, checkpoint=replace(run.checkpoint, stages=stages, attempts=earlier.attempts))
 
 
 def stages_object(run: RunState, results: Sequence[StageResult]) -> list[dict[str, object]]:

@@ -10,7 +10,7 @@ from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.race import Race
 from airrace.runs.output import write_text
-from airrace.runs.stage_view import verdict
+from airrace.runs.verdict import verdict
 from airrace.safety.disturbances import Gusts, Scatter
 from airrace.safety.monte_carlo import (
     CONTACT,

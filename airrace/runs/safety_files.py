@@ -31,10 +31,11 @@ from airrace.results.clearances import least_distances, near_misses
 from airrace.results.flight_facts import LOADS_SOURCE, TOLERATED_LOADS, longest_stretch, sustained_loads
 from airrace.runs.flight_sources import claim_of
 from airrace.runs.output import write_text
-from airrace.runs.run import RunState, current_versions
+from airrace.runs.run import RunState
 from airrace.runs.safety_case import COUNTS, SafetyCase, count_row
 from airrace.runs.safety_rose import SafetyRose, SafetyRuns
 from airrace.runs.stage_view import StageView
+from airrace.runs.stored_inputs import current_versions
 from airrace.safety.closed_loop import LOST
 from airrace.safety.evaluation import ANGLE_ALLOWED, LENGTH_ALLOWED, LOAD_ALLOWED, SPEED_ALLOWED, TOUCH_DISTANCE
 from airrace.safety.footprint import Footprint, Track, footprint_of

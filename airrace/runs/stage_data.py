@@ -9,7 +9,7 @@ from airrace.errors import UsageError
 from airrace.inputs import Inputs
 from airrace.parameters import ParameterGroup
 from airrace.procedure.result import GateSplit, StageResult
-from airrace.report.sections import sensitivities_table
+from airrace.report.sensitivity_tables import sensitivities_table
 from airrace.resources import extra
 from airrace.results import Flight
 from airrace.results.cues import Cue, cues_of
@@ -213,10 +213,14 @@ class Sensitivities(Mapping[str, Sensitivity]):
         return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
 
     def __repr__(self) -> str:
-        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).text()
+        return self._table.text()
 
     def _repr_html_(self) -> str:
-        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
+        return self._table.html()
+
+    @property
+    def _table(self) -> Table:
+        return sensitivities_table(list(self.values()), "sensitivities", SENSITIVITIES_SHOWN)
 
 
 def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Sensitivities:

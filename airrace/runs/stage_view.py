@@ -14,18 +14,18 @@ from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_ta
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import stored_stages
-from airrace.procedure.result import StageResult, Status
+from airrace.procedure.result import StageResult
 from airrace.procedure.stage import Stage
 from airrace.race import Race
 from airrace.results import Confirmation, Flight, Source, flight_of
 from airrace.results.clearances import distance_columns, with_distances
 from airrace.results.derivation import table_columns
 from airrace.results.stamp import Stamp
-from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object, stamp_object
 from airrace.runs.output import write_or_return
 from airrace.runs.reserve_attempts import reserve_state
 from airrace.runs.stage_data import Brief, Sensitivities, Splits, stage_sensitivities
+from airrace.runs.verdict import downgrade_stale, run_line, verdict
 from airrace.safety.disturbances import (
     DENSITY_ERROR_PERCENT,
     MASS_ERROR_PERCENT,
@@ -38,8 +38,7 @@ from airrace.trajectory import Trajectory
 from airrace.views.map_model import by_speed, map_model
 from airrace.views.plain_text import escape_html, one_line
 from airrace.views.plan_svg import plan_svg
-from airrace.views.stage_tables import certificate_table
-from airrace.views.tables import Column, Table
+from airrace.views.stage_tables import certificate_table, stages_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -51,29 +50,10 @@ if TYPE_CHECKING:
     from airrace.runs.safety_case import SafetyCase
 
 
-STAGES = (
-    Column("stage"),
-    Column("race time", "s", ".3f"),
-    Column("state"),
-    Column("iterations", form="d"),
-    Column("wall", "s", ".1f"),
-)
-
-
-def run_line(name: str, results: Sequence[StageResult]) -> str:
-    """Return a line that says which run it is, how far it has come and whether it is certified."""
-    if not results:
-        return f"{name}: no stage is finished yet"
-    last = results[-1]
-    race_time = f"{last.trajectory.race_time:.3f} s" if last.has_race_time else last.status.value
-    solved = "solved on one mesh, " if last.status is Status.SOLVED else ""
-    return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
-
-
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
     """Return the stages, the gate splits of the last one, and its flight from above, as HTML."""
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    stages = Table(title, STAGES, [_stage_cells(result) for result in results]).html()
+    stages = replace(stages_table(results), title=title).html()
     sentence = verdict(results)[1] if results else "no stage is finished yet"
     remark = f"<p>{escape_html(sentence)}</p>" if sentence else ""
     return f"<div>{stages}{remark}{_flight_html(race, results[-1]) if results else ''}</div>"
@@ -86,11 +66,6 @@ def stage_page(race: Race, result: StageResult) -> str:
         measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
     line = escape_html(run_line(race.course.name, [result]))
     return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
-
-
-def _stage_cells(result: StageResult) -> tuple[str | float | None, ...]:
-    race_time = result.trajectory.race_time if result.has_race_time else None
-    return result.stage.value, race_time, result.status.value, result.iterations, result.timings.wall
 
 
 def _flight_html(race: Race, result: StageResult) -> str:
@@ -409,78 +384,3 @@ class StageView:
     def _flight(self, rate: float | None) -> FlightTable:
         trajectory = self.result.trajectory
         return flight_table(trajectory, rate_hz=rate, derived=self._derived, sampler=self._sampler(rate))
-
-
-_CODES = {
-    Status.SOLVED: ExitCode.DONE,
-    Status.NOT_CERTIFIED: ExitCode.NOT_CERTIFIED,
-    Status.NOT_CONVERGED: ExitCode.NOT_CERTIFIED,
-    Status.INFEASIBLE: ExitCode.INFEASIBLE,
-    Status.TIMEOUT: ExitCode.TIMEOUT,
-}
-
-
-def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
-    """Return how stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
-    codes = _codes(results)
-    code = worst(codes)
-    if code is ExitCode.DONE:
-        return code, ""
-    result = results[codes.index(code)]
-    return code, f"{result.stage.value}: {_verdict(result)}"
-
-
-def is_certified(results: Sequence[StageResult]) -> bool:
-    """Tell whether a run may call itself certified: its last stage is, and none before it failed.
-
-    Stages before it may be merely solved on one mesh.
-    """
-    return bool(results) and worst(_codes(results)) is ExitCode.DONE
-
-
-def downgrade_stale(result: StageResult, stale: str, refutation: str = "") -> StageResult:
-    """Return a stage as it may be reported: one that no longer stands, or is refuted, is not certified, and says why.
-
-    Args:
-        result: as stored.
-        stale: why it no longer stands, a clause; empty where it does.
-        refutation: why its verification failed, likewise.
-    """
-    if not stale and not refutation:
-        return result
-    standing = f"it no longer stands: {stale}" if stale else ""
-    message = "; ".join(text for text in (standing, refutation, result.message) if text)
-    outcome = Status.NOT_CERTIFIED if result.outcome is Status.SOLVED else result.outcome
-    return replace(result, outcome=outcome, message=message)
-
-
-def one_mesh_note(result: StageResult) -> str:
-    """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
-    return result.remarks or "it is solved, but its race time was not confirmed on a second mesh"
-
-
-def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
-    return [_code(result, last=result is results[-1]) for result in results]
-
-
-def _code(result: StageResult, *, last: bool) -> ExitCode:
-    """Return the exit code that a stage deserves.
-
-    A stage that is a mere guess by design, or was solved on one mesh, is no failure, unless the run ends with it.
-    """
-    if result.outcome is not Status.SOLVED:
-        return _CODES[result.outcome]
-    if result.certificate is None:
-        return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
-    return ExitCode.DONE if result.certified or (result.holds and not last) else ExitCode.NOT_CERTIFIED
-
-
-def _verdict(result: StageResult) -> str:
-    if result.outcome is not Status.SOLVED:
-        return result.remarks or result.outcome.value
-    if result.certificate is None:
-        return "the run ends with a guess, which is not certified"
-    if result.status is Status.SOLVED:
-        return one_mesh_note(result)
-    failed = ", ".join(item.name for item in result.certificate.failed)
-    return f"not certified: {failed or 'nothing was measured'}"

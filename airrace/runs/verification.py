@@ -8,7 +8,7 @@ are made of it once more.
 import itertools
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from airrace.errors import CheckpointError, InputError, NotCertified, SolverCrash
 from airrace.logs.recording import Recording
+from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Curvature, Item, SecondOrder
 from airrace.procedure import procedure
 from airrace.procedure.fidelity import fidelity_of
@@ -27,48 +28,39 @@ from airrace.quantities import Quantity
 from airrace.results import Confirmation
 from airrace.runs.json_objects import certificate_object
 from airrace.runs.log_view import LogView
-from airrace.runs.run import RunState, current_versions, library_versions
+from airrace.runs.run import RunState
+from airrace.runs.stored_inputs import current_versions, library_versions
 from airrace.trajectory import Array
 
 if TYPE_CHECKING:
     from airrace.logs.log_flight import LogFlight
 
 
-@dataclass(frozen=True)
-class VerificationTolerances:
-    """The differences that are no discrepancy between what is stored and what is measured again.
-
-    Attributes:
-        rounded: the largest difference between two evaluations of one formula, as a fraction of the value, or
-            of 1 where that is less. Meshes are stored as times, so the fractions of their phases come back
-            rounded; measured: 3e-8.
-        integrated: the largest difference between two measurements of one flight, as a fraction of the value.
-            An integrator may choose another step on another computer; on one computer the largest difference
-            was 3e-8.
-        nothing: the share of an item's limit below which a value is nothing but rounding.
-        solved_again: the share of its limit for the race time on a coarser mesh, which is solved for anew from
-            another start: 1e-4 s. Optima that are found from different starts, all within the solver's
-            tolerance, differ by what an interior point method leaves of its barrier. Measured: 7e-7 s on a
-            course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
-        counted: the largest difference between two numbers of active limits, as a fraction of these, and one of
-            two curvatures, as a fraction of the one that counts as zero.
-        borderline: the distance from a curvature at which kinds differ, as a fraction of it, within which
-            nothing is decided.
-        clauses_max: the number of discrepancies that a sentence tells one by one.
-        sum_rounded: the largest difference between two sums of the same numbers, as a fraction.
-    """
-
-    rounded: float = 1e-6
-    integrated: float = 1e-3
-    nothing: float = 1e-6
-    solved_again: float = 2e-2
-    counted: float = 1e-2
-    borderline: float = 0.2
-    clauses_max: int = 4
-    sum_rounded: float = 1e-9
-
-
-TOLERANCES = VerificationTolerances()
+ROUNDING = 1e-6
+"""The largest difference between two evaluations of one formula, as a fraction of the value, or of 1 where that is
+less. Meshes are stored as times, so the fractions of their phases come back rounded; measured: 3e-8.
+"""
+INTEGRATION = 1e-3
+"""The largest difference between two measurements of one flight, as a fraction of the value. An integrator may
+choose another step on another computer; on one computer the largest difference was 3e-8.
+"""
+NEGLIGIBLE = 1e-6
+"""The share of an item's limit below which a value is nothing but rounding."""
+SOLUTION = 2e-2
+"""The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 1e-4 s.
+Optima that are found from different starts, all within the solver's tolerance, differ by what an interior point
+method leaves of its barrier. Measured: 7e-7 s on a course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
+"""
+COUNTING = 1e-2
+"""The largest difference between two numbers of active limits, as a fraction of these, and one of two curvatures, as
+a fraction of the one that counts as zero.
+"""
+BORDERLINE = 0.2
+"""The distance from a curvature at which kinds differ, as a fraction of it, within which nothing is decided."""
+CLAUSES_MAX = 4
+"""The number of discrepancies that a sentence tells one by one."""
+SUM_ROUNDING = 1e-9
+"""The largest difference between two sums of the same numbers, as a fraction."""
 
 
 def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
@@ -78,69 +70,69 @@ def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
         stored: the stage as it was read.
         again: what follows from its histories and multipliers, see `airrace.procedure.recomputation`.
     """
-    found = [*_flight(stored, again), *_splits(stored.splits, again.splits), *_numbers(stored, again)]
+    clauses = [*_flight(stored, again), *_splits(stored.splits, again.splits), *_numbers(stored, again)]
     if stored.certificate is not None and again.certificate is not None:
-        found += _certificate(stored.certificate, again.certificate)
+        clauses += _certificate(stored.certificate, again.certificate)
     elif stored.certificate is not again.certificate:
-        found.append("it has no certificate" if stored.certificate is None else "a guess has a certificate")
-    for number, (alternative, measured) in enumerate(
-        zip(stored.alternatives, again.alternatives, strict=True), start=1
-    ):
-        found += [f"alternative {number}: {clause}" for clause in discrepancies(alternative, measured)]
-    return found
+        clauses.append("it has no certificate" if stored.certificate is None else "a guess has a certificate")
+    pairs = zip(stored.alternatives, again.alternatives, strict=True)
+    for number, (alternative, measured) in enumerate(pairs, start=1):
+        clauses += [f"alternative {number}: {clause}" for clause in discrepancies(alternative, measured)]
+    return clauses
 
 
 def in_one_sentence(clauses: Sequence[str]) -> str:
     """Return clauses as one; of many only the first are listed."""
-    first, more = "; ".join(clauses[: TOLERANCES.clauses_max]), len(clauses) - TOLERANCES.clauses_max
+    first, more = "; ".join(clauses[:CLAUSES_MAX]), len(clauses) - CLAUSES_MAX
     return f"{first}; and {more} more" if more > 0 else first
 
 
 def _flight(stored: StageResult, again: StageResult) -> Iterator[str]:
-    mine, its = stored.trajectory, again.trajectory
-    yield from _declarations("state", mine.states, its.states)
-    yield from _declarations("control", mine.controls, its.controls)
-    for name, called in zip(mine.phases, its.phases, strict=True):
-        if name != called:
-            yield f"a leg is called {name!r}, and the course calls it {called!r}"
-    yield from _series("time", mine.time, its.time, TOLERANCES.rounded * 1e-3 * its.race_time)
+    trajectory, measured = stored.trajectory, again.trajectory
+    yield from _declarations("state", trajectory.states, measured.states)
+    yield from _declarations("control", trajectory.controls, measured.controls)
+    for name, course_name in zip(trajectory.phases, measured.phases, strict=True):
+        if name != course_name:
+            yield f"a leg is called {name!r}, and the course calls it {course_name!r}"
+    yield from _series("time", trajectory.time, measured.time, ROUNDING * 1e-3 * measured.race_time)
 
 
-def _declarations(kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> Iterator[str]:
-    for mine, other in zip(stored, declared, strict=True):
-        others = [one.name for one in fields(Quantity) if getattr(mine, one.name) != getattr(other, one.name)]
-        if others:
-            yield f"the {kind} {mine.name} is declared with another {', '.join(others)}"
+def _declarations(kind: str, stored: Sequence[Quantity], model: Sequence[Quantity]) -> Iterator[str]:
+    names = [field.name for field in fields(Quantity)]
+    for quantity, declaration in zip(stored, model, strict=True):
+        differing = [name for name in names if getattr(quantity, name) != getattr(declaration, name)]
+        if differing:
+            yield f"the {kind} {quantity.name} is declared with another {', '.join(differing)}"
 
 
 def _splits(stored: Sequence[GateSplit], again: Sequence[GateSplit]) -> Iterator[str]:
     if len(stored) != len(again):
         yield f"{len(stored)} gate splits are stored of {len(again)}"
         return
-    for mine, its in zip(stored, again, strict=True):
-        if mine.name != its.name:
-            yield f"a gate split is called {mine.name!r} instead of {its.name!r}"
-        for name in (one.name for one in fields(GateSplit) if one.name != "name"):
-            value, measured = getattr(mine, name), getattr(its, name)
-            apart = value - measured
-            if name in ("bank", "heading"):
-                apart = math.remainder(apart, 2.0 * math.pi) if math.isfinite(apart) else apart
-            if not abs(apart) <= TOLERANCES.rounded * max(1.0, abs(measured)):
-                yield _two(f"gate split {its.name}, {name}", value, measured)
+    names = [field.name for field in fields(GateSplit) if field.name != "name"]
+    for split, measured in zip(stored, again, strict=True):
+        if split.name != measured.name:
+            yield f"a gate split is called {split.name!r} instead of {measured.name!r}"
+        for name in names:
+            value, expected = getattr(split, name), getattr(measured, name)
+            difference = value - expected
+            if name in ("bank", "heading") and math.isfinite(difference):
+                difference = math.remainder(difference, 2.0 * math.pi)
+            if not abs(difference) <= ROUNDING * max(1.0, abs(expected)):
+                yield _two(f"gate split {measured.name}, {name}", value, expected)
 
 
 def _numbers(stored: StageResult, again: StageResult) -> Iterator[str]:
-    mine, its = stored.provenance.regularisation, again.provenance.regularisation
-    if not abs(mine - its) <= TOLERANCES.rounded:
-        yield _two("regularisation", mine, its)
-    pressure, measured = stored.bound_multipliers, again.bound_multipliers
-    largest = float(np.abs(measured).max(initial=1.0))
-    yield from _series("simple bounds, multiplier", pressure, measured, TOLERANCES.rounded * largest)
+    cost, measured = stored.provenance.regularisation, again.provenance.regularisation
+    if not abs(cost - measured) <= ROUNDING:
+        yield _two("regularisation", cost, measured)
+    multipliers = again.bound_multipliers
+    largest = float(np.abs(multipliers).max(initial=1.0))
+    yield from _series("simple bounds, multiplier", stored.bound_multipliers, multipliers, ROUNDING * largest)
     for name in ("defect", "drift"):
-        before, found = getattr(stored.mesh, name), getattr(again.mesh, name)
-        yield from _series(
-            f"mesh, {name}", before, found, TOLERANCES.integrated * float(np.abs(found).max(initial=0.0))
-        )
+        values = getattr(again.mesh, name)
+        largest = float(np.abs(values).max(initial=0.0))
+        yield from _series(f"mesh, {name}", getattr(stored.mesh, name), values, INTEGRATION * largest)
 
 
 def _series(what: str, stored: Array, again: Array, tolerance: float) -> Iterator[str]:
@@ -148,67 +140,66 @@ def _series(what: str, stored: Array, again: Array, tolerance: float) -> Iterato
     if stored.shape != again.shape:
         yield f"{what}: {stored.size} numbers are stored of {again.size}"
         return
-    apart = np.abs(stored - again)
-    if stored.size and not (apart <= tolerance).all():
-        worst = int(np.nan_to_num(apart, nan=np.inf).argmax())
+    difference = np.abs(stored - again)
+    if stored.size and not (difference <= tolerance).all():
+        worst = int(np.nan_to_num(difference, nan=np.inf).argmax())
         yield _two(f"{what} {worst + 1}", float(stored[worst]), float(again[worst]))
 
 
 def _certificate(stored: Certificate, again: Certificate) -> Iterator[str]:
     names, measured = [item.name for item in stored.items], [item.name for item in again.items]
     if names != measured:
-        other = sorted(set(names) ^ set(measured))
-        yield f"the stored certificate has other items{': ' if other else ', in another order'}{', '.join(other)}"
+        others = sorted(set(names) ^ set(measured))
+        yield f"the stored certificate has other items{': ' if others else ', in another order'}{', '.join(others)}"
         return
-    for mine, its in zip(stored.items, again.items, strict=True):
-        yield from _item(mine, its)
+    for stored_item, item in zip(stored.items, again.items, strict=True):
+        yield from _item(stored_item, item)
     if stored.second_order is not None and again.second_order is not None:
         yield from _second_order(stored.second_order, again.second_order)
     elif stored.second_order is not again.second_order:
         yield "the curvature is stored, and could not be measured" if stored.second_order else "no curvature is stored"
 
 
-def _item(mine: Item, its: Item) -> Iterator[str]:
-    share = TOLERANCES.solved_again if its.name == RACE_TIME_CHANGE else TOLERANCES.nothing
-    nothing = share * (its.limit if math.isfinite(its.limit) else 1.0)
-    if not abs(mine.value - its.value) <= nothing + TOLERANCES.integrated * abs(its.value):
-        yield _two(f"certificate, {its.name}", mine.value, its.value)
-    if not math.isclose(mine.limit, its.limit, rel_tol=TOLERANCES.rounded):
-        yield _two(f"certificate, limit of {its.name}", mine.limit, its.limit)
-    elsewhere = mine.where != its.where and (its.value > nothing or its.limit == 0.0)
-    if mine.unit != its.unit or elsewhere:
-        before, found = (" ".join((one.unit, one.where)).strip() or "nothing" for one in (mine, its))
-        yield f"certificate, unit and place of {its.name}: {before} is stored, {found} was measured"
+def _item(stored: Item, again: Item) -> Iterator[str]:
+    share = SOLUTION if again.name == RACE_TIME_CHANGE else NEGLIGIBLE
+    negligible = share * (again.limit if math.isfinite(again.limit) else 1.0)
+    if not abs(stored.value - again.value) <= negligible + INTEGRATION * abs(again.value):
+        yield _two(f"certificate, {again.name}", stored.value, again.value)
+    if not math.isclose(stored.limit, again.limit, rel_tol=ROUNDING):
+        yield _two(f"certificate, limit of {again.name}", stored.limit, again.limit)
+    elsewhere = stored.where != again.where and (again.value > negligible or again.limit == 0.0)
+    if stored.unit != again.unit or elsewhere:
+        words, measured = (f"{item.unit} {item.where}".strip() or "nothing" for item in (stored, again))
+        yield f"certificate, unit and place of {again.name}: {words} is stored, {measured} was measured"
 
 
-def _second_order(mine: SecondOrder, its: SecondOrder) -> Iterator[str]:
+def _second_order(stored: SecondOrder, again: SecondOrder) -> Iterator[str]:
     """Yield what differs.
 
     Rounding decides between kinds, and between directions, where the least curvature is near to that of another kind,
     and of some limits whether multiplier or slack is larger.
     """
-    zero = its.threshold
-
-    def borders(one: SecondOrder, edge: float) -> bool:
-        return abs(abs(one.least) - edge) < TOLERANCES.borderline * edge
-
-    near = any(
-        borders(its, edge) and not abs(mine.least) > (1.0 + TOLERANCES.borderline) * edge for edge in (zero, its.saddle)
-    )
-    near = near or (its.curvature is Curvature.POSITIVE and borders(mine, zero))
-    before, found = ((one.curvature.value, one.where) for one in (mine, its))
-    saddle = Curvature.INDEFINITE in (mine.curvature, its.curvature)
-    if before != found and (saddle or not near):
-        yield f"curvature: {' '.join(before).strip()} is stored, {' '.join(found).strip()} was measured"
-    if not math.isclose(mine.threshold, zero, rel_tol=TOLERANCES.rounded):
-        yield _two("curvature that counts as zero", mine.threshold, zero)
-    same = abs(mine.least - its.least) <= TOLERANCES.counted * zero + TOLERANCES.integrated * abs(its.least)
-    if not (near or same or (math.isnan(mine.least) and math.isnan(its.least))):
-        yield _two("least curvature", mine.least, its.least)
+    zero = again.threshold
+    near = again.curvature is Curvature.POSITIVE and _is_near(stored.least, zero)
+    for edge in (zero, again.saddle):
+        near = near or (_is_near(again.least, edge) and not abs(stored.least) > (1.0 + BORDERLINE) * edge)
+    words, measured = ((judged.curvature.value, judged.where) for judged in (stored, again))
+    saddle = Curvature.INDEFINITE in (stored.curvature, again.curvature)
+    if words != measured and (saddle or not near):
+        yield f"curvature: {' '.join(words).strip()} is stored, {' '.join(measured).strip()} was measured"
+    if not math.isclose(stored.threshold, zero, rel_tol=ROUNDING):
+        yield _two("curvature that counts as zero", stored.threshold, zero)
+    same = abs(stored.least - again.least) <= COUNTING * zero + INTEGRATION * abs(again.least)
+    if not (near or same or (math.isnan(stored.least) and math.isnan(again.least))):
+        yield _two("least curvature", stored.least, again.least)
     for name in ("active", "weakly_active"):
-        number, measured = getattr(mine, name), getattr(its, name)
-        if not abs(number - measured) <= TOLERANCES.counted * max(its.active, 1.0 / TOLERANCES.counted):
-            yield _two(f"number of limits, {name}", number, measured)
+        number, expected = getattr(stored, name), getattr(again, name)
+        if not abs(number - expected) <= COUNTING * max(again.active, 1.0 / COUNTING):
+            yield _two(f"number of limits, {name}", number, expected)
+
+
+def _is_near(curvature: float, edge: float) -> bool:
+    return abs(abs(curvature) - edge) < BORDERLINE * edge
 
 
 def _two(name: str, stored: float, measured: float) -> str:
@@ -222,7 +213,7 @@ def missing_stages(settings: Settings, results: Sequence[StageResult]) -> str:
     """
     if not results:
         return ""
-    stored, first = [one.stage for one in results], results[0]
+    stored, first = [result.stage for result in results], results[0]
     wanted = wanted_stages(settings, results[-1].stage)
     if first.provenance.source_run:
         wanted = wanted[wanted.index(first.stage) :] if first.stage in wanted else wanted
@@ -258,13 +249,13 @@ def _start(result: StageResult) -> Iterator[str]:
     provenance, stage = result.provenance, result.stage
     led = fidelity_of(stage).inner_controller is not None
     below = {Stage.POINT_MASS.value, STAGES[STAGES.index(stage) - 1].value} if led else {""}
-    names = [one.value for one in STAGES]
+    names = [name.value for name in STAGES]
     source = provenance.source_stage
     above = source not in names or names.index(source) > names.index(stage.value)
     if above if provenance.source_run else source not in below:
         yield f"no {stage.value} is started from {provenance.source!r}"
     numbers = (provenance.tracking_error, provenance.tracking_error_time, provenance.terminal_miss)
-    if not all(math.isfinite(one) and one >= 0.0 for one in numbers) or (not led and any(numbers)):
+    if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or (not led and any(numbers)):
         yield "the tracking error of the start is not possible"
 
 
@@ -289,25 +280,25 @@ def _seconds(result: StageResult) -> Iterator[str]:
     timings, attempts = result.timings, result.attempts
     spent = sum(attempt.seconds for attempt in attempts)
     numbers = (timings.solve, timings.derivatives, timings.wall, *(attempt.seconds for attempt in attempts))
-    if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
+    if not all(math.isfinite(number) and number >= 0.0 for number in numbers):
         yield "its timings are not possible"
-    elif abs(timings.solve - spent) > TOLERANCES.sum_rounded * max(1.0, spent):
+    elif abs(timings.solve - spent) > SUM_ROUNDING * max(1.0, spent):
         yield f"solving took {timings.solve:.6g} s, and its attempts {spent:.6g} s"
     if any(attempt.iterations < 0 for attempt in attempts) or not attempts:
         yield "its attempts are not possible"
 
 
-def _routes(explored: SearchReport) -> Iterator[str]:
-    counts = (explored.converged_to_best, explored.converged_elsewhere, explored.failed, explored.seconds)
-    if not all(math.isfinite(one) and one >= 0 for one in counts):
+def _routes(search: SearchReport) -> Iterator[str]:
+    counts = (search.converged_to_best, search.converged_elsewhere, search.failed, search.seconds)
+    if not all(math.isfinite(count) and count >= 0 for count in counts):
         yield "the record of the search is not possible"
-    if not explored.routes:
+    if not search.routes:
         return
-    best = explored.routes[0].race_time
-    differences = [route.race_time - route.difference - best for route in explored.routes]
-    if not all(abs(one) <= TOLERANCES.sum_rounded * max(1.0, best) for one in differences):
+    best = search.routes[0].race_time
+    differences = [route.race_time - route.difference - best for route in search.routes]
+    if not all(abs(difference) <= SUM_ROUNDING * max(1.0, best) for difference in differences):
         yield "the routes that were tried differ from the best by other times than are stored"
-    later = [route.difference for route in explored.routes[1:]]
+    later = [route.difference for route in search.routes[1:]]
     if any(after < before for before, after in itertools.pairwise(later)):
         yield "the routes that were tried are out of order"
 
@@ -384,12 +375,26 @@ def verify_run(run: RunState, *, versions: bool = True) -> tuple[Verification, .
     """
     results = run.results
     if all(result.certificate is None for result in results):
-        unsolved = [one for one in results if one.outcome is not Status.SOLVED]
+        unsolved = [result for result in results if result.outcome is not Status.SOLVED]
         ended = [f"; {result.stage.value} ended {result.outcome.value}" for result in unsolved]
         raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
     general = list(_of_the_run(run, versions=versions))
     measured = procedure.recompute(run.inputs.race, run.inputs.settings, results)
     return tuple(_verification(run, result, again, general) for result, again in measured)
+
+
+def with_confirmations(run: RunState, shown: Container[Stage], *, verify: bool) -> RunState:
+    """Return a run with what measuring the stages that are shown again tells; a refuted one is not certified.
+
+    Args:
+        run: as it was read.
+        shown: these stages.
+        verify: whether they are measured at all; else they are called not verified.
+    """
+    if verify:
+        return replace(run, confirmations=confirmations(run, shown))
+    unknown = {result.stage: Confirmation(None) for result in run.results if result.stage in shown}
+    return replace(run, confirmations=unknown)
 
 
 def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confirmation]:
@@ -405,20 +410,25 @@ def confirmations(run: RunState, wanted: Container[Stage]) -> dict[Stage, Confir
     if other := other_versions(run.checkpoint.versions, current_versions()):
         return {result.stage: Confirmation(None, other) for result in results}
     stale, settings = run.stale, run.inputs.settings
-    found = {one.stage: Confirmation(None, why) for one in results if (why := _no_claim(one, stale))}
-    rest = [result for result in results if result.stage not in found]
+    outcomes: dict[Stage, Confirmation] = {}
+    rest: list[StageResult] = []
+    for result in results:
+        if reason := _no_claim(result, stale):
+            outcomes[result.stage] = Confirmation(None, reason)
+        else:
+            rest.append(result)
     while rest:
         try:
             for result, again in procedure.recompute(run.inputs.race, settings, rest):
-                below = itertools.takewhile(lambda one, last=result: one.stage is not last.stage, run.results)
+                below = itertools.takewhile(lambda stage, last=result: stage.stage is not last.stage, run.results)
                 missing = missing_stages(settings, [*below, result]) if result is results[-1] else ""
-                found[result.stage] = _confirmation(result, again, missing)
+                outcomes[result.stage] = _confirmation(result, again, missing)
                 rest = rest[1:]
         except CheckpointError as error:
-            found[rest.pop(0).stage] = Confirmation(False, str(error))
+            outcomes[rest.pop(0).stage] = Confirmation(False, str(error))
         except SolverCrash as error:
-            found[rest.pop(0).stage] = Confirmation(None, str(error))
-    return found
+            outcomes[rest.pop(0).stage] = Confirmation(None, str(error))
+    return outcomes
 
 
 def _no_claim(result: StageResult, stale: Mapping[Stage, str]) -> str:
@@ -448,7 +458,8 @@ def _verification(run: RunState, result: StageResult, again: StageResult, genera
     measured = again if result.is_flight else None
     objection = run.stale.get(result.stage, "") or in_one_sentence(_objections(result, measured))
     if result is run.results[-1]:
-        objection = in_one_sentence([one for one in (objection or _missing_certificate(result), *general) if one])
+        clauses = [objection or _missing_certificate(result), *general]
+        objection = in_one_sentence([clause for clause in clauses if clause])
     return Verification(result, measured, objection)
 
 
@@ -473,15 +484,20 @@ def _objections(result: StageResult, again: StageResult | None) -> list[str]:
 
 def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
     """Yield a clause where a certificate that was measured again, or that of an alternative, does not hold."""
-    for one in (again, *again.alternatives):
-        if one.certificate is not None and not one.certificate.holds:
-            items = one.certificate.failed
+    for measured in (again, *again.alternatives):
+        if measured.certificate is not None and not measured.certificate.holds:
+            items = measured.certificate.failed
             failed = ", ".join(
                 f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in items
             )
-            yield f"{'it' if one is again else 'an alternative'} does not hold: {failed or 'nothing was measured'}"
+            yield f"{'it' if measured is again else 'an alternative'} does not hold: {failed or 'nothing was measured'}"
     if result.certificate is not None and not result.certificate.holds:
         yield "it was stored as not certified"
+
+
+def with_confirmation(view: LogView, *, verify: bool) -> LogView:
+    """Return a log with what verifying it tells; it is called not verified unless it is to be."""
+    return replace(view, confirmation=confirm_log(view) if verify else Confirmation(None))
 
 
 def confirm_log(view: LogView, *, versions: bool = True) -> Confirmation:
@@ -531,30 +547,36 @@ def flight_again(view: LogView) -> "LogFlight":
 def _log_discrepancies(view: LogView, again: "LogFlight") -> Iterator[str]:
     """Yield a clause for everything that is stored otherwise than it follows from the log."""
     stored, flight = view.recorded, again.flight
-    for mine, its in zip(stored.passings, flight.crossings, strict=False):
-        if not _same(mine.time, its.time):
-            yield f"{mine.passing} is passed after {mine.time:.3f} s by the file, after {its.time:.3f} s by its log"
-    if [one.passing for one in stored.passings] != [one.name for one in flight.crossings]:
+    for passing, crossing in zip(stored.passings, flight.crossings, strict=False):
+        if not _same(passing.time, crossing.time):
+            times = f"after {passing.time:.3f} s by the file, after {crossing.time:.3f} s by its log"
+            yield f"{passing.passing} is passed {times}"
+    if [passing.passing for passing in stored.passings] != [crossing.name for crossing in flight.crossings]:
         yield "its passings are not those of its course"
     if not _same(stored.log.offset, again.offset) or not _same(stored.time, flight.time):
         yield "its clock is not that of its log"
-    histories = {one.quantity.name: one for one in stored.histories}
+    histories = {history.quantity.name: history for history in stored.histories}
     if set(histories) != set(flight.histories):
         yield "it has other histories than follow from its log"
     for name in histories.keys() & flight.histories.keys():
-        mine, its = histories[name], flight.histories[name]
-        if mine.basis != its.basis.value or mine.quantity != its.quantity or not _same(mine.values, its.values):
+        history, made = histories[name], flight.histories[name]
+        same_kind = history.basis == made.basis.value and history.quantity == made.quantity
+        if not same_kind or not _same(history.values, made.values):
             yield f"{name} does not follow from its log"
     if len(stored.violations) != len(again.violations):
         yield f"{len(stored.violations)} violations are stored, {len(again.violations)} follow from its log"
-    for mine, its in zip(stored.violations, again.violations, strict=False):
-        numbers = (np.array([one.time, one.value, one.limit, one.deviation, one.penalty]) for one in (mine, its))
-        if (mine.passing, mine.rule) != (its.passing, its.rule) or not _same(*numbers):
-            yield f"the violation {mine.rule} at {mine.passing or 'no passing'} does not follow from its log"
+    for violation, judged in zip(stored.violations, again.violations, strict=False):
+        same_rule = (violation.passing, violation.rule) == (judged.passing, judged.rule)
+        if not same_rule or not _same(_violation_numbers(violation), _violation_numbers(judged)):
+            yield f"the violation {violation.rule} at {violation.passing or 'no passing'} does not follow from its log"
+
+
+def _violation_numbers(violation: Violation) -> Array:
+    return np.array([violation.time, violation.value, violation.limit, violation.deviation, violation.penalty])
 
 
 def _same(stored: Array | float, again: Array | float) -> bool:
-    mine, its = np.asarray(stored), np.asarray(again)
-    if mine.shape != its.shape:
+    values, expected = np.asarray(stored), np.asarray(again)
+    if values.shape != expected.shape:
         return False
-    return np.allclose(mine, its, rtol=TOLERANCES.rounded, atol=TOLERANCES.rounded, equal_nan=True)
+    return np.allclose(values, expected, rtol=ROUNDING, atol=ROUNDING, equal_nan=True)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,34 +31,27 @@ from airrace.views.map_model import MapLine, MapModel, Mark, coordinates
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
-@dataclass(frozen=True)
-class MapStyle:
-    """Sizes and limits in the drawing of a course."""
-
-    arrow: float = 0.045  # of the extent, through gates
-    raster: int = 300  # points along an edge, for the distance from people
-    longer_edge: float = 9.0  # of the map, inches; likewise
-    shorter_edge_min: float = 4.0
-    legend_width: float = 2.4  # inches
-    labels_max: int = 60  # elements; of longer courses no names are written
-    arrows_max: int = 120  # ways
-    laps_max: int = 6  # with an entry of their own in the legend
-    pad: float = 0.06  # of the extent, around what is drawn
-
-
-STYLE = MapStyle()
+ARROW = 0.045  # of the extent, through gates
+RASTER = 300  # points along an edge, for the distance from people
+LONGER_EDGE = 9.0  # of the map, inches
+SHORTER_EDGE_MIN = 4.0  # inches
+LEGEND_WIDTH = 2.4  # inches
+LABELS_MAX = 60  # elements; of longer courses no names are written
+ARROWS_MAX = 120  # ways
+LAPS_MAX = 6  # with an entry of their own in the legend
+PAD = 0.06  # of the extent, around what is drawn
 
 
 def frame_of(map_: MapModel) -> Box:
     """Return the rectangle to be drawn, east and north, m: the map's frame with some room around it."""
-    pad = STYLE.pad * max(map_.north - map_.south, map_.east - map_.west)
+    pad = PAD * max(map_.north - map_.south, map_.east - map_.west)
     width, height = map_.east - map_.west + 2 * pad, map_.north - map_.south + 2 * pad
     return Box(map_.west - pad, map_.south - pad, width, height)
 
 
 def map_size(frame: Box, height_max: float) -> tuple[float, float]:
     """Return the size of a map above its legend, inches: wide enough for that."""
-    return STYLE.longer_edge, min(STYLE.longer_edge * frame.height / frame.width, height_max)
+    return LONGER_EDGE, min(LONGER_EDGE * frame.height / frame.width, height_max)
 
 
 def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) -> None:
@@ -88,8 +80,8 @@ def draw_map(axes: Axes, map_: MapModel, frame: Box, *, tracks: bool = False) ->
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
     """Draw the people, and as a shade the ground within their distance."""
-    east = np.linspace(frame.left, frame.left + frame.width, STYLE.raster)
-    north = np.linspace(frame.bottom, frame.bottom + frame.height, STYLE.raster)
+    east = np.linspace(frame.left, frame.left + frame.width, RASTER)
+    north = np.linspace(frame.bottom, frame.bottom + frame.height, RASTER)
     away = ground_distance(np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).astype(np.float64), crowd)
     axes.contourf(east, north, away, levels=[0.0, crowd.distance], colors=[RED], alpha=0.12, zorder=1)
     if away.min() < crowd.distance < away.max():
@@ -129,7 +121,7 @@ def _draw_elements(axes: Axes, map_: MapModel, frame: Box) -> None:
 
     Elements that look alike share an entry of the legend.
     """
-    arrow = STYLE.arrow * max(frame.width, frame.height)
+    arrow = ARROW * max(frame.width, frame.height)
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in map_.marks:
         drawing = mark.element.drawing()
@@ -166,7 +158,7 @@ def _draw_elements(axes: Axes, map_: MapModel, frame: Box) -> None:
 
 def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None:
     """Write names with the numbers of their passings, and names of crowds, where they hide least; none if too many."""
-    if len(map_.marks) > STYLE.labels_max:
+    if len(map_.marks) > LABELS_MAX:
         return
     labels = [
         (f"{mark.label}  {_numbers(mark, map_)}", (mark.east, mark.north), BLACK) for mark in map_.marks if mark.label
@@ -179,7 +171,7 @@ def write_labels(figure: Figure, axes: Axes, map_: MapModel, frame: Box) -> None
         labels.append((f"{one.name}, {one.height:g} m high", (east, north), GREY))
     pixel = figure.dpi / 72.0
     to_pixels, from_pixels = axes.transData.transform, axes.transData.inverted().transform
-    arrow = STYLE.arrow * max(frame.width, frame.height)
+    arrow = ARROW * max(frame.width, frame.height)
     lines = [*(way.line for way in map_.ways), *(_points(mark, arrow) for mark in map_.marks)]
     window = axes.get_window_extent()
     boxes = place_labels(
@@ -215,9 +207,9 @@ def _numbers(mark: Mark, map_: MapModel) -> str:
 def course_figure(map_: MapModel) -> Figure:
     """Return the drawing of a race from above: equal axes in metres, north up."""
     race, frame = map_.race, frame_of(map_)
-    scale = STYLE.longer_edge / max(frame.width, frame.height)
-    size = (max(scale * frame.width, STYLE.shorter_edge_min), max(scale * frame.height, STYLE.shorter_edge_min))
-    figure = new_figure(size[0] + STYLE.legend_width + 1.0, size[1] + 1.0, layout="compressed")
+    scale = LONGER_EDGE / max(frame.width, frame.height)
+    size = (max(scale * frame.width, SHORTER_EDGE_MIN), max(scale * frame.height, SHORTER_EDGE_MIN))
+    figure = new_figure(size[0] + LEGEND_WIDTH + 1.0, size[1] + 1.0, layout="compressed")
     axes = figure.add_subplot()
     figure.suptitle(map_.name, x=0.02, ha="left", fontweight="bold", fontsize=14)
     n_z = min(race.course.rules.n_z.upper, race.aircraft.envelope.n_z.upper)
@@ -250,9 +242,9 @@ def _draw_ways(axes: Axes, map_: MapModel) -> None:
             if lines:
                 north, east = _joint(lines)
                 axes.plot(east, north, color=colour, linewidth=width, linestyle=style, alpha=0.85, zorder=3)
-        if number < STYLE.laps_max:
+        if number < LAPS_MAX:
             axes.plot([], [], color=colour, linewidth=width, label=f"lap {lap}, as planned")
-        for way in ways if len(map_.ways) <= STYLE.arrows_max else ():
+        for way in ways if len(map_.ways) <= ARROWS_MAX else ():
             head, tail = (tuple(way.line[len(way.line) // 2 - back, ::-1].tolist()) for back in (0, 1))
             if head != tail:
                 arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.0, "mutation_scale": 15}

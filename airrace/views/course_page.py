@@ -1,8 +1,9 @@
 """A course as rows for tables, JSON and a page."""
 
 import math
+import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 
 from airrace.frames import angle_between
@@ -10,35 +11,39 @@ from airrace.planning.lint import Remark
 from airrace.quantities import Interval
 from airrace.race import Race
 from airrace.track.course import Passage
+from airrace.track.element import Element
 from airrace.track.polygons import Point
 from airrace.views.map_model import MapModel
 from airrace.views.plain_text import escape_html
 from airrace.views.plan_svg import plan_svg
-from airrace.views.tables import Column, Table
+from airrace.views.tables import Cell, Column, Table, Value
+
+_PASSAGES = (
+    Column("passage", key="passage"),
+    Column("type", key="type", rank=7),
+    Column(key="lap"),
+    Column("north", "m", "z.0f", "north_m", missing="free", rank=5),
+    Column("east", "m", "z.0f", "east_m", missing="free", rank=6),
+    Column("height", "m", "z.1f", "height_m", missing="free"),
+    Column("course", "deg", "z.0f", "heading_deg", missing="free"),
+    Column("climb", "deg", "z.0f", "climb_deg", missing="free", rank=1),
+    Column("bank", "deg", "z.0f", "bank_deg", missing="free", rank=2),
+    Column("leg", "m", "z.0f", "leg_m", rank=4),
+    Column("turn", "deg", "z.0f", "turn_deg", rank=3),
+)
 
 
-@dataclass(frozen=True)
-class CourseRow:
-    """A passage in a table; SI and radians, None for what the element leaves free.
+def passages_table(race: Race, rows_max: int = sys.maxsize, last_rows: int = 0) -> Table:
+    """Return one row per passage, in race order; what the element leaves free is None.
 
     `leg` is the straight distance from the passage before, `turn` the change of direction between the straight lines
     before and after (positive to the right).
+
+    Args:
+        race: course and aircraft.
+        rows_max: the largest number of rows; of more passages only the first and the last are listed.
+        last_rows: how many of these are the last ones.
     """
-
-    passage: Passage
-    kind: str
-    north: float | None
-    east: float | None
-    height: float | None
-    heading: float | None
-    climb: float | None
-    bank: float | None
-    leg: float | None
-    turn: float | None
-
-
-def rows(race: Race) -> list[CourseRow]:
-    """Return one row per passage, in race order."""
     passages = race.course.passages
     lines: list[tuple[float, float] | None] = [None]  # length and direction of the straight line to each passage
     for a, b in pairwise(passage.element.place for passage in passages):
@@ -46,26 +51,35 @@ def rows(race: Race) -> list[CourseRow]:
             lines.append(None)
         else:
             lines.append((math.dist(a, b), math.atan2(b[1] - a[1], b[0] - a[0])))
-    found: list[CourseRow] = []
+    rows: list[tuple[Cell | Value, ...]] = []
     for passage, before, after in zip(passages, lines, [*lines[1:], None], strict=True):
         element = passage.element
-        north, east = element.place or (None, None)
         course = element.course(passage.direction)
-        found.append(
-            CourseRow(
-                passage=passage,
-                kind=element.type_name,
-                north=north,
-                east=east,
-                height=element.nominal_height,
-                heading=None if course is None else course % (2.0 * math.pi),
-                climb=element.prescribed_climb,
-                bank=None if element.two_edged else element.prescribed_bank,
-                leg=None if before is None else before[0],
-                turn=None if before is None or after is None else angle_between(after[1], before[1]),
-            )
-        )
-    return found
+        heading = None if course is None else course % (2.0 * math.pi)
+        bank = None if element.two_edged else element.prescribed_bank
+        leg = None if before is None else before[0]
+        turn = None if before is None or after is None else angle_between(after[1], before[1])
+        place = (*(element.place or (None, None)), _height(element))
+        angles = (_degrees(heading), _degrees(element.prescribed_climb), _degrees(bank))
+        rows.append((passage.name, element.type_name, passage.lap, *place, *angles, leg, _degrees(turn)))
+    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    if len(rows) > rows_max:
+        title += f" ({len(rows)} passages; --json has all of them)"
+        blank = (f"... {len(rows) - rows_max} more", *[""] * (len(_PASSAGES) - 1))
+        rows = [*rows[: rows_max - last_rows], blank, *rows[-last_rows:]]
+    return Table(title, _PASSAGES, rows)
+
+
+def _height(element: Element) -> Cell:
+    """Return the height of an element; for people the bounds of that of a free manoeuvre."""
+    height, bounds = element.nominal_height, element.heights
+    if height is not None or not bounds.constrained:
+        return Cell(height)
+    if not math.isfinite(bounds.lower):
+        return Cell(None, text=f"< {bounds.upper:.0f}")
+    if not math.isfinite(bounds.upper):
+        return Cell(None, text=f"> {bounds.lower:.0f}")
+    return Cell(None, text=f"{bounds.lower:.0f}-{bounds.upper:.0f}")
 
 
 def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
@@ -74,7 +88,10 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
     return {
         "name": course.name,
         "aircraft": race.aircraft.name,
-        "passages": [_passage(row) for row in rows(race)],
+        "passages": [
+            {**row, **_conditions(passage)}
+            for row, passage in zip(passages_table(race).objects(), course.passages, strict=True)
+        ],
         "limits": {
             "load_factor_g": _bounds(rules.n_z_allowed.intersect(race.aircraft.envelope.n_z)),
             "speed_m_s": _bounds(race.aircraft.envelope.V),
@@ -139,29 +156,16 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
     }
 
 
-def _passage(row: CourseRow) -> dict[str, object]:
-    roll = row.passage.roll
-    return {
-        "passage": row.passage.name,
-        "type": row.kind,
-        "lap": row.passage.lap,
-        "north_m": row.north,
-        "east_m": row.east,
-        "height_m": row.height,
-        "heading_deg": _degrees(row.heading),
-        "climb_deg": _degrees(row.climb),
-        "bank_deg": _degrees(row.bank),
-        "leg_m": row.leg,
-        "turn_deg": _degrees(row.turn),
-        "safety_lines": [line.name for line in row.passage.safety_lines],
-        "roll": roll
-        and {
-            "angle_deg": _degrees(roll.angle),
-            "climb_deg": _bounds(roll.climb, math.degrees(1.0)),
-            "gain_m": roll.gain,
-            "turning": roll.turning.value,
-        },
+def _conditions(passage: Passage) -> dict[str, object]:
+    """Return the safety lines and the roll of a passage."""
+    roll = passage.roll
+    rolled = roll and {
+        "angle_deg": _degrees(roll.angle),
+        "climb_deg": _bounds(roll.climb, math.degrees(1.0)),
+        "gain_m": roll.gain,
+        "turning": roll.turning.value,
     }
+    return {"safety_lines": [line.name for line in passage.safety_lines], "roll": rolled}
 
 
 def _degrees(angle: float | None) -> float | None:
@@ -181,25 +185,13 @@ def _place(place: Point) -> dict[str, object]:
     return {"north_m": place.north, "east_m": place.east}
 
 
-COLUMNS = (
-    Column("passage"),
-    Column("type"),
-    Column("north", "m", ".1f", missing="free"),
-    Column("east", "m", ".1f", missing="free"),
-    Column("height", "m", ".1f", missing="free"),
-    Column("heading", "deg", ".0f", missing="free"),
-)
 ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
 
 def course_page(map_: MapModel, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
-    race = map_.race
-    cells = [
-        (row.passage.name, row.kind, row.north, row.east, row.height, _degrees(row.heading))
-        for row in rows(race)[:ROWS_MAX]
-    ]
-    table = Table(f"{race.course.name}, flown by {race.aircraft.name}", COLUMNS, cells)
+    table = passages_table(map_.race)
+    table = replace(table, rows=table.rows[:ROWS_MAX])
     entries = "".join(f"<li>{escape_html(text)}</li>" for text in warnings)
     return f"<div>{table.html()}{plan_svg(map_)}{f'<ul>{entries}</ul>' if entries else ''}</div>"

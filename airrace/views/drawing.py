@@ -111,25 +111,16 @@ def figure_address(figure: Figure) -> str:
     return f"data:image/svg+xml;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
 
 
-@dataclass(frozen=True)
-class Placement:
-    """What places are tried for a label, and what they cost.
-
-    Attributes:
-        directions: around a place in which its label may go.
-        gaps: distances between a place and its label, as multiples of the gap asked for.
-        overlap: the price of lying on another label, in points of the drawing that a label covers.
-        outside: the price of lying outside the frame; at that of an overlap, of four places in a corner the last label
-            lay half outside.
-    """
-
-    directions: int = 12
-    gaps: tuple[float, ...] = (1.0, 2.0, 3.5, 5.5)
-    overlap: float = 50.0
-    outside: float = 1000.0
-
-
-PLACEMENT = Placement()
+LABEL_DIRECTIONS = 12
+"""Around a place in which its label may go."""
+LABEL_GAPS = (1.0, 2.0, 3.5, 5.5)
+"""Distances between a place and its label, as multiples of the gap asked for."""
+OVERLAP_COST = 50.0
+"""The price of lying on another label, in points of the drawing that a label covers."""
+OUTSIDE_COST = 1000.0
+"""The price of lying outside the frame; at that of an overlap, of four places in a corner the last label lay half
+outside.
+"""
 
 
 @dataclass(frozen=True)
@@ -168,21 +159,16 @@ def place_labels(
     boxes: list[Box] = []
     for (x, y), (width, height) in zip(anchors, sizes, strict=True):
         choices: list[tuple[float, Box]] = []
-        for distance in PLACEMENT.gaps:
-            for number in range(PLACEMENT.directions):
-                angle = 2.0 * math.pi * number / PLACEMENT.directions
+        for distance in LABEL_GAPS:
+            for number in range(LABEL_DIRECTIONS):
+                angle = 2.0 * math.pi * number / LABEL_DIRECTIONS
                 across = x + math.cos(angle) * (distance * gap + 0.5 * width)
                 up = y + math.sin(angle) * (distance * gap + 0.5 * height)
                 box = Box(across - 0.5 * width, up - 0.5 * height, width, height)
                 area = width * height
                 overlap = sum(box.overlap(other) for other in boxes) / area
                 outside = 1.0 - box.overlap(frame) / area
-                cost = (
-                    PLACEMENT.overlap * overlap
-                    + PLACEMENT.outside * outside
-                    + box.count_inside(points)
-                    + 0.02 * len(choices)
-                )
+                cost = OVERLAP_COST * overlap + OUTSIDE_COST * outside + box.count_inside(points) + 0.02 * len(choices)
                 choices.append((cost, box))
         boxes.append(min(choices, key=lambda choice: choice[0])[1])
     return boxes

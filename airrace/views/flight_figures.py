@@ -20,20 +20,10 @@ from airrace.views.map_model import LOSS_COLOURS, MapModel, by_loss, map_model
 WIDTH, HEIGHT = 15.0, 9.6  # inches
 
 
-@dataclass(frozen=True)
-class FigureSettings:
-    """Sizes of the drawings.
-
-    Attributes:
-        names_max: passings; of longer courses none are named.
-        map_width: inches.
-    """
-
-    names_max: int = 40
-    map_width: float = 8.0
-
-
-FIGURE = FigureSettings()
+NAMES_MAX = 40
+"""Passings; of longer courses none are named."""
+MAP_WIDTH = 8.0
+"""Inches."""
 DEGREES = 180.0 / math.pi
 
 
@@ -117,7 +107,7 @@ def _draw_profile(axes: Axes, flight: Flight) -> None:
     axes.autoscale_view(scalex=False)
     _draw_limits_and_passings(axes, flight, "height", 1.0)
     made = [one for one in flight.crossings if one.found]
-    if len(made) <= FIGURE.names_max:
+    if len(made) <= NAMES_MAX:
         above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}
         for one in made:
             name, place = one.passage.element.name, (one.time, 1.0)
@@ -171,8 +161,8 @@ def loss_figure(comparisons: Sequence[Comparison]) -> Figure:
     for one in comparisons:
         maps.append(maps[-1].with_track(np.stack([one.other["x"], one.other["y"]], axis=1)))
     map_, frame = maps[-1], frame_of(maps[-1])
-    height = min(FIGURE.map_width * frame.height / frame.width, 1.5 * FIGURE.map_width)
-    figure = new_figure(FIGURE.map_width * len(comparisons), height + 1.2, layout="compressed")
+    height = min(MAP_WIDTH * frame.height / frame.width, 1.5 * MAP_WIDTH)
+    figure = new_figure(MAP_WIDTH * len(comparisons), height + 1.2, layout="compressed")
     figure.suptitle(f"{map_.name}: time lost against {reference.label}", x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(1, len(comparisons), squeeze=False)[0]
     tracks = [by_loss(one) for one in comparisons]
@@ -232,7 +222,7 @@ def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
                     across = first + (last - first) * distance / distance[-1]
                     axes.plot(across, values, color=colour, linewidth=1.1)
     strips[-1].set_xlabel(f"way of {reference.label}, m; the others leg by leg at the same share of their own")
-    if len(passings) <= FIGURE.names_max:
+    if len(passings) <= NAMES_MAX:
         style: dict[str, Any] = {"rotation": 60, "fontsize": 7, "color": GREY, "ha": "left", "va": "bottom"}
         above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 3.0)}
         for crossing, place in zip(reference.crossings, passings.tolist(), strict=True):

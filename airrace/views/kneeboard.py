@@ -8,7 +8,6 @@ import itertools
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,44 +27,36 @@ PAGE_WIDTH, PAGE_HEIGHT = 5.83, 8.27  # inches: A5
 POINTS = 72.0  # per inch
 
 
-@dataclass(frozen=True)
-class PageStyle:
-    """Measures of the page: lengths in points (1/72 inch) where nothing else is said.
-
-    Attributes:
-        margin: around everything.
-        head, foot: heights of what stands above and below, without the lines that say what the flight is.
-        small, small_pitch: the size of the letters below, and of their lines.
-        row: the height of a row of the table, at most.
-        rows_max: of the table; of longer courses the middle is left out.
-        table_share: of the page's height that the table may take.
-        cue_sizes: of the letters of the cues, the largest that fits is taken; a pilot reads 6 points on the knee.
-        cue_pitch: of their lines, as a multiple of the size.
-        letter_width: on average, as a multiple of the size, measured on cues in the figure's font.
-        map_share: of the page's height for the map.
-        turn: step between the angles to which the map is turned, deg.
-        turning_gain: gain of scale for which the map is turned away from north at all: north up is easier to read.
-        pad: around the flight, as a share of the map's place.
-    """
-
-    margin: float = 14.0
-    head: float = 36.0
-    foot: float = 11.0
-    small: float = 5.5
-    small_pitch: float = 7.0
-    row: float = 10.0
-    rows_max: int = 44
-    table_share: float = 0.5
-    cue_sizes: tuple[float, ...] = (7.0, 6.5, 6.0, 5.5, 5.0)
-    cue_pitch: float = 1.25
-    letter_width: float = 0.53
-    map_share: float = 0.28
-    turn: int = 3
-    turning_gain: float = 1.08
-    pad: float = 0.05
-
-
-STYLE = PageStyle()
+MARGIN = 14.0
+"""Around everything."""
+HEAD = 36.0
+"""Heights of what stands above and below, without the lines that say what the flight is."""
+FOOT = 11.0
+"""Heights of what stands above and below, without the lines that say what the flight is."""
+SMALL = 5.5
+"""The size of the letters below, and of their lines."""
+SMALL_PITCH = 7.0
+"""The size of the letters below, and of their lines."""
+ROW = 10.0
+"""The height of a row of the table, at most."""
+ROWS_MAX = 44
+"""Of the table; of longer courses the middle is left out."""
+TABLE_SHARE = 0.5
+"""Of the page's height that the table may take."""
+CUE_SIZES = (7.0, 6.5, 6.0, 5.5, 5.0)
+"""Of the letters of the cues, the largest that fits is taken; a pilot reads 6 points on the knee."""
+CUE_PITCH = 1.25
+"""Of their lines, as a multiple of the size."""
+LETTER_WIDTH = 0.53
+"""On average, as a multiple of the size, measured on cues in the figure's font."""
+MAP_SHARE = 0.28
+"""Of the page's height for the map."""
+TURN_STEP = 3
+"""Step between the angles to which the map is turned, deg."""
+TURNING_GAIN = 1.08
+"""Gain of scale for which the map is turned away from north at all: north up is easier to read."""
+PAD = 0.05
+"""Around the flight, as a share of the map's place."""
 
 
 def table_columns(units: Units) -> tuple[tuple[float, Column], ...]:
@@ -97,40 +88,40 @@ def kneeboard_figure(flight: Flight, units: Units = RACE) -> Figure:
         units: of speeds, heights and distances.
     """
     width, height = POINTS * PAGE_WIDTH, POINTS * PAGE_HEIGHT
-    limit, inner = flight.limit("n_z"), width - 2.0 * STYLE.margin
+    limit, inner = flight.limit("n_z"), width - 2.0 * MARGIN
     footnote = "bank + right wing down; track over ground, from true north; heights above the track's origin"
     footnote += f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
-    stamp = textwrap.wrap(flight.stamp.text, int(inner / (STYLE.letter_width * STYLE.small)))
-    foot = STYLE.foot + STYLE.small_pitch * len(stamp)
+    stamp = textwrap.wrap(flight.stamp.text, int(inner / (LETTER_WIDTH * SMALL)))
+    foot = FOOT + SMALL_PITCH * len(stamp)
     figure = new_figure(PAGE_WIDTH, PAGE_HEIGHT, layout=None)
 
     def text(across: float, up: float, words: str, size: float, **style: object) -> None:
         figure.text(across / width, up / height, words, fontsize=size, va="center", **style)
 
     def place(bottom: float, top: float) -> Axes:
-        axes = figure.add_axes((STYLE.margin / width, bottom / height, inner / width, (top - bottom) / height))
+        axes = figure.add_axes((MARGIN / width, bottom / height, inner / width, (top - bottom) / height))
         axes.set(xlim=(0.0, inner), ylim=(0.0, top - bottom))
         return axes
 
-    text(STYLE.margin, height - 15.0, flight.course.name[:60], 12.0, fontweight="bold")
-    text(STYLE.margin, height - 28.0, _subtitle(flight, units), 7.5, color=GREY)
+    text(MARGIN, height - 15.0, flight.course.name[:60], 12.0, fontweight="bold")
+    text(MARGIN, height - 28.0, _subtitle(flight, units), 7.5, color=GREY)
     for row, line in enumerate([footnote, *stamp]):
-        text(STYLE.margin, foot - 4.0 - STYLE.small_pitch * row, line, STYLE.small, color=BLACK if row else GREY)
-    rows = min(len(flight.crossings), STYLE.rows_max) + 1
-    table_height = min(STYLE.row * rows, STYLE.table_share * height)
-    room = height - STYLE.head - foot - table_height - STYLE.map_share * height
+        text(MARGIN, foot - 4.0 - SMALL_PITCH * row, line, SMALL, color=BLACK if row else GREY)
+    rows = min(len(flight.crossings), ROWS_MAX) + 1
+    table_height = min(ROW * rows, TABLE_SHARE * height)
+    room = height - HEAD - foot - table_height - MAP_SHARE * height
     columns, size = _fit(cues_of(flight), units, inner, room)
-    pitch = STYLE.cue_pitch * size
+    pitch = CUE_PITCH * size
     cues_height = pitch * max((len(lines) for lines in columns), default=0)
     for number, lines in enumerate(columns):
         for row, (words, weight) in enumerate(lines):
-            across = STYLE.margin + number * 0.5 * (inner + 6.0)
+            across = MARGIN + number * 0.5 * (inner + 6.0)
             text(across, foot + cues_height - (row + 0.5) * pitch, words, size, fontweight=weight)
     table_bottom = foot + cues_height + (4.0 if cues_height else 0.0)
     table = place(table_bottom, table_bottom + table_height)
     table.axis("off")
     _draw_table(table, flight, units, inner, table_height)
-    plan = place(table_bottom + table_height + 6.0, height - STYLE.head)
+    plan = place(table_bottom + table_height + 6.0, height - HEAD)
     _draw_plan(figure, plan, flight, units)
     return figure
 
@@ -157,18 +148,18 @@ def _fit(
         room: their height, points.
     """
     lines: list[tuple[str, str]] = []
-    for size in STYLE.cue_sizes:
-        letters = int(0.5 * (inner - 6.0) / (STYLE.letter_width * size))
+    for size in CUE_SIZES:
+        letters = int(0.5 * (inner - 6.0) / (LETTER_WIDTH * size))
         lines = list(itertools.chain.from_iterable(_lines(cue, units, letters) for cue in cues))
-        rows = int(room / (STYLE.cue_pitch * size))
+        rows = int(room / (CUE_PITCH * size))
         if len(lines) <= 2 * rows:
             begins = [row for row, (_, weight) in enumerate(lines) if weight == "bold"]  # a cue stays in one column
             breaks = [row for row in (*begins, len(lines)) if max(row, len(lines) - row) <= rows]
             if breaks:
                 half = min(breaks, key=lambda row: abs(2 * row - len(lines)))
                 return (lines[:half], lines[half:]), size
-    rows = int(room / (STYLE.cue_pitch * STYLE.cue_sizes[-1]))
-    return (lines[:rows], [*lines[rows : 2 * rows - 1], ("... and more: airrace brief", "bold")]), STYLE.cue_sizes[-1]
+    rows = int(room / (CUE_PITCH * CUE_SIZES[-1]))
+    return (lines[:rows], [*lines[rows : 2 * rows - 1], ("... and more: airrace brief", "bold")]), CUE_SIZES[-1]
 
 
 def _lines(cue: Cue, units: Units, letters: int) -> list[tuple[str, str]]:
@@ -232,9 +223,9 @@ def fitting_turn(points: Array, shape: float) -> float:
         across, up = np.ptp(_rotate(points, turn), axis=0).tolist()
         return max(across / shape, up)
 
-    angles = [math.radians(angle) for angle in range(-90, 91, STYLE.turn)]
+    angles = [math.radians(angle) for angle in range(-90, 91, TURN_STEP)]
     best = min(angles, key=lambda angle: (round(height(angle), 6), abs(angle)))
-    return best if height(0.0) > STYLE.turning_gain * height(best) else 0.0
+    return best if height(0.0) > TURNING_GAIN * height(best) else 0.0
 
 
 def _turned_frame(points: Array, turn: float, shape: float) -> Box:
@@ -242,7 +233,7 @@ def _turned_frame(points: Array, turn: float, shape: float) -> Box:
     turned = _rotate(points, turn)
     middle = 0.5 * (turned.min(axis=0) + turned.max(axis=0))
     across, up = np.ptp(turned, axis=0).tolist()
-    height = max(across / shape, up, 1.0) / (1.0 - 2.0 * STYLE.pad)
+    height = max(across / shape, up, 1.0) / (1.0 - 2.0 * PAD)
     width = shape * height
     return Box(float(middle[0]) - 0.5 * width, float(middle[1]) - 0.5 * height, width, height)
 
@@ -359,8 +350,8 @@ def _draw_table(axes: Axes, flight: Flight, units: Units, width: float, height: 
         most = ("", "") if leg is None else (leg.n_z.greatest, math.degrees(leg.roll_rate))
         rows.append((number, one.name[:16], one.time, speed, course % 360.0, above, bank, climb, load, *most))
     heads, *texts = Table("", [column for _, column in columns], rows).texts()
-    if len(texts) > STYLE.rows_max:
-        texts = [*texts[: STYLE.rows_max - 2], ["", "...", *[""] * (len(columns) - 2)], texts[-1]]
+    if len(texts) > ROWS_MAX:
+        texts = [*texts[: ROWS_MAX - 2], ["", "...", *[""] * (len(columns) - 2)], texts[-1]]
     step = height / (len(texts) + 1)
     size = min(8.0, 0.76 * step)
     for row, line in enumerate((heads, *texts)):

@@ -12,31 +12,20 @@ from airrace.views.drawing import AMBER, BLACK, BLUE, RED, Box, place_labels
 from airrace.views.map_model import ColouredTrack, MapModel, coordinates, round_length
 from airrace.views.plain_text import plain
 
-
-@dataclass(frozen=True)
-class SvgStyle:
-    """Sizes in the drawing.
-
-    Attributes:
-        longer_edge: of the map, pixels.
-        margin: around what is drawn, pixels.
-        font: the size of letters, pixels.
-        letter: the width of a letter as a share of its size.
-        gate: the least length of a gate to either side, pixels: gates are to scale, but long enough to be seen.
-        labels_max: the largest number of elements whose names are written.
-        legend: the width that scale and colours need, pixels.
-    """
-
-    longer_edge: float = 560.0
-    margin: float = 34.0
-    font: float = 11.0
-    letter: float = 0.58
-    gate: float = 5.0
-    labels_max: int = 60
-    legend: float = 540.0
-
-
-STYLE = SvgStyle()
+LONGER_EDGE = 560.0
+"""Of the map, pixels."""
+MARGIN = 34.0
+"""Around what is drawn, pixels."""
+FONT = 11.0
+"""The size of letters, pixels."""
+LETTER = 0.58
+"""The width of a letter as a share of its size."""
+GATE = 5.0
+"""The least length of a gate to either side, pixels: gates are to scale, but long enough to be seen."""
+LABELS_MAX = 60
+"""The largest number of elements whose names are written."""
+LEGEND = 540.0
+"""The width that scale and colours need, pixels."""
 GREY = "#9a9a9a"  # lighter than on paper
 
 
@@ -52,7 +41,7 @@ class _Sheet:
 
     def at(self, north: float, east: float) -> tuple[float, float]:
         """Return the pixels of a place to the right and down."""
-        return STYLE.margin + (east - self.west) * self.scale, STYLE.margin + (self.north - north) * self.scale
+        return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
 
     def points(self, places: Array) -> str:
         """Return places of shape (n, 2), north and east in m, as the points of a line."""
@@ -66,10 +55,10 @@ def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
         map_: the race from above.
         coloured: a track that is drawn in the place of those of the map that are not dashed; None for none.
     """
-    pixels = STYLE.longer_edge / max(map_.north - map_.south, map_.east - map_.west)
-    width = (map_.east - map_.west) * pixels + 2 * STYLE.margin
-    width = width if coloured is None else max(width, STYLE.legend)
-    height = (map_.north - map_.south) * pixels + 2 * STYLE.margin + 2 * STYLE.font
+    pixels = LONGER_EDGE / max(map_.north - map_.south, map_.east - map_.west)
+    width = (map_.east - map_.west) * pixels + 2 * MARGIN
+    width = width if coloured is None else max(width, LEGEND)
+    height = (map_.north - map_.south) * pixels + 2 * MARGIN + 2 * FONT
     sheet = _Sheet(map_.north, map_.west, pixels, width, height)
     drawn = [
         (way, BLUE, "") if way.planned else (way, GREY, "3 4")
@@ -89,7 +78,7 @@ def plan_svg(map_: MapModel, coloured: ColouredTrack | None = None) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
         f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" role="img" '
-        f'style="background: white; font: {STYLE.font:g}px sans-serif">'
+        f'style="background: white; font: {FONT:g}px sans-serif">'
         f"<title>{html.escape(plain(map_.name))} from above</title>{''.join(parts)}</svg>"
     )
 
@@ -122,7 +111,7 @@ def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.2" fill="{BLACK}"/>')
             continue
         (left, top), (right, bottom) = (sheet.at(*end) for end in mark.stroke.tolist())
-        longer = max(1.0, 2.0 * STYLE.gate / max(math.hypot(right - left, bottom - top), 1e-9))
+        longer = max(1.0, 2.0 * GATE / max(math.hypot(right - left, bottom - top), 1e-9))
         half = 0.5 * longer * (right - left), 0.5 * longer * (bottom - top)
         ends = f'x1="{x - half[0]:.1f}" y1="{y - half[1]:.1f}" x2="{x + half[0]:.1f}" y2="{y + half[1]:.1f}"'
         parts.append(f'<line {ends} stroke="{BLACK}" stroke-width="3.5" stroke-linecap="round"/>')
@@ -132,16 +121,16 @@ def _marks(sheet: _Sheet, map_: MapModel) -> list[str]:
 def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
     """Return names beside the marks, where they hide least."""
     named = [mark for mark in map_.marks if mark.label]
-    if not named or len(named) > STYLE.labels_max:
+    if not named or len(named) > LABELS_MAX:
         return []
     anchors = [(x, -y) for x, y in (sheet.at(mark.north, mark.east) for mark in named)]
-    sizes = [(len(mark.label) * STYLE.letter * STYLE.font, STYLE.font) for mark in named]
+    sizes = [(len(mark.label) * LETTER * FONT, FONT) for mark in named]
     ways = [np.array([sheet.at(*place) for place in way.line.tolist()]) * (1.0, -1.0) for way in map_.ways]
     drawn = np.concatenate([*ways, np.array(anchors)])
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
     boxes = place_labels(anchors, sizes, drawn, frame, 7.0)
     return [
-        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * STYLE.font:.1f}" fill="{BLACK}">'
+        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">'
         f"{html.escape(plain(mark.label))}</text>"
         for box, mark in zip(boxes, named, strict=True)
     ]
@@ -150,7 +139,7 @@ def _labels(sheet: _Sheet, map_: MapModel) -> list[str]:
 def _scale(sheet: _Sheet, coloured: ColouredTrack | None) -> list[str]:
     """Return a bar of round length, with a note of where north is and of what the colours mean."""
     metres = round_length(0.25 * sheet.width / sheet.scale)
-    base, left = sheet.height - 0.8 * STYLE.font, 10.0
+    base, left = sheet.height - 0.8 * FONT, 10.0
     right = left + metres * sheet.scale
     x, note = right + 6.0, f"{metres:g} m, north is up"
     if coloured is not None:
@@ -160,7 +149,7 @@ def _scale(sheet: _Sheet, coloured: ColouredTrack | None) -> list[str]:
         f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{note}</text>',
     ]
     if coloured is not None:
-        x += len(note) * STYLE.letter * STYLE.font
+        x += len(note) * LETTER * FONT
         for number, colour in enumerate(coloured.colours):
             parts.append(f'<rect x="{x + 12 * number:.1f}" y="{base - 8:.1f}" width="12" height="8" fill="{colour}"/>')
         x += 12 * len(coloured.colours) + 4

@@ -1,7 +1,6 @@
 """Safety as people see it: what falls where, on the map and in tables, and the envelope of disturbed flights."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -142,22 +141,12 @@ DEVIATIONS = (
 WIDENINGS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 
 
-@dataclass(frozen=True)
-class EnvelopeSettings:
-    """Sizes of the drawing.
-
-    Attributes:
-        wide: the share of the map's longer edge that half of the band's half widths should not exceed: a dense line
-            is as wide.
-        apart: the share of a strip by which the numbers of passings stand apart at least; of those nearer to one
-            another one is written.
-    """
-
-    wide: float = 0.006
-    apart: float = 0.014
-
-
-ENVELOPE = EnvelopeSettings()
+BAND_WIDTH = 0.006
+"""The share of the map's longer edge that half of the band's half widths should not exceed: a dense line is as wide."""
+NUMBERS_APART = 0.014
+"""The share of a strip by which the numbers of passings stand apart at least; of those nearer to one another one is
+written.
+"""
 ENVELOPE_MAX, STRIP_HEIGHT = 6.4, 1.1  # inches: of the map and of a strip; a page of A4 holds all of it
 
 
@@ -178,7 +167,7 @@ def envelope_figure(result: SafetyResult, flight: Flight) -> Figure:
     axes = figure.add_subplot(above)
     half = np.fmax.reduce(np.abs(result.envelope[:, 0]))  # NaN where no quantile is known
     usual = float(np.median(half[np.isfinite(half)])) if np.isfinite(half).any() else 0.0
-    share = ENVELOPE.wide * max(frame.width, frame.height) / max(usual, 1e-9)
+    share = BAND_WIDTH * max(frame.width, frame.height) / max(usual, 1e-9)
     widening = next((one for one in WIDENINGS if one <= share), 1.0)
     title = f"{map_.name}: envelope of {result.flights} flights"
     figure.suptitle(title, x=0.02, ha="left", fontweight="bold", fontsize=14)
@@ -242,7 +231,7 @@ def _draw_strip(axes: Axes, result: SafetyResult, flight: Flight, quantiles: Arr
         if not one.found:
             continue
         axes.axvline(one.time, color="#c8c8c8", linewidth=0.6, zorder=0)
-        if axes.get_subplotspec().is_first_row() and one.time - written > ENVELOPE.apart * (
+        if axes.get_subplotspec().is_first_row() and one.time - written > NUMBERS_APART * (
             result.clock[-1] - result.clock[0]
         ):
             above: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (0.0, 2.0), "ha": "center"}

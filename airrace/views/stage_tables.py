@@ -47,27 +47,75 @@ def splits_table(splits: Sequence[GateSplit], title: str = "gate splits") -> Tab
     return Table(title, _SPLITS, rows)
 
 
+_VALUE = Column("value", form=".3g", key="value")
 _CERTIFICATE = (
-    Column("item"),
-    Column("value", form=".3g"),
-    Column("limit", form=".3g", rank=3),
-    Column("unit", rank=2),
-    Column("holds"),
-    Column("worst at", wraps=True, rank=1),
+    Column("item", key="name"),
+    _VALUE,
+    Column("limit", form=".3g", key="limit", rank=3),
+    Column("unit", key="unit", rank=2),
+    Column("holds", key="holds"),
+    Column("worst at", key="where", wraps=True, rank=1),
 )
 
 
 def certificate_table(certificate: Certificate, title: str, notes: Sequence[str] = ()) -> Table:
     """Return a table of all items with their limits, angles in degrees, and where a value that is not zero is worst."""
-    rows: list[tuple[Cell | str | float, ...]] = []
+    rows: list[tuple[Cell | Value, ...]] = []
     for item in certificate.items:
-        turned = item.unit in ("rad", "rad/s")
-        factor, unit = (math.degrees(1.0), item.unit.replace("rad", "deg")) if turned else (1.0, item.unit)
-        holds = Cell("yes") if item.holds else Cell("NO", bad=True)
-        where = item.where if item.value else ""
-        rows.append((item.name, factor * item.value, factor * item.limit, unit, holds, where))
-    judged = [] if certificate.second_order is None else [f"Curvature: {certificate.second_order}."]
-    return Table(title, _CERTIFICATE, rows, [*notes, *judged])
+        value, limit, unit = Cell(item.value), Cell(item.limit), Cell(item.unit)
+        if item.unit in ("rad", "rad/s"):
+            value = Cell(item.value, text=_VALUE.text(math.degrees(item.value)))
+            limit = Cell(item.limit, text=_VALUE.text(math.degrees(item.limit)))
+            unit = Cell(item.unit, text=item.unit.replace("rad", "deg"))
+        holds = Cell(bool(item.holds), text="yes" if item.holds else "NO", bad=not item.holds)
+        rows.append((item.name, value, limit, unit, holds, Cell(item.where, text=item.where if item.value else "")))
+    curvature = [] if certificate.second_order is None else [f"Curvature: {certificate.second_order}."]
+    return Table(title, _CERTIFICATE, rows, [*notes, *curvature])
+
+
+ONE_MESH = "on one mesh; no second mesh has confirmed the race time"
+ROUGH = "as closely as the next stage needs; a race time may be a few hundredths of a second too long"
+
+
+_STAGES = (
+    Column("stage"),
+    Column("status", wraps=True),  # of two words, which a narrow terminal puts below each other
+    Column("time", "s", ".3f"),
+    Column("cost", "s", "+z.3f", rank=4),
+    Column("regul.", "s", ".3f", rank=2),
+    Column("track.", "m", ".2f", rank=1),
+    Column("iter.", form="d", rank=3),
+    Column("wall", "s", ".1f", rank=3),
+)
+
+
+def stages_table(results: Sequence[StageResult]) -> Table:
+    """Return a table of the finished stages; `cost` is what a fidelity adds to the optimum before it that holds."""
+    rows: list[tuple[Cell | str | float | None, ...]] = []
+    before: float | None = None
+    for result in results:
+        race_time, provenance = result.trajectory.race_time, result.provenance
+        optimum = result.has_race_time
+        sound = result.status in (Status.CERTIFIED, Status.SOLVED, Status.GUESS)
+        status = "NOT certified" if result.status is Status.NOT_CERTIFIED else result.status.value
+        rows.append(
+            (
+                result.stage.value,
+                Cell(status, bad=not sound),
+                race_time if optimum else None,
+                race_time - before if optimum and before is not None else None,
+                provenance.regularisation if optimum else None,
+                provenance.tracking_error if provenance.source else None,
+                result.iterations,
+                result.timings.wall,
+            )
+        )
+        before = race_time if result.holds else before
+    solved = [one for one in results if one.status is Status.SOLVED]
+    rough = ", ".join(one.stage.value for one in solved if one.is_rough)
+    notes = [f"solved: {ONE_MESH}"] if solved else []
+    notes += [f"{rough}: {ROUGH}"] if rough else []
+    return Table("stages", _STAGES, rows, notes)
 
 
 _ROUTE, _BEHIND, _EVALUATED = (

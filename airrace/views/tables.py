@@ -1,4 +1,7 @@
-"""Tables: one model, shown as text, on a terminal, as HTML and Markdown, written as CSV and JSON; units for people."""
+"""Tables: one model, shown as text, on a terminal, as HTML and Markdown, written as CSV and JSON; units for people.
+
+Cells hold values for programs; columns and cells say how people see them.
+"""
 
 import csv
 import io
@@ -35,6 +38,7 @@ class Column:
         unit: of its numbers.
         form: of its numbers, as of `format`; empty for words, which are set to the left.
         key: its name in CSV and JSON; empty where people alone see it.
+        factor: from its values to the unit that people see.
         missing: stands where nothing is known.
         wraps: whether its words are broken into lines where they are too long.
         rank: the place in the order in which columns are left out where a terminal is too narrow, from 1; 0 for never.
@@ -44,6 +48,7 @@ class Column:
     unit: str = ""
     form: str = ""
     key: str = ""
+    factor: float = 1.0
     missing: str = "-"
     wraps: bool = False
     rank: int = 0
@@ -57,11 +62,17 @@ class Column:
         """Return what stands in a cell."""
         if isinstance(value, str):
             return value
-        return self.missing if value is None or not math.isfinite(value) else format(value, self.form)
+        if value is None or not math.isfinite(value):
+            return self.missing
+        return format(value if self.factor == 1.0 else self.factor * value, self.form)
 
-    def html(self, value: Value) -> str:
+    def cell_text(self, cell: "Cell") -> str:
+        """Return what people see of a cell."""
+        return self.text(cell.value) if cell.text is None else cell.text
+
+    def html(self, value: "Cell | Value") -> str:
         """Return what stands in a cell of a page; numbers have a typographic minus."""
-        text = self.text(value)
+        text = self.cell_text(value if isinstance(value, Cell) else Cell(value))
         if not self.form:
             return escape_html(text)
         return escape_html(DASH if text == "-" else text.replace("-", MINUS))
@@ -73,12 +84,14 @@ class Cell:
 
     Attributes:
         value: as of any other cell.
+        text: what people see instead of it; None for the value as the column formats it.
         time: s, to which a click on it leads in a report; None for nowhere.
         flight: number of the flight that a box in it shows and hides in a report; None without a box.
         bad: whether it tells of something that should not be.
     """
 
     value: Value
+    text: str | None = None
     time: float | None = None
     flight: int | None = None
     bad: bool = False
@@ -105,7 +118,7 @@ class Table:
     def texts(self) -> list[list[str]]:
         """Return what people see, the heads first: the texts of the cells, row by row."""
         heads = [f"{column.name} {column.unit}".strip() for column in self.columns if column.visible]
-        return [heads, *([column.text(cell.value) for column, cell in row] for row in self._visible_rows())]
+        return [heads, *([column.cell_text(cell) for column, cell in row] for row in self._visible_rows())]
 
     def narrowed(self) -> "Table | None":
         """Return the table without the column that is left out next, and a note of it; None where all have to stay."""
@@ -225,7 +238,7 @@ class Table:
             least = None if column.wraps else max(map(cell_len, lines))
             table.add_column(head, justify=justify, no_wrap=not column.wraps, overflow=overflow, min_width=least)
         for row in self._visible_rows():
-            table.add_row(*(Text(column.text(cell.value), "bold red" if cell.bad else "") for column, cell in row))
+            table.add_row(*(Text(column.cell_text(cell), "bold red" if cell.bad else "") for column, cell in row))
         if self.notes:
             table.caption, table.caption_justify = Text("\n".join(self.notes)), "left"
         return table
@@ -252,7 +265,7 @@ def _csv_cell(value: Value, form: str) -> Value:
 
 def _html_cell(column: Column, cell: Cell, inline: bool) -> str:
     """Return a cell with what a report's script finds it by."""
-    text = column.html(cell.value)
+    text = column.html(cell)
     if cell.time is not None:
         text = f'<button data-time="{cell.time:.6f}" title="To this instant">{text}</button>'
     if cell.flight is not None:

@@ -15,7 +15,7 @@ from rich.text import Text
 from airrace.procedure.result import Iteration, Progress, StageResult
 from airrace.procedure.stage import Stage
 from airrace.views.plain_text import plain
-from airrace.views.progress_view import outcome_line, stage_number
+from airrace.views.progress_lines import outcome_line, stage_number
 
 
 class PlainConsole(Console):

@@ -21,7 +21,7 @@ from operations import assert_grows_no_faster_than_its_input
 from typer.testing import CliRunner
 
 from airrace.cli.answer import render
-from airrace.cli.course_tables import SIZES, remarks_text
+from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
 from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
 from airrace.environment import StaticWind
@@ -95,9 +95,9 @@ def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Pat
 
 
 def test_of_very_many_warnings_the_first_are_printed() -> None:
-    remarks = [Remark(f"g{i}", RemarkKind.WIDTH, f"the gate of `g{i}`") for i in range(SIZES.remarks_max + 7)]
+    remarks = [Remark(f"g{i}", RemarkKind.WIDTH, f"the gate of `g{i}`") for i in range(REMARKS_MAX + 7)]
     lines = remarks_text(remarks).splitlines()
-    assert len(lines) == SIZES.remarks_max + 1
+    assert len(lines) == REMARKS_MAX + 1
     assert lines[-1] == "and 7 more warnings; --json has all of them"
     assert len(remarks_text(remarks[:3]).splitlines()) == 3
 

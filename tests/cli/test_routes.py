@@ -17,7 +17,7 @@ import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_screen
 from airrace.cli.answer import render
-from airrace.cli.run_tables import TABLE
+from airrace.cli.run_tables import ROUTES_MAX
 from airrace.inputs import load_inputs
 from airrace.procedure import procedure
 from airrace.procedure.result import Route, SearchReport, StageResult
@@ -234,16 +234,16 @@ def test_object_of_a_route_without_a_number_is_json() -> None:
     assert json.loads(text)["stages"][0]["routes"][0]["race_time_s"] is None
 
 
-@pytest.mark.parametrize("count", [1, TABLE.routes_max, TABLE.routes_max + 1, 40])
+@pytest.mark.parametrize("count", [1, ROUTES_MAX, ROUTES_MAX + 1, 40])
 def test_table_shows_the_first_routes_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", render(search_table(explored(count), most=TABLE.routes_max))).splitlines()
+    lines = STYLE.sub("", render(search_table(explored(count), most=ROUTES_MAX))).splitlines()
     told = [line for line in lines if "over the top" in line]
-    assert len(told) == min(count, TABLE.routes_max)
+    assert len(told) == min(count, ROUTES_MAX)
     assert " best " in told[0]
     assert not any(" best " in line for line in told[1:])
-    assert any(f"and {count - TABLE.routes_max} more" in line for line in lines) is (count > TABLE.routes_max)
+    assert any(f"and {count - ROUTES_MAX} more" in line for line in lines) is (count > ROUTES_MAX)
 
 
 @pytest.mark.parametrize("columns", ["40", "60", "80"])

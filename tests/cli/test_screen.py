@@ -17,7 +17,7 @@ from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 
 from airrace.cli.answer import command_lines
 from airrace.cli.main import app
-from airrace.cli.run_screen import SCREEN, Parts, StoredStages, next_commands, run_texts, solved_stages
+from airrace.cli.run_screen import REMARKS_MAX, Parts, StoredStages, next_commands, run_texts, solved_stages
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.procedure import procedure
@@ -155,7 +155,7 @@ def test_the_most_important_remarks_are_told_and_the_others_counted(state: RunSt
     assert text.index("note: six-dof: the race time was not confirmed") < text.index(
         f"note: a needless loop: {LOOPS[0]}"
     )
-    assert text.count("note: ") == SCREEN.remarks_max == 3
+    assert text.count("note: ") == REMARKS_MAX == 3
     assert "3 more with --all" in text
     text = told(after(state, result), every=True)
     assert text.count("note: ") == 6

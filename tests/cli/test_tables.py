@@ -14,7 +14,7 @@ from fake_optimizer import solve_roughly, solve_single_mesh, stage_result
 from airrace.cli.answer import answering, render
 from airrace.cli.course_tables import course_tables
 from airrace.cli.flight_tables import sensitivities_text
-from airrace.cli.run_tables import items_table, mesh_table, stages_table
+from airrace.cli.run_tables import items_table, mesh_table
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
 from airrace.inputs.document import TRACKS
@@ -24,7 +24,7 @@ from airrace.procedure.result import MeshRecord, RefinementReason, StageProvenan
 from airrace.procedure.stage import STAGES, Stage
 from airrace.runs.command_result import CommandResult, ExitCode
 from airrace.sensitivity import Activity, Sensitivity
-from airrace.views.stage_tables import splits_table
+from airrace.views.stage_tables import splits_table, stages_table
 from airrace.views.tables import Column, Table
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

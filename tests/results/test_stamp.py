@@ -21,7 +21,8 @@ from airrace.results import Confirmation
 from airrace.results.stamp import ReserveState, Stamp, air_text
 from airrace.runs.json_objects import stamp_object
 from airrace.runs.reserve_attempts import reserve_state
-from airrace.runs.stage_view import StageView, downgrade_stale
+from airrace.runs.stage_view import StageView
+from airrace.runs.verdict import downgrade_stale
 
 OPTIMUM = Stamp("six-dof", Status.CERTIFIED, (), "Edge 540", "still air, 15 C, 1.225 kg/m3", "race")
 

@@ -24,7 +24,7 @@ from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.output import FlightName
 from airrace.runs.plan import plan_resumed_run
 from airrace.runs.run import RunState, adopt_checkpoint, new_run
-from airrace.runs.stage_view import is_certified, verdict
+from airrace.runs.verdict import is_certified, verdict
 from airrace.runs.verification import inconsistencies, verify_run
 
 

@@ -241,7 +241,9 @@ def test_a_search_that_is_ended_in_its_second_attempt_goes_on_from_the_first(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """With `excess` no attempt is the last one."""
-    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=100, passes=1, excess=10.0))
+    monkeypatch.setattr(reserves, "FLIGHTS", 100)
+    monkeypatch.setattr(reserves, "ALLOCATION_ITERATIONS_MAX", 1)
+    monkeypatch.setattr(reserves, "EXCESS_MARGIN_SHARE", 10.0)
     given = with_overrides("rules.reserve.probability=0.6")
     path = tmp_path / "run.h5"
     run = replace(new_run(given).with_stage(optimum()), path=path)
@@ -304,7 +306,7 @@ def test_attempts_are_kept_with_the_stage_and_the_reserve_that_they_are_of() -> 
 
 
 def test_counts_that_flights_do_not_confirm_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=10))
+    monkeypatch.setattr(reserves, "FLIGHTS", 10)
     given = with_overrides("rules.reserve.probability=0.9", "rules.reserve.gusts=severe")
     assert given.reserve is not None
     run = new_run(given).with_stage(optimum())
@@ -335,7 +337,7 @@ def test_another_reserve_is_searched_for_anew_and_margins_that_stay_say_where_th
 def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
     probability: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=400))
+    monkeypatch.setattr(reserves, "FLIGHTS", 400)
     wanted = with_overrides(f"rules.reserve.probability={probability}").reserve
     assert wanted is not None
     case = fly_reserve(flown(), wanted, again, threads=1)
@@ -358,7 +360,8 @@ def test_a_reserve_is_reached_and_costs_what_its_limits_add_up_to(
 
 @pytest.mark.slow
 def test_a_reserve_that_cannot_be_had_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reserves, "SETTINGS", replace(reserves.SETTINGS, flights=20, passes=1))
+    monkeypatch.setattr(reserves, "FLIGHTS", 20)
+    monkeypatch.setattr(reserves, "ALLOCATION_ITERATIONS_MAX", 1)
     monkeypatch.setattr(reserves, "ATTEMPTS_MAX", 1)
     wanted = with_overrides("rules.reserve.probability=0.999", "rules.reserve.gusts=severe").reserve
     assert wanted is not None

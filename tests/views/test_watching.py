@@ -9,7 +9,8 @@ from rich.console import Console
 
 from airrace.procedure.result import OUTCOMES, Iteration, Progress, Status
 from airrace.procedure.stage import Stage
-from airrace.views.progress_view import LINE_INTERVAL, PlainLines, outcome_line, watching
+from airrace.views.progress_lines import LINE_INTERVAL, PlainLines, outcome_line
+from airrace.views.progress_view import watching
 from airrace.views.terminal import LiveView
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
