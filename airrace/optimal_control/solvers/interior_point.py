@@ -58,9 +58,6 @@ COLD_BARRIER, COLD_PROGRESS = 0.1, 0.9
 """Without multipliers and with a first barrier parameter of at least the former, the guess may be far off: the method
 begins with a search until violations are this part of the guess's. Whole steps led to other valleys, up to 1 s slower
 in 30 s. Where the search fails, whole steps are tried."""
-TRUSTED_DAMPING_MAX = 100.0
-"""The largest damping of a step of the search whose multipliers of gaps and equalities are kept: they balance the
-damping as well, and large ones make the Hessian ask for more of it."""
 SEARCH_BARRIER_SHARE, SEARCH_BARRIER_MAX = 0.8, 1.0
 """The barrier parameter of a search, as a part of the mean product of slack and multiplier, and its largest value."""
 RESTARTS_MAX, RESTART_FACTOR, RESTART_BARRIER_MIN = 2, 10.0, 0.1
@@ -265,8 +262,6 @@ class _Solve:
         if damping is None:
             return False
         self._damping = max(damping / DAMPING_FACTOR, self._damping_min)
-        if damping > TRUSTED_DAMPING_MAX:
-            self._estimate_multipliers()
         return True
 
     def _restart(self) -> bool:
